@@ -1,0 +1,24 @@
+"""navloom: plugin-based navigation for mobile robots. Plugins import from here and from navloom.testing only."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from navloom.geometry.world import *  # noqa: F403
+    from navloom.messages import *  # noqa: F403
+    from navloom.plugins import *  # noqa: F403
+    from navloom.roles import *  # noqa: F403
+
+_HOUSES = ("navloom.messages", "navloom.geometry.world", "navloom.roles", "navloom.plugins")
+
+
+def __getattr__(name: str) -> Any:
+    """Fetch a public name from the house it lives in: late, so that `import navloom` costs nothing."""
+    if not name.startswith("_"):
+        for house in _HOUSES:
+            module = import_module(house)
+            if name in module.__all__:
+                return getattr(module, name)
+    raise AttributeError(f"module 'navloom' has no attribute {name!r}")

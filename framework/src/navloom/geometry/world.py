@@ -1,0 +1,135 @@
+"""What a world is made of: the ground truth a simulator moves a robot through. Plugins other than a Platform never see it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Box", "Cylinder", "Obstacle", "Place", "Raster", "World", "position_at"]
+
+Interval = tuple[float, float]
+Waypoint = tuple[float, float, float]
+"""Time, s, and the position x, y, m, of an obstacle's centre at that time, in the map frame."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A pose in the map frame: x, y, m; heading, rad, counter-clockwise from the x axis."""
+
+    x: float
+    y: float
+    heading: float = 0.0
+
+
+@dataclass(frozen=True)
+class Box:
+    """An upright box, turned by `yaw` about its centre.
+
+    Attributes:
+        name: How messages and errors call it.
+        x, y: Extent before the turn, m, in the map frame.
+        z: Extent above the floor, m.
+        yaw: Turn about the box's centre, rad.
+        appears_at: Run time from which it is there, s; 0 is from the start.
+        appears_after_sweep: It appears when the first stop-and-scan sweep has ended (then `appears_at` is not used).
+        waypoints: Where its centre is at which time; linear between them, held before the first and after the last.
+        loops: The waypoints repeat, with the last one's time as the period.
+    """
+
+    name: str
+    x: Interval
+    y: Interval
+    z: Interval = (0.0, 2.4)
+    yaw: float = 0.0
+    appears_at: float = 0.0
+    appears_after_sweep: bool = False
+    waypoints: tuple[Waypoint, ...] = ()
+    loops: bool = False
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centre of the box as written, m, in the map frame."""
+        return 0.5 * (self.x[0] + self.x[1]), 0.5 * (self.y[0] + self.y[1])
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A vertical cylinder: centre x, y and radius, m, in the map frame. The other attributes are those of `Box`."""
+
+    name: str
+    x: float
+    y: float
+    radius: float
+    z: Interval = (0.0, 2.4)
+    appears_at: float = 0.0
+    appears_after_sweep: bool = False
+    waypoints: tuple[Waypoint, ...] = ()
+    loops: bool = False
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centre as written, m, in the map frame."""
+        return self.x, self.y
+
+
+Obstacle = Box | Cylinder
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A map of a building as ground truth.
+
+    Attributes:
+        name: How messages and errors call it.
+        occupied: (rows, cols) bool; row 0 is the lowest y, column 0 the lowest x, in the raster's own frame.
+        resolution: Edge of a cell, m.
+        origin: Pose of the lower left corner of cell (0, 0) in the map frame.
+        z: Height its walls cover, m.
+    """
+
+    name: str
+    occupied: NDArray[np.bool_]
+    resolution: float
+    origin: Place = field(default_factory=lambda: Place(0.0, 0.0))
+    z: Interval = (0.0, 2.4)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Everything a robot can meet.
+
+    Attributes:
+        name: The reference it was resolved from.
+        obstacles: Boxes and cylinders.
+        raster: A building's map, or None.
+        start, goal: Where the world's author wants the robot to start and to go, or None.
+        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the part of the plane that matters.
+        goal_tolerance, time_limit: What the world's author asks for, m and s, or None.
+    """
+
+    name: str
+    obstacles: tuple[Obstacle, ...] = ()
+    raster: Raster | None = None
+    start: Place | None = None
+    goal: Place | None = None
+    bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0)
+    goal_tolerance: float | None = None
+    time_limit: float | None = None
+
+
+def position_at(waypoints: Sequence[Waypoint], loops: bool, time: float) -> tuple[float, float]:
+    """Centre of a moving obstacle at a run time, s: linear between waypoints, held at both ends unless it loops."""
+    first, last = waypoints[0], waypoints[-1]
+    if loops and last[0] > 0.0:
+        time = math.fmod(time, last[0])
+    if time <= first[0]:
+        return first[1], first[2]
+    for (t0, x0, y0), (t1, x1, y1) in zip(waypoints, waypoints[1:], strict=False):
+        if time <= t1:
+            share = (time - t0) / (t1 - t0)
+            return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+    return last[1], last[2]

@@ -1,0 +1,84 @@
+"""Goals, operators' requests and their results."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from navloom.messages.motion import Point2D
+from navloom.messages.schema import Message, message
+
+__all__ = ["Feedback", "Goal", "GoalResult", "OUTCOMES", "OperatorRequest", "Outcome"]
+
+Outcome = Literal[
+    "succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"
+]
+OUTCOMES: tuple[str, ...] = (
+    "succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"
+)  # fmt: skip
+
+
+@message()
+class Goal(Message):
+    """Where to go.
+
+    Attributes:
+        goal_id: Rises with each goal.
+        x, y: Position, m, map frame.
+        heading: Heading to end with, rad, or None for any.
+        via: Points to pass on the way, in order.
+    """
+
+    goal_id: int
+    x: float
+    y: float
+    heading: float | None
+    via: tuple[Point2D, ...]
+
+
+@message()
+class OperatorRequest(Message):
+    """One thing an operator asks for, in either executor.
+
+    Attributes:
+        do: What.
+        goal: For "goal".
+        role, instance: For "swap", the role and the instance to select; for "set", those whose parameters change.
+        values: For "set", TOML assignments `name = value`, one a string.
+    """
+
+    do: Literal["goal", "cancel", "swap", "set", "stop", "resume"]
+    goal: Goal | None = None
+    role: str = ""
+    instance: str = ""
+    values: tuple[str, ...] = ()
+
+
+@message()
+class Feedback(Message):
+    """How a goal goes.
+
+    Attributes:
+        goal_id: Which; 0 while there is none.
+        state: Where its state machine is.
+        distance: Left along the trajectory, m.
+        time_left: Estimate, s.
+        cross_track: Distance from the trajectory, m, left positive.
+        recoveries: Attempts so far.
+    """
+
+    goal_id: int
+    state: Literal["idle", "mapping", "planning", "driving", "recovering", "stopping"]
+    distance: float
+    time_left: float
+    cross_track: float
+    recoveries: int
+
+
+@message()
+class GoalResult(Message):
+    """How a goal ended: the outcome, one phrase why, and where the robot was, map frame."""
+
+    goal_id: int
+    outcome: Outcome
+    reason: str
+    place: Point2D

@@ -1,0 +1,111 @@
+"""Maps, plans and their failures."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages.motion import Point2D, Pose2D
+from navloom.messages.schema import Array, Message, message
+
+__all__ = ["ClearRequest", "Count", "MapUpdate", "OccupancyGrid", "Path", "PlanFailure", "PlanRequest"]
+
+Floats = NDArray[np.float64]
+
+
+@message()
+class OccupancyGrid(Message):
+    """A raster map.
+
+    Attributes:
+        cells: (rows, cols) int8: 0 free to 100 occupied, -1 unknown; row 0 has the lowest y, column 0 the lowest x.
+        resolution: Edge of a cell, m.
+        origin: Lower left corner of cell (0, 0) in the map frame; its heading turns the raster.
+    """
+
+    cells: Annotated[NDArray[np.int8], Array("int8", ("rows", "cols"))]
+    resolution: float
+    origin: Pose2D
+
+
+@message()
+class Count(Message):
+    """One named number of a diagnosis."""
+
+    name: str
+    value: int
+
+
+@message()
+class MapUpdate(Message):
+    """A mapper's map, whole each time.
+
+    Attributes:
+        stamp_ns: Run clock of the newest data in it.
+        grid: Raster map, map frame.
+        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has both ends alike.
+        counts: What became of the input points, by name; they sum to the points given.
+    """
+
+    stamp_ns: int
+    grid: OccupancyGrid
+    segments: Annotated[Floats, Array("float64", ("n", 4))]
+    counts: tuple[Count, ...]
+
+
+@message()
+class ClearRequest(Message):
+    """Asks the mapper to forget; `request_id` rises with each."""
+
+    request_id: int
+
+
+@message()
+class PlanRequest(Message):
+    """Asks the planner for a way.
+
+    Attributes:
+        request_id: Rises with each; its answer carries it.
+        start, goal: Poses of base in the map frame.
+    """
+
+    request_id: int
+    start: Pose2D
+    goal: Pose2D
+
+
+@message()
+class Path(Message):
+    """A planner's answer.
+
+    Attributes:
+        request_id: The request it answers.
+        points: (n, 2) from start to goal, m, map frame.
+        length: Length as planned, m, before any pruning.
+        traversable: 0 where the robot's centre may be, 100 where it may not; the framework prunes and smooths within
+            it. None: only the points themselves are known to be free, and corners are rounded by a few centimetres.
+    """
+
+    request_id: int
+    points: Annotated[Floats, Array("float64", ("n", 2))]
+    length: float
+    traversable: OccupancyGrid | None
+
+
+@message()
+class PlanFailure(Message):
+    """Why there is no path.
+
+    Attributes:
+        request_id: The request it answers.
+        kind: What is wrong.
+        place: Where, map frame: the occupied start or goal, the point outside, or where the search came nearest.
+        detail: One sentence for people.
+    """
+
+    request_id: int
+    kind: Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
+    place: Point2D
+    detail: str

@@ -1,0 +1,211 @@
+"""Poses, velocities, and what the localizer, the reference, the controller and the gate say."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages.schema import Array, Message, Unbounded, message
+
+__all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
+           "Reference", "Selection", "TrackingCommand", "Trajectory", "Truth", "Twist2D"]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+
+@message()
+class Point2D(Message):
+    """A point in the map frame, m."""
+
+    x: float
+    y: float
+
+
+@message()
+class Pose2D(Message):
+    """Position x, y, m, and heading, rad, counter-clockwise in [-π, π), in the frame its holder names."""
+
+    x: float
+    y: float
+    heading: float
+
+
+@message()
+class Twist2D(Message):
+    """Velocity in the base frame: vx forward and vy left, m/s; wz counter-clockwise, rad/s."""
+
+    vx: float
+    vy: float
+    wz: float
+
+
+@message()
+class Odometry(Message):
+    """Dead reckoning of the platform.
+
+    Attributes:
+        stamp_ns: Run clock at which it holds.
+        pose: Base in the odometry frame, which starts where the robot starts and drifts.
+        twist: Measured velocity, base frame.
+    """
+
+    stamp_ns: int
+    pose: Pose2D
+    twist: Twist2D
+
+
+@message()
+class Contact(Message):
+    """Whether the robot touches something (a bumper; in simulation the true footprint)."""
+
+    touching: bool
+
+
+@message()
+class Truth(Message):
+    """Ground truth of a simulator: for metrics and viewers, never for a plugin.
+
+    Attributes:
+        pose: Base in the map frame.
+        twist: True velocity, base frame.
+        clearance: Gap between footprint and nearest obstacle, m; 0 in contact, infinite in an empty world.
+        nearest: Name of that obstacle, empty where there is none.
+        touching: The footprint touches it.
+    """
+
+    pose: Pose2D
+    twist: Twist2D
+    clearance: Unbounded
+    nearest: str
+    touching: bool
+
+
+@message()
+class PoseEstimate(Message):
+    """Where the robot is.
+
+    Attributes:
+        stamp_ns: Run clock at which it holds.
+        pose: Base in the map frame.
+        twist: Velocity, base frame.
+        covariance: (3, 3) of x, y, heading; m², m rad, rad².
+    """
+
+    stamp_ns: int
+    pose: Pose2D
+    twist: Twist2D
+    covariance: Annotated[Floats, Array("float64", (3, 3))]
+
+
+@message()
+class PoseTrack(Message):
+    """Poses over time, for sensors whose data spans a movement.
+
+    Attributes:
+        stamps_ns: (n,) run clock, rising.
+        poses: (n, 3) x, y, m, heading, rad, of base in the map frame; headings wrapped to [-π, π).
+    """
+
+    stamps_ns: Annotated[NDArray[np.int64], Array("int64", ("n",))]
+    poses: Annotated[Floats, Array("float64", ("n", 3))]
+
+
+@message()
+class Trajectory(Message):
+    """What the controller follows.
+
+    Attributes:
+        path_id: Number of the plan it was made from.
+        samples: (n, 6) rows of arc length s, m; x, y, m; heading, rad; curvature, 1/m; speed, m/s; map frame.
+    """
+
+    path_id: int
+    samples: Annotated[Floats, Array("float64", ("n", 6))]
+
+
+@message()
+class Reference(Message):
+    """The point of the trajectory the robot is at, re-projected each tick.
+
+    Attributes:
+        path_id: Number of the trajectory.
+        progress: Arc length of the projection, m.
+        remaining: Arc length to the end, m.
+        pose: Reference pose, map frame.
+        speed: v_r, m/s, > 0.
+        turn_rate: ω_r = κ v_r, rad/s.
+        cross_track: Signed distance of the robot to the left of the trajectory, m.
+        target: Point of the trajectory one look-ahead distance further on, map frame.
+        corridor: Half width of the strip from the robot to the target that must be free, m.
+    """
+
+    path_id: int
+    progress: float
+    remaining: float
+    pose: Pose2D
+    speed: float
+    turn_rate: float
+    cross_track: float
+    target: Point2D
+    corridor: float
+
+
+@message()
+class Command(Message):
+    """A velocity asked for: what avoiders, recoveries, operators and the gate publish."""
+
+    twist: Twist2D
+
+
+@message()
+class TrackingCommand(Message):
+    """A controller's answer.
+
+    Attributes:
+        twist: Velocity asked for, base frame.
+        e1, e2: Longitudinal and lateral error, m, in the base frame: eq. (4).
+        e3: Heading error, rad in [-π, π).
+    """
+
+    twist: Twist2D
+    e1: float
+    e2: float
+    e3: float
+
+
+@message()
+class GateStatus(Message):
+    """Who drives, and why nobody does.
+
+    Attributes:
+        source: Role whose command went through, or "none".
+        instance: Its instance name, empty for none.
+        stopped: Zero is commanded.
+        latched: The stop stays until `resume`.
+        reason: Empty while driving; else what stopped it (`operator`, `no_trajectory`, `stale: …`, …).
+        pending: "role instance" of swaps that wait for the instance to warm up, in order of role.
+    """
+
+    source: Literal["none", "controller", "avoider", "recovery", "operator"]
+    instance: str
+    stopped: bool
+    latched: bool
+    reason: str
+    pending: tuple[str, ...]
+
+
+@message()
+class Selection(Message):
+    """Which instance of each role is in charge.
+
+    Attributes:
+        epoch: Rises with each swap; commands of an older epoch are refused.
+        from_tick: First tick in which it holds.
+        instances: "role instance" in order of role.
+    """
+
+    epoch: int
+    from_tick: int
+    instances: tuple[str, ...]

@@ -1,0 +1,75 @@
+"""What range sensors give."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages.schema import Array, Message, message
+
+__all__ = ["RangeScan", "Sweep", "SweepRequest"]
+
+Floats = NDArray[np.float64]
+
+
+@message()
+class RangeScan(Message):
+    """Ranges of a planar laser or of a ring of sonars.
+
+    Attributes:
+        stamp_ns: Run clock of the scan.
+        origins: (n, 2) where each beam starts, m, base frame.
+        bearings: (n,) direction of each beam's axis, rad, base frame.
+        half_angles: (n,) half the opening of each beam, rad; 0 for a laser.
+        time_offsets: (n,) when each beam was taken, s after the stamp.
+        ranges: (n,) distance along the beam, m; +inf means no echo.
+        range_min, range_max: Limits of the sensor, m. A reading at range_min may be of something nearer.
+    """
+
+    stamp_ns: int
+    origins: Annotated[Floats, Array("float64", ("n", 2))]
+    bearings: Annotated[Floats, Array("float64", ("n",))]
+    half_angles: Annotated[Floats, Array("float64", ("n",), at_least=0.0)]
+    time_offsets: Annotated[Floats, Array("float64", ("n",))]
+    ranges: Annotated[Floats, Array("float64", ("n",), infinite=True, at_least=0.0)]
+    range_min: float
+    range_max: float
+
+
+@message()
+class Sweep(Message):
+    """One up or down movement of a pitched planar laser: a 3D image.
+
+    Attributes:
+        stamp_ns: Run clock at which the sweep began.
+        request_id: Number of the request it answers; 0 for continuous sweeps.
+        ranges: (frames, beams) distance along the beam, m; +inf means no return.
+        pitches: (frames,) α, rad, up positive.
+        frame_times: (frames,) s after the stamp.
+        bearings: (beams,) rad in the scan plane, 0 ahead, counter-clockwise: the paper's β - 90°.
+        geometry: "paper" is eq. (1), a pan-tilt model; "rigid_pitch" is a planar laser that is tilted as a whole.
+        x, y, z: Sensor in the base frame, m; z above the floor.
+        range_min, range_max: Limits of the sensor, m.
+    """
+
+    stamp_ns: int
+    request_id: int
+    ranges: Annotated[Floats, Array("float64", ("frames", "beams"), infinite=True, at_least=0.0)]
+    pitches: Annotated[Floats, Array("float64", ("frames",))]
+    frame_times: Annotated[Floats, Array("float64", ("frames",))]
+    bearings: Annotated[Floats, Array("float64", ("beams",))]
+    geometry: Literal["paper", "rigid_pitch"]
+    x: float
+    y: float
+    z: float
+    range_min: float
+    range_max: float
+
+
+@message()
+class SweepRequest(Message):
+    """Asks the platform for one stop-and-scan sweep; `request_id` > 0 rises with each."""
+
+    request_id: int

@@ -1,0 +1,63 @@
+"""What plugins register into, and how their names are looked up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from pathlib import Path
+
+from navloom.geometry.world import World
+from navloom.roles import ROLE_API, ROLES, Role
+
+__all__ = ["PluginError", "Registry", "nearest"]
+
+
+class PluginError(ValueError):
+    """A plugin is unknown, broken, built for another version of its role, or named twice."""
+
+
+def nearest(name: str, known: list[str]) -> str:
+    """`; did you mean 'x'?` for the known name closest to a wrong one, or the list of them where none is close."""
+    close = get_close_matches(name, known, n=1, cutoff=0.6)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; known are {', '.join(sorted(known))}" if known else "; none is installed"
+
+
+class Registry:
+    """Classes by role and name, named worlds and world schemes. One is filled by one entry point at a time."""
+
+    def __init__(self) -> None:
+        self.roles: dict[tuple[str, str], type[Role]] = {}
+        self.worlds: dict[str, Callable[[], World]] = {}
+        self.schemes: dict[str, Callable[[str, Path], World]] = {}
+
+    def add(self, plugin: type[Role]) -> None:
+        """Add a role's implementation.
+
+        Raises:
+            PluginError: Not a role's class, without a name, built for another version of the role, or named twice.
+        """
+        if not (isinstance(plugin, type) and issubclass(plugin, Role) and plugin.__dict__.get("name")):
+            raise PluginError(f"{plugin!r}: expected a subclass of a role with a `name`")
+        key = (plugin.role, plugin.name)
+        if plugin.role not in ROLES or plugin.api != ROLE_API[plugin.role]:
+            raise PluginError(
+                f"{plugin.role}.{plugin.name} is built for version {plugin.api} of the role {plugin.role}, "
+                f"this framework speaks version {ROLE_API.get(plugin.role)}; install a matching release of it"
+            )
+        if key in self.roles and self.roles[key] is not plugin:
+            raise PluginError(f"{plugin.role}.{plugin.name} is registered twice: rename one of them")
+        self.roles[key] = plugin
+
+    def world(self, name: str, make: Callable[[], World]) -> None:
+        """Add a named world."""
+        if name in self.worlds:
+            raise PluginError(f"world {name!r} is registered twice: rename one of them")
+        self.worlds[name] = make
+
+    def world_scheme(self, scheme: str, load: Callable[[str, Path], World]) -> None:
+        """Add a scheme: `load` gets what follows `scheme:` and the folder relative paths start from."""
+        if scheme in self.schemes:
+            raise PluginError(f"world scheme {scheme!r} is registered twice: rename one of them")
+        self.schemes[scheme] = load

@@ -1,0 +1,44 @@
+"""The roles: one ABC, one input struct and one verb each."""
+
+from navloom.roles.avoider import Avoider, AvoiderInput
+from navloom.roles.base import Context, InputError, Params, RobotSpec, Role, SensorSpec
+from navloom.roles.controller import Controller, ControllerInput
+from navloom.roles.localizer import Localizer, LocalizerInput
+from navloom.roles.mapper import Mapper, MapperInput
+from navloom.roles.planner import Planner, PlannerInput
+from navloom.roles.platform import Platform, PlatformInput, PlatformOutput
+from navloom.roles.recovery import Recovery, RecoveryInput
+
+ROLES: dict[str, type[Role]] = {
+    role.role: role for role in (Platform, Localizer, Mapper, Planner, Controller, Avoider, Recovery)
+}
+"""The ABC of each role, by name."""
+
+ROLE_API: dict[str, int] = dict.fromkeys(ROLES, 1)
+"""Major version of each role that this framework speaks."""
+
+__all__ = [
+    "ROLES",
+    "ROLE_API",
+    "Avoider",
+    "AvoiderInput",
+    "Context",
+    "Controller",
+    "ControllerInput",
+    "InputError",
+    "Localizer",
+    "LocalizerInput",
+    "Mapper",
+    "MapperInput",
+    "Params",
+    "Planner",
+    "PlannerInput",
+    "Platform",
+    "PlatformInput",
+    "PlatformOutput",
+    "Recovery",
+    "RecoveryInput",
+    "RobotSpec",
+    "Role",
+    "SensorSpec",
+]

@@ -1,0 +1,121 @@
+"""What every role shares: how a plugin is made, what it is told, and how it fails."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from navloom.geometry.world import World
+from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
+
+__all__ = ["Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec"]
+
+
+class InputError(ValueError):
+    """A plugin was given data it cannot use: the text says what was given and what was expected."""
+
+
+class Params(BaseModel):
+    """Base of every plugin's parameters: unknown keys are refused, values cannot change after checking.
+
+    Give each field bounds and, in its description, a unit. Angles are in degrees and their names end in `_deg`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSpec:
+    """What every plugin is told about the robot.
+
+    Attributes:
+        footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
+        height: m.
+        wheel_radius, half_track: Nominal, m.
+        max_linear, max_angular: Speed limits, m/s and rad/s.
+        max_acceleration, max_deceleration: m/s².
+    """
+
+    footprint: NDArray[np.float64]
+    height: float
+    wheel_radius: float
+    half_track: float
+    max_linear: float
+    max_angular: float
+    max_acceleration: float
+    max_deceleration: float
+
+
+@dataclass(frozen=True)
+class SensorSpec:
+    """One sensor of the config.
+
+    Attributes:
+        name: Also the name of the platform's port.
+        kind: One of the platform's `sensor_kinds`.
+        settings: The rest of its table, checked by the platform.
+    """
+
+    name: str
+    kind: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What the framework hands to a plugin when it makes it.
+
+    Attributes:
+        instance: Name of this instance.
+        period: Control tick, s.
+        robot: The robot.
+        stream: Gives the random stream of a name; its seed comes from (run seed, role, instance, name).
+        start: Where the robot starts, map frame.
+        sensors: For a Platform: the sensors to provide.
+        world: For a Platform: the ground truth, where there is one.
+        map: For a Mapper or Localizer: the map the framework was given, where there is one.
+    """
+
+    instance: str
+    period: float
+    robot: RobotSpec
+    stream: Callable[[str], np.random.Generator]
+    start: Pose2D
+    sensors: tuple[SensorSpec, ...] = ()
+    world: World | None = None
+    map: OccupancyGrid | None = None
+
+
+class Role(ABC):
+    """A plugin is a plain object: no thread, no clock, no socket, no file.
+
+    Class attributes:
+        role: Name of the role, set by the role's ABC.
+        name: Name of the plugin, the one of its entry point.
+        api: Major version of the role it is built for.
+        accepts: Sensor messages its node is wired to, unless the config names `sensors`.
+        Params: Its parameters.
+    """
+
+    role: ClassVar[str]
+    name: ClassVar[str]
+    api: ClassVar[int] = 1
+    accepts: ClassVar[tuple[type[Message], ...]] = (RangeScan,)
+    Params: ClassVar[type[Params]] = Params
+
+    def __init__(self, params: Any, context: Context) -> None:
+        self.params = params
+        self.context = context
+
+    def reset(self) -> None:
+        """Forget everything learnt since construction. A plugin without memory leaves it as it is."""
+
+    @classmethod
+    def warm_up(cls) -> None:
+        """Compile what has to be compiled. Called once before the first tick; a plugin without kernels leaves it."""

@@ -1,0 +1,39 @@
+"""Controller: the velocity that follows a trajectory."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+from navloom.messages import PoseEstimate, Reference, TrackingCommand, Trajectory
+from navloom.roles.base import Role
+
+__all__ = ["Controller", "ControllerInput"]
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerInput:
+    """What a controller sees.
+
+    Attributes:
+        stamp_ns: Run clock.
+        trajectory: All of what is followed.
+        reference: Where on it the robot is now (progress, reference pose, speed and turn rate).
+        estimate: Pose in the map and velocity in base.
+    """
+
+    stamp_ns: int
+    trajectory: Trajectory
+    reference: Reference
+    estimate: PoseEstimate
+
+
+class Controller(Role):
+    """Follows trajectories."""
+
+    role = "controller"
+    accepts = ()
+
+    @abstractmethod
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        """Velocity for this tick and the tracking errors it answers."""

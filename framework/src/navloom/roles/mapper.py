@@ -1,0 +1,40 @@
+"""Mapper: what stands where."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+from navloom.messages import MapUpdate, PoseTrack, RangeScan, Sweep
+from navloom.roles.base import Role
+
+__all__ = ["Mapper", "MapperInput"]
+
+
+@dataclass(frozen=True, slots=True)
+class MapperInput:
+    """What a mapper sees.
+
+    Attributes:
+        stamp_ns: Run clock.
+        sweeps, scans: New data, in stamp order; both may be empty.
+        track: Poses in the map that cover them.
+        clear: Forget the map first.
+    """
+
+    stamp_ns: int
+    sweeps: tuple[Sweep, ...]
+    scans: tuple[RangeScan, ...]
+    track: PoseTrack
+    clear: bool = False
+
+
+class Mapper(Role):
+    """Turns range data into a map. Raises InputError for data it cannot use."""
+
+    role = "mapper"
+    accepts = (Sweep,)
+
+    @abstractmethod
+    def update(self, given: MapperInput) -> MapUpdate | None:
+        """The map with the new data in it, or None where nothing changed."""

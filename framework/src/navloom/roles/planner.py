@@ -1,0 +1,30 @@
+"""Planner: a way through the map."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+from navloom.messages import MapUpdate, Path, PlanFailure, PlanRequest
+from navloom.roles.base import Role
+
+__all__ = ["Planner", "PlannerInput"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerInput:
+    """What a planner sees: the request with start and goal, and the newest map."""
+
+    request: PlanRequest
+    map: MapUpdate
+
+
+class Planner(Role):
+    """Finds paths. The footprint is in its context."""
+
+    role = "planner"
+    accepts = ()
+
+    @abstractmethod
+    def plan(self, given: PlannerInput) -> Path | PlanFailure:
+        """A path from start to goal, or why there is none and where; `request_id` is the request's."""

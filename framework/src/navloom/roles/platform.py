@@ -1,0 +1,62 @@
+"""Platform: the robot itself, real or simulated."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from navloom.messages import Contact, Message, Odometry, RangeScan, Sweep, SweepRequest, Truth, Twist2D
+from navloom.roles.base import Role
+
+__all__ = ["Platform", "PlatformInput", "PlatformOutput"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformInput:
+    """What a platform is asked for in a tick.
+
+    Attributes:
+        command: Velocity to drive with until `time_ns`; zero where the gate was silent.
+        sweep_request: A new request for a stop-and-scan sweep, once; None otherwise.
+        time_ns: Run clock to reach; the first call is for 0 and moves nothing.
+    """
+
+    command: Twist2D
+    sweep_request: SweepRequest | None
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformOutput:
+    """What a platform knows when it has reached the time asked for.
+
+    Attributes:
+        odometry: Dead reckoning.
+        scans: By sensor name, what was completed since the last call; a sensor with nothing new is left out.
+        contact: Whether it touches something.
+        truth: Ground truth; None on a real robot.
+    """
+
+    odometry: Odometry
+    scans: Mapping[str, RangeScan | Sweep]
+    contact: Contact
+    truth: Truth | None
+
+
+class Platform(Role):
+    """Moves the robot and reads its sensors.
+
+    Class attributes:
+        sensor_kinds: The kinds of sensor it provides and the message each gives.
+        is_simulated: Simulated time may be used; a real platform refuses it.
+    """
+
+    role = "platform"
+    sensor_kinds: ClassVar[Mapping[str, type[Message]]] = {}
+    is_simulated: ClassVar[bool] = False
+
+    @abstractmethod
+    def advance(self, given: PlatformInput) -> PlatformOutput:
+        """Drive with the command until the time asked for, and report."""

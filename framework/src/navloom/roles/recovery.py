@@ -1,0 +1,42 @@
+"""Recovery: what to try when the robot is stuck."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
+from navloom.roles.base import Role
+
+__all__ = ["Recovery", "RecoveryInput"]
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryInput:
+    """What a recovery sees.
+
+    Attributes:
+        stamp_ns: Run clock.
+        scans: What the range sensors gave in this tick.
+        estimate: Pose in the map and velocity in base.
+        attempt: 1 for the first attempt at this goal.
+        reason: Why the goal is stuck.
+        starts: True in the first tick of an attempt.
+    """
+
+    stamp_ns: int
+    scans: tuple[RangeScan, ...]
+    estimate: PoseEstimate
+    attempt: int
+    reason: str
+    starts: bool
+
+
+class Recovery(Role):
+    """Called each tick while the goal asks for it."""
+
+    role = "recovery"
+
+    @abstractmethod
+    def recover(self, given: RecoveryInput) -> RecoveryStep:
+        """Velocity for this tick, how far it is, and whether the map is to be cleared."""

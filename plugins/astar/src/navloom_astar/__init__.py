@@ -1,0 +1,1 @@
+"""Optimal 8-connected grid planning for navloom: A* without corner cutting."""

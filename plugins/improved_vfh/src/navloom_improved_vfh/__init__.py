@@ -1,0 +1,1 @@
+"""Improved vector field histogram on sonars for navloom (Hoang et al. 2013)."""

@@ -1,0 +1,1 @@
+"""A navloom mapper that publishes the map the framework hands in."""

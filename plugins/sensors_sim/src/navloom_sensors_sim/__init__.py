@@ -1,0 +1,1 @@
+"""A simulated robot for navloom: worlds, lasers, sonars, odometry and contact."""

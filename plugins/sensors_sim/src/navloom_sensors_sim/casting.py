@@ -1,0 +1,297 @@
+"""Ray casting against upright boxes, vertical cylinders, the floor plane z = 0 and one raster.
+
+Boxes and cylinders are cut by slabs, boxes outer and rays inner, over blocks of rays that stay in the L1 cache; the
+raster is walked cell by cell (Amanatides & Woo 1987), leaping over free space with the help of its distance field.
+A ray that starts inside an obstacle hits it at range 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["FLOOR", "NOTHING", "Obstacles", "cast_block", "cast_rays", "cosine_of_incidence", "to_map"]
+
+Floats = NDArray[np.float64]
+
+FLOOR = -1
+"""Index of the floor among what a ray can hit."""
+NOTHING = -2
+"""Index of a ray that hit nothing."""
+
+_BLOCK = 256
+_OX, _OY, _OZ, _DX, _DY, _IX, _IY, _IZ, _BEST, _HIT = (k * _BLOCK for k in range(10))
+_HUGE = 1e300
+"""Stands for 1/0: finite, so that 0 * _HUGE is 0 and no slab becomes NaN."""
+_LEAP = 3.0
+"""Free space, in cells, from which a leap is worth its setting up."""
+
+
+class Obstacles(NamedTuple):
+    """What rays and footprints meet, in the map frame. Obstacle k is box k, then cylinder k - boxes, then the raster.
+
+    Attributes:
+        boxes: (n, 9) centre x, y; half extents along the box's own axes; lowest and highest z, m; cos and sin of
+            the yaw; 1 where it is present, else 0.
+        cylinders: (m, 6) centre x, y; radius; lowest and highest z, m; 1 where it is present, else 0.
+        gaps: (rows, cols) float32, distance of each cell's centre to that of the nearest occupied cell, in cells;
+            0 is an occupied cell; row 0 is the lowest y. Shape (0, 0): no raster.
+        raster: (7,) x, y of the lower left corner, m; cos and sin of the raster's heading; edge of a cell, lowest
+            and highest z, m.
+    """
+
+    boxes: Floats
+    cylinders: Floats
+    gaps: NDArray[np.float32]
+    raster: Floats
+
+
+def cast_rays(origins: Floats, directions: Floats, obstacles: Obstacles, floor: bool = True) -> tuple[Floats, NDArray[np.int64]]:
+    """First hit of each ray.
+
+    Args:
+        origins: (n, 3) starting points, m, map frame.
+        directions: (n, 3) unit vectors, map frame.
+        obstacles: What can be hit.
+        floor: The plane z = 0 can be hit too.
+
+    Returns:
+        (n,) ranges, m, +inf for no hit, and (n,) index of the obstacle hit, FLOOR or NOTHING.
+    """
+    count = len(origins)
+    ranges, hits = np.empty(count), np.empty(count, np.int64)
+    cast_block(np.ascontiguousarray(origins.T), np.ascontiguousarray(directions.T), obstacles, floor, ranges, hits)
+    return ranges, hits
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool, out: Floats) -> None:
+    """Turns (3, n) base-frame vectors into the map frame and, if `offset`, moves them to the robot's place."""
+    c, s = math.cos(heading), math.sin(heading)
+    x0, y0 = (x, y) if offset else (0.0, 0.0)
+    for i in range(vectors.shape[1]):
+        out[0, i] = x0 + c * vectors[0, i] - s * vectors[1, i]
+        out[1, i] = y0 + s * vectors[0, i] + c * vectors[1, i]
+        out[2, i] = vectors[2, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cast_block(origins, directions, obstacles, floor, ranges, hits):  # type: ignore[no-untyped-def]
+    """`cast_rays` with (3, n) origins and directions, writing into (n,) `ranges` and `hits`."""
+    count = origins.shape[1]
+    work = np.empty(10 * _BLOCK)
+    boxes, cylinders = obstacles.boxes, obstacles.cylinders
+    for start in range(0, count, _BLOCK):
+        size = min(_BLOCK, count - start)
+        _load(work, origins, directions, start, size, floor)
+        for k in range(boxes.shape[0]):
+            if boxes[k, 8] == 0.0:
+                continue
+            if boxes[k, 7] == 0.0 and boxes[k, 6] == 1.0:
+                _cut_straight_box(work, size, boxes, k)
+            else:
+                _cut_turned_box(work, size, boxes, k)
+        for k in range(cylinders.shape[0]):
+            if cylinders[k, 5] != 0.0:
+                _cut_cylinder(work, size, cylinders, k, float(boxes.shape[0] + k))
+        if obstacles.gaps.size:
+            index = float(boxes.shape[0] + cylinders.shape[0])
+            for i in range(size):
+                t = _raster_hit(work, i, obstacles.gaps, obstacles.raster)
+                if t < work[_BEST + i]:
+                    work[_BEST + i] = t
+                    work[_HIT + i] = index
+        for i in range(size):
+            ranges[start + i] = work[_BEST + i]
+            hits[start + i] = int(work[_HIT + i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _load(work, origins, directions, start, size, floor):  # type: ignore[no-untyped-def]
+    """Fills the block's work space: one buffer with fixed offsets, so that the compiler can prove rows apart."""
+    for i in range(size):
+        dx, dy, dz = directions[0, start + i], directions[1, start + i], directions[2, start + i]
+        oz = origins[2, start + i]
+        work[_OX + i], work[_OY + i], work[_OZ + i] = origins[0, start + i], origins[1, start + i], oz
+        work[_DX + i], work[_DY + i] = dx, dy
+        work[_IX + i] = 1.0 / dx if dx != 0.0 else _HUGE
+        work[_IY + i] = 1.0 / dy if dy != 0.0 else _HUGE
+        work[_IZ + i] = 1.0 / dz if dz != 0.0 else _HUGE
+        on_floor = floor and dz < 0.0
+        work[_BEST + i] = oz / -dz if on_floor else np.inf
+        work[_HIT + i] = FLOOR if on_floor else NOTHING
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _slab(low, high, inverse):  # type: ignore[no-untyped-def]
+    """Where a ray is between two parallel planes at signed distances `low` and `high` along one axis."""
+    t0, t1 = low * inverse, high * inverse
+    return (t0 if t0 < t1 else t1), (t1 if t0 < t1 else t0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _keep_nearer(work, i, enter, leave, index):  # type: ignore[no-untyped-def]
+    """Takes the ray's interval inside an obstacle as its hit if it is the nearest so far."""
+    enter = enter if enter > 0.0 else 0.0
+    better = (enter <= leave) & (enter < work[_BEST + i])
+    work[_BEST + i] = enter if better else work[_BEST + i]
+    work[_HIT + i] = index if better else work[_HIT + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut_straight_box(work, size, boxes, k):  # type: ignore[no-untyped-def]
+    """One box without yaw against all rays of the block."""
+    x0, x1 = boxes[k, 0] - boxes[k, 2], boxes[k, 0] + boxes[k, 2]
+    y0, y1 = boxes[k, 1] - boxes[k, 3], boxes[k, 1] + boxes[k, 3]
+    z0, z1 = boxes[k, 4], boxes[k, 5]
+    index = float(k)
+    for i in range(size):
+        enter, leave = _slab(x0 - work[_OX + i], x1 - work[_OX + i], work[_IX + i])
+        near, far = _slab(y0 - work[_OY + i], y1 - work[_OY + i], work[_IY + i])
+        enter, leave = (near if near > enter else enter), (far if far < leave else leave)
+        near, far = _slab(z0 - work[_OZ + i], z1 - work[_OZ + i], work[_IZ + i])
+        enter, leave = (near if near > enter else enter), (far if far < leave else leave)
+        _keep_nearer(work, i, enter, leave, index)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut_turned_box(work, size, boxes, k):  # type: ignore[no-untyped-def]
+    """One box with yaw against all rays of the block, in the box's own frame."""
+    hx, hy, z0, z1, c, s = boxes[k, 2], boxes[k, 3], boxes[k, 4], boxes[k, 5], boxes[k, 6], boxes[k, 7]
+    cx, cy = boxes[k, 0], boxes[k, 1]
+    index = float(k)
+    for i in range(size):
+        px, py = work[_OX + i] - cx, work[_OY + i] - cy
+        dx = c * work[_DX + i] + s * work[_DY + i]
+        dy = c * work[_DY + i] - s * work[_DX + i]
+        x, y = c * px + s * py, c * py - s * px
+        enter, leave = _slab(-hx - x, hx - x, 1.0 / dx if dx != 0.0 else _HUGE)
+        near, far = _slab(-hy - y, hy - y, 1.0 / dy if dy != 0.0 else _HUGE)
+        enter, leave = (near if near > enter else enter), (far if far < leave else leave)
+        near, far = _slab(z0 - work[_OZ + i], z1 - work[_OZ + i], work[_IZ + i])
+        enter, leave = (near if near > enter else enter), (far if far < leave else leave)
+        _keep_nearer(work, i, enter, leave, index)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut_cylinder(work, size, cylinders, k, index):  # type: ignore[no-untyped-def]
+    """One cylinder with its end faces against all rays of the block.
+
+    The discriminant a r² - (o × d)² has no cancellation between far-away origins, unlike b² - a c. A vertical ray
+    gets a tiny a: inside the circle its interval is then endless, outside it is empty.
+    """
+    cx, cy, radius, z0, z1 = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2], cylinders[k, 3], cylinders[k, 4]
+    for i in range(size):
+        dx, dy = work[_DX + i], work[_DY + i]
+        px, py = work[_OX + i] - cx, work[_OY + i] - cy
+        a = dx * dx + dy * dy
+        across = px * dy - py * dx
+        c = px * px + py * py - radius * radius
+        upright = a < 1e-30
+        discriminant = -c if upright else a * radius * radius - across * across
+        a = 1e-30 if upright else a
+        root = math.sqrt(discriminant if discriminant > 0.0 else 0.0)
+        middle = -(px * dx + py * dy)
+        enter = (middle - root) / a
+        leave = (middle + root) / a if discriminant >= 0.0 else -1.0
+        near, far = _slab(z0 - work[_OZ + i], z1 - work[_OZ + i], work[_IZ + i])
+        enter, leave = (near if near > enter else enter), (far if far < leave else leave)
+        _keep_nearer(work, i, enter, leave, index)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _raster_hit(work, i, gaps, raster):  # type: ignore[no-untyped-def]
+    """Range, m, at which ray i enters an occupied cell's column, +inf if it does not before its nearest hit so far."""
+    c, s, cell = raster[2], raster[3], raster[4]
+    px, py = work[_OX + i] - raster[0], work[_OY + i] - raster[1]
+    x, y = (c * px + s * py) / cell, (c * py - s * px) / cell
+    dx = (c * work[_DX + i] + s * work[_DY + i]) / cell
+    dy = (c * work[_DY + i] - s * work[_DX + i]) / cell
+    ix = 1.0 / dx if dx != 0.0 else _HUGE
+    iy = 1.0 / dy if dy != 0.0 else _HUGE
+    rows, cols = gaps.shape
+    begin, end = _slab(-x, cols - x, ix)
+    near, far = _slab(-y, rows - y, iy)
+    begin, end = max(begin, near), min(end, far)
+    near, far = _slab(raster[5] - work[_OZ + i], raster[6] - work[_OZ + i], work[_IZ + i])
+    begin, end = max(begin, near, 0.0), min(end, far, work[_BEST + i])
+    if begin > end:
+        return np.inf
+    return _walk(x, y, dx, dy, ix, iy, begin, end, gaps)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _walk(x, y, dx, dy, ix, iy, t, end, gaps):  # type: ignore[no-untyped-def]
+    """Walks from ray parameter t to `end`; x, y, dx, dy in cells. A leap keeps 1.5 cells off any occupied centre."""
+    rows, cols = gaps.shape
+    step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
+    ahead_x, ahead_y = (1 if dx > 0.0 else 0), (1 if dy > 0.0 else 0)
+    speed = math.sqrt(dx * dx + dy * dy)
+    col, row = _cell_at(x + t * dx, cols), _cell_at(y + t * dy, rows)
+    while True:
+        gap = gaps[row, col]
+        if gap == 0.0:
+            return t
+        if gap > _LEAP:
+            t += (gap - 1.5) / speed
+            if not t < end:
+                return np.inf
+            col, row = _cell_at(x + t * dx, cols), _cell_at(y + t * dy, rows)
+            continue
+        next_x = (col + ahead_x - x) * ix if dx != 0.0 else np.inf
+        next_y = (row + ahead_y - y) * iy if dy != 0.0 else np.inf
+        if next_x < next_y:
+            t = max(t, next_x)
+            col += step_x
+        else:
+            t = max(t, next_y)
+            row += step_y
+        if not t <= end or col < 0 or row < 0 or col >= cols or row >= rows:
+            return np.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cell_at(coordinate, count):  # type: ignore[no-untyped-def]
+    """Index of the cell a coordinate, in cells, lies in; a point on the outer edge belongs to the outer cell."""
+    return min(max(int(math.floor(coordinate)), 0), count - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cosine_of_incidence(origins, directions, i, distance, hit, obstacles):  # type: ignore[no-untyped-def]
+    """Cosine of the angle between ray i and the normal of the surface it hits at `distance`; 1 is head on.
+
+    Args:
+        origins, directions: (3, n) rays, map frame.
+        i, distance, hit: Which ray, its range, m, and the index it hit (not NOTHING).
+        obstacles: What it was cast against.
+    """
+    dx, dy, dz = directions[0, i], directions[1, i], directions[2, i]
+    x, y, z = origins[0, i] + distance * dx, origins[1, i] + distance * dy, origins[2, i] + distance * dz
+    if hit == FLOOR:
+        return abs(dz)
+    boxes, cylinders = obstacles.boxes, obstacles.cylinders
+    if hit < boxes.shape[0]:
+        cx, cy, hx, hy, z0, z1, c, s = boxes[hit, 0], boxes[hit, 1], boxes[hit, 2], boxes[hit, 3], boxes[hit, 4], boxes[hit, 5], boxes[hit, 6], boxes[hit, 7]  # noqa: E501
+        off_x = abs(abs(c * (x - cx) + s * (y - cy)) - hx)
+        off_y = abs(abs(c * (y - cy) - s * (x - cx)) - hy)
+        off_z = min(abs(z - z0), abs(z - z1))
+        if off_z < off_x and off_z < off_y:
+            return abs(dz)
+        return abs(c * dx + s * dy) if off_x < off_y else abs(c * dy - s * dx)
+    if hit < boxes.shape[0] + cylinders.shape[0]:
+        k = hit - boxes.shape[0]
+        rx, ry = x - cylinders[k, 0], y - cylinders[k, 1]
+        reach = math.hypot(rx, ry)
+        off_z = min(abs(z - cylinders[k, 3]), abs(z - cylinders[k, 4]))
+        if off_z < abs(reach - cylinders[k, 2]) or reach == 0.0:
+            return abs(dz)
+        return abs(rx * dx + ry * dy) / reach
+    frame = obstacles.raster
+    c, s, cell = frame[2], frame[3], frame[4]
+    column, row = (c * (x - frame[0]) + s * (y - frame[1])) / cell, (c * (y - frame[1]) - s * (x - frame[0])) / cell
+    off_x, off_y = abs(column - round(column)), abs(row - round(row))
+    return abs(c * dx + s * dy) if off_x < off_y else abs(c * dy - s * dx)

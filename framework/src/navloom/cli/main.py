@@ -1,0 +1,65 @@
+"""`navloom`: finds the command, and turns errors into one message and an exit code."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from navloom.cli import config, graph, plan, plugins, run, worlds
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    help="Plugin-based navigation for mobile robots.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("run")(run.run)
+app.command("plan")(plan.plan)
+app.command("plugins")(plugins.plugins)
+app.command("worlds")(worlds.worlds)
+app.command("graph")(graph.graph)
+app.add_typer(config.app, name="config")
+
+
+def main() -> None:
+    """Entry point. Exit codes: 0 done, 1 the run ended otherwise, 2 the request was wrong."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        _say("interrupted")
+        sys.exit(1)
+    except BrokenPipeError:
+        sys.exit(1)
+    except Exception as error:
+        if _is_wrong_request(error):
+            _say(str(error))
+            sys.exit(2)
+        _say(f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})")
+        sys.exit(1)
+
+
+def _is_wrong_request(error: Exception) -> bool:
+    """Errors that are about what was asked for, wherever they were found."""
+    from navloom.config import ConfigError
+    from navloom.dataflow.graph import GraphError
+    from navloom.plugins import PluginError
+    from navloom.roles import InputError
+    from navloom.worlds import WorldError
+
+    return isinstance(error, (ConfigError, PluginError, GraphError, WorldError, InputError, OSError))
+
+
+def _place(error: Exception) -> str:
+    """File and line an error came from."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return "unknown place" if trace is None else f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
+
+
+def _say(text: str) -> None:
+    print(f"navloom: {text}", file=sys.stderr)

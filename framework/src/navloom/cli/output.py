@@ -1,0 +1,68 @@
+"""How commands talk: tables and progress for people, one JSON object for scripts."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+__all__ = ["print_json", "print_table", "shown", "stage"]
+
+
+def print_json(value: Any) -> None:
+    """One JSON value on standard output; numbers that JSON lacks become null."""
+    print(json.dumps(_plain(value), indent=2, ensure_ascii=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return value
+
+
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """A table for people, as wide as its contents."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*columns, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*(shown(value) for value in row))
+    Console(soft_wrap=True, highlight=False).print(table)
+
+
+def shown(value: Any) -> str:
+    """A value as people read it."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
+
+
+@contextmanager
+def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, float], None]]]:
+    """Progress on standard error: what is being prepared, then how far the run is. Silent where nobody looks."""
+    if quiet or not sys.stderr.isatty():
+        yield (lambda text: None), (lambda done, total: None)
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("preparing (the first run compiles kernels, later ones load them)", total=None)
+
+        def say(text: str) -> None:
+            bar.update(task, description=f"{text} (the first run compiles kernels, later ones load them)")
+
+        def progress(done: float, total: float) -> None:
+            bar.update(task, description=f"driving, {done:.0f} s of at most {total:.0f} s", completed=done, total=total)
+
+        yield say, progress

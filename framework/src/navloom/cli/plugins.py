@@ -1,0 +1,60 @@
+"""`navloom plugins`: what is installed, and the parameters of one."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any, Optional
+
+import typer
+
+__all__ = ["plugins"]
+
+
+def plugins(
+    name: Annotated[Optional[str], typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the installed plugins without importing them, or show the parameters of one."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.plugins.discovery import Discovery
+
+    discovery = Discovery()
+    if name is None:
+        infos = discovery.infos()
+        if as_json:
+            print_json([asdict(info) for info in infos])
+        else:
+            print_table(
+                ("role", "name", "distribution", "version"),
+                [(i.role, i.name, i.distribution, i.version) for i in infos],
+            )
+        return
+    role, _, plugin = name.partition(".")
+    cls = discovery.role(role, plugin)
+    schema = cls.Params.model_json_schema()
+    if as_json:
+        print_json({"role": role, "name": plugin, "api": cls.api, "params": schema})
+        return
+    summary = (cls.__doc__ or "").strip().splitlines()
+    typer.echo(f"{role}.{plugin}: {summary[0] if summary else ''}")
+    rows = [_row(key, field, schema) for key, field in schema.get("properties", {}).items()]
+    print_table(("parameter", "default", "allowed", "meaning"), rows)
+
+
+def _row(key: str, field: dict[str, Any], schema: dict[str, Any]) -> tuple[str, str, str, str]:
+    if "$ref" in field:
+        field = {**schema["$defs"][field["$ref"].rsplit("/", 1)[-1]], **field}
+    options = [option for option in field.get("anyOf", [field]) if option.get("type") != "null"]
+    allowed = " or ".join(filter(None, map(_allowed, options)))
+    default = "(required)" if key in schema.get("required", ()) else str(field.get("default"))
+    return key, default, allowed, field.get("description", "")
+
+
+def _allowed(field: dict[str, Any]) -> str:
+    if "enum" in field:
+        return ", ".join(map(str, field["enum"]))
+    if "const" in field:
+        return str(field["const"])
+    signs = (("minimum", ">="), ("exclusiveMinimum", ">"), ("maximum", "<="), ("exclusiveMaximum", "<"))
+    bounds = [f"{sign} {field[key]:g}" for key, sign in signs if key in field]
+    return ", ".join(bounds) or str(field.get("type", ""))

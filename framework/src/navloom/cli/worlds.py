@@ -1,0 +1,23 @@
+"""`navloom worlds`: where a run can take place."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+__all__ = ["worlds"]
+
+
+def worlds(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """List the named worlds and the schemes that read worlds from files."""
+    from navloom.cli.output import print_json
+    from navloom.plugins.discovery import Discovery
+
+    discovery = Discovery()
+    names, schemes = discovery.names("world"), discovery.names("scheme")
+    if as_json:
+        print_json({"worlds": names, "schemes": schemes})
+        return
+    typer.echo("worlds: " + ", ".join(names))
+    typer.echo("schemes: " + ", ".join(f"{scheme}:…" for scheme in schemes) + "; and any file that ends in .toml")

@@ -1,0 +1,278 @@
+"""What a config file may hold. Role and sensor tables keep their plugin's own parameters unchecked until it is known."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+__all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "FootprintTable", "GateTable", "LiveTable",
+           "MapTable", "NavigationTable", "PlaceTable", "PluginsTable", "PointTable", "RobotTable", "RoleTable",
+           "RunTable", "SensorTable", "WorldTable"]  # fmt: skip
+
+Positive = Annotated[float, Field(gt=0.0)]
+RoleName = Literal["platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery"]
+ROLE_TABLES: tuple[str, ...] = ("platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery")
+
+
+class Table(BaseModel):
+    """Base of the config's tables: unknown keys are refused, whole numbers pass as reals, nothing is infinite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class OpenTable(BaseModel):
+    """Base of tables that carry a plugin's parameters beside their own keys."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+
+    @property
+    def params(self) -> dict[str, Any]:
+        """The keys that belong to the plugin."""
+        return dict(self.__pydantic_extra__ or {})
+
+
+class RunTable(Table):
+    """One run."""
+
+    seed: int = Field(default=0, ge=0, lt=2**63, description="of every random stream")
+    period: float = Field(default=0.05, ge=0.001, le=1.0, description="s, one control tick")
+    stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="s of robot time")
+
+
+class FootprintTable(Table):
+    """A rectangle centred on base, or a convex polygon."""
+
+    length: Positive | None = Field(default=None, description="m, along x")
+    width: Positive | None = Field(default=None, description="m, along y")
+    polygon: list[tuple[float, float]] | None = Field(default=None, description="m, base frame, convex")
+
+    @model_validator(mode="after")
+    def _is_one_or_the_other(self) -> FootprintTable:
+        rectangle = self.length is not None and self.width is not None
+        if rectangle == (self.polygon is not None) or (self.length is None) != (self.width is None):
+            raise ValueError("expected either length and width, or polygon")
+        return self
+
+
+class RobotTable(Table):
+    """What every plugin is told about the robot; the gate enforces the limits."""
+
+    realm: str = Field(default="lab", pattern=r"^[A-Za-z0-9_-]+$")
+    name: str = Field(default="r1", pattern=r"^[A-Za-z0-9_-]+$")
+    footprint: FootprintTable = FootprintTable(length=0.8, width=0.8)
+    height: Positive = Field(default=1.2, description="m")
+    wheel_radius: Positive = Field(default=0.05, description="m")
+    half_track: Positive = Field(default=0.30, description="m")
+    max_linear: Positive = Field(default=0.5, description="m/s")
+    max_angular_deg: Positive = Field(default=25.0, description="deg/s")
+    max_acceleration: Positive = Field(default=0.5, description="m/s²")
+    max_deceleration: Positive = Field(default=1.0, description="m/s²")
+
+    @property
+    def max_angular(self) -> float:
+        """rad/s."""
+        return math.radians(self.max_angular_deg)
+
+
+class WorldTable(Table):
+    """Where a simulated robot is."""
+
+    ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
+
+
+class MapTable(Table):
+    """A map made before the run, for plugins that want one."""
+
+    ref: str = Field(default="world", description='a world reference, or "world" for the one of the run')
+    resolution: float = Field(default=0.05, ge=0.005, le=1.0, description="m, where the reference has no raster")
+
+
+class RoleTable(OpenTable):
+    """A role's plugin; the keys not named here are its parameters."""
+
+    plugin: str = Field(min_length=1)
+    name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance")
+    sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
+    rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
+    latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
+
+    @property
+    def instance(self) -> str:
+        """Name of the instance: its own, or the plugin's."""
+        return self.name or self.plugin
+
+
+class AlternativeTable(RoleTable):
+    """A further instance of a role, in shadow or waiting to be swapped in."""
+
+    role: RoleName
+    shadow: bool = True
+
+
+class SensorTable(OpenTable):
+    """One sensor; the keys not named here are its settings."""
+
+    name: str = Field(pattern=r"^[a-z][A-Za-z0-9_]*$")
+    kind: str = Field(min_length=1)
+
+
+class PointTable(Table):
+    """A point in the map frame, m."""
+
+    x: float
+    y: float
+
+
+class PlaceTable(Table):
+    """A place in the map frame, m and degrees."""
+
+    x: float
+    y: float
+    heading_deg: float | None = None
+
+
+class NavigationTable(Table):
+    """Start, goal and everything the framework's own nodes decide by."""
+
+    start: PlaceTable | None = Field(default=None, description="default: the world's")
+    goal: PlaceTable | None = Field(default=None, description='default: the world\'s; see "drive"')
+    via: list[PointTable] = Field(default_factory=list, description="points to pass, in order")
+    drive: bool = Field(default=True, description="drive to the goal at once; false waits for goals")
+    goal_tolerance: Positive | None = Field(default=None, description="m; default: the world's, else 0.2")
+    heading_tolerance_deg: Positive = Field(default=5.0, description="where the goal has a heading")
+    speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="m/s, of the reference")
+    lateral_acceleration: Positive = Field(default=0.3, description="m/s², bounds the speed in bends")
+    look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
+    corridor_margin: float = Field(default=0.1, ge=0.0, description="m, beside the robot's half width")
+    handover: Literal["when_blocked", "always", "never"] = "when_blocked"
+    handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
+    stuck_after: Positive = Field(default=15.0, description="s without progress")
+    max_recoveries: int = Field(default=3, ge=0)
+    map_timeout: Positive = Field(default=10.0, description="s to wait for a map")
+    plan_timeout: Positive = Field(default=10.0, description="s to wait for a plan")
+
+    @model_validator(mode="after")
+    def _speeds_rise(self) -> NavigationTable:
+        if self.speed[0] > self.speed[1]:
+            raise ValueError(f"speed is [{self.speed[0]:g}, {self.speed[1]:g}], expected the lower one first")
+        return self
+
+
+class GateTable(Table):
+    """When the command gate stops the robot."""
+
+    stop_deadline: Positive = Field(default=0.10, description="s a command may be behind the platform")
+    sensor_timeout: Positive = Field(default=0.5, description="s a required sensor may be silent")
+
+
+class EventTable(Table):
+    """Something an operator does at a time."""
+
+    at: float = Field(ge=0.0, description="s of robot time")
+    do: Literal["swap", "goal", "cancel", "set", "stop", "resume"]
+    x: float | None = None
+    y: float | None = None
+    heading_deg: float | None = None
+    role: RoleName | None = None
+    name: str | None = Field(default=None, description="instance, for swap and set")
+    values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
+
+    @model_validator(mode="after")
+    def _has_what_it_needs(self) -> EventTable:
+        needed = {"swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",)}.get(self.do, ())
+        missing = [key for key in needed if getattr(self, key) is None]
+        if self.do == "set" and not self.values:
+            missing.append("values")
+        if missing:
+            raise ValueError(f'do = "{self.do}" also needs {" and ".join(missing)}')
+        allowed = {"at", "do", *needed, *{"goal": ("heading_deg",), "set": ("name", "values")}.get(self.do, ())}
+        extra = sorted(self.model_fields_set - allowed)
+        if extra:
+            raise ValueError(f'do = "{self.do}" has no use for {" and ".join(extra)}')
+        return self
+
+
+class LiveTable(Table):
+    """How `up` and `node` spread the nodes; lockstep does not read it."""
+
+    processes: dict[str, list[str]] = Field(
+        default_factory=lambda: {
+            "robot": ["platform", "localizer"],
+            "think": ["mapper", "planner", "goal"],
+            "drive": ["reference", "controller", "avoider", "recovery"],
+            "safe": ["gate"],
+        }
+    )
+    hosts: dict[str, list[str]] = Field(default_factory=dict)
+
+
+class PluginsTable(Table):
+    """Which plugins may be used."""
+
+    blocked: list[str] = Field(default_factory=list, description="role.name, treated as not installed")
+
+
+class Config(Table):
+    """The whole file."""
+
+    run: RunTable = RunTable()
+    robot: RobotTable = RobotTable()
+    plugins: PluginsTable = PluginsTable()
+    world: WorldTable | None = None
+    map: MapTable | None = None
+    platform: RoleTable = RoleTable(plugin="sensors_sim")
+    localizer: RoleTable = RoleTable(plugin="odometry")
+    mapper: RoleTable = RoleTable(plugin="ipabd")
+    planner: RoleTable = RoleTable(plugin="astar")
+    controller: RoleTable = RoleTable(plugin="lyapunov_tracker")
+    avoider: RoleTable = RoleTable(plugin="improved_vfh")
+    recovery: RoleTable = RoleTable(plugin="wait_and_replan")
+    sensor: list[SensorTable] = Field(default_factory=list)
+    alternative: list[AlternativeTable] = Field(default_factory=list)
+    navigation: NavigationTable = NavigationTable()
+    gate: GateTable = GateTable()
+    event: list[EventTable] = Field(default_factory=list)
+    live: LiveTable = LiveTable()
+
+    @model_validator(mode="after")
+    def _names_fit(self) -> Config:
+        sensors = [sensor.name for sensor in self.sensor]
+        _refuse_doubles("sensor", sensors)
+        taken = {(role, self.role_table(role).instance) for role in ROLE_TABLES}
+        for number, table in enumerate(self.alternative):
+            if table.role == "platform":
+                raise ValueError(f"alternative {number} is a platform: the platform is never shadowed or swapped")
+            if (table.role, table.instance) in taken:
+                raise ValueError(f'two instances of {table.role} are named "{table.instance}": give one a `name`')
+            taken.add((table.role, table.instance))
+        for place, table in self.role_tables():
+            for name in table.sensors or ():
+                if name not in sensors:
+                    raise ValueError(f'{place}.sensors names "{name}"; sensors are {", ".join(sensors) or "none"}')
+        for event in self.event:
+            if event.do in ("swap", "set") and event.name and (event.role, event.name) not in taken:
+                known = ", ".join(name for role, name in sorted(taken) if role == event.role)
+                raise ValueError(f'event at {event.at:g} s names {event.role} "{event.name}"; there are {known}')
+            if event.do == "swap" and event.role == "platform":
+                raise ValueError("the platform is never swapped")
+        return self
+
+    def role_table(self, role: str) -> RoleTable:
+        """The table of a role's active instance."""
+        table = getattr(self, role)
+        assert isinstance(table, RoleTable)
+        return table
+
+    def role_tables(self) -> list[tuple[str, RoleTable]]:
+        """Each role table and alternative with its place in the file."""
+        return [(role, self.role_table(role)) for role in ROLE_TABLES] + [
+            (f"alternative.{number}", table) for number, table in enumerate(self.alternative)
+        ]
+
+
+def _refuse_doubles(what: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f'two tables [[{what}]] are named "{name}"')

@@ -1,0 +1,58 @@
+"""What operators do, by tick: the config's goal and its `[[event]]` tables as requests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from navloom.config.schema import Config, EventTable, PlaceTable
+from navloom.messages import Goal, OperatorRequest, Point2D
+
+__all__ = ["schedule"]
+
+
+def schedule(config: Config, goal: PlaceTable | None) -> dict[int, list[OperatorRequest]]:
+    """Requests by tick: the run's own goal in tick 0, each event in the first tick at or after its time."""
+    requests: dict[int, list[OperatorRequest]] = {}
+    goals = 0
+    if goal is not None and config.navigation.drive:
+        goals += 1
+        via = tuple(Point2D(point.x, point.y) for point in config.navigation.via)
+        requests[0] = [OperatorRequest("goal", _goal(goals, goal.x, goal.y, goal.heading_deg, via))]
+    for event in sorted(config.event, key=lambda event: event.at):
+        tick = math.ceil(round(event.at / config.run.period, 6))
+        if event.do == "goal":
+            goals += 1
+        requests.setdefault(tick, []).append(_request(event, goals, config))
+    return requests
+
+
+def _request(event: EventTable, goals: int, config: Config) -> OperatorRequest:
+    if event.do == "goal":
+        assert event.x is not None and event.y is not None
+        return OperatorRequest("goal", _goal(goals, event.x, event.y, event.heading_deg, ()))
+    role = event.role or ""
+    instance = event.name or (config.role_table(role).instance if role else "")
+    return OperatorRequest(event.do, None, role, instance, assignments(event.values))
+
+
+def _goal(number: int, x: float, y: float, heading_deg: float | None, via: tuple[Point2D, ...]) -> Goal:
+    heading = None if heading_deg is None else math.radians(math.remainder(heading_deg, 360.0))
+    return Goal(number, x, y, heading, via)
+
+
+def assignments(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Parameters as `name = value`, in order of name: what travels in a request."""
+    return tuple(f"{name} = {_toml(value)}" for name, value in sorted(values.items()))
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return repr(value)

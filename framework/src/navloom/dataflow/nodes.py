@@ -1,0 +1,217 @@
+"""Nodes round the roles: each turns what its ports hold into the role's input, and the answer into port messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from navloom.messages import (
+    AvoiderStatus,
+    Command,
+    Message,
+    Path,
+    PoseTrack,
+    RangeScan,
+    Sweep,
+    Twist2D,
+)
+from navloom.navigation.handover import HandOverRule
+from navloom.roles import (
+    Avoider,
+    AvoiderInput,
+    Controller,
+    ControllerInput,
+    Localizer,
+    LocalizerInput,
+    Mapper,
+    MapperInput,
+    Planner,
+    PlannerInput,
+    Platform,
+    PlatformInput,
+    Recovery,
+    RecoveryInput,
+    Role,
+)
+
+__all__ = ["Node", "Outputs", "Tick", "role_node"]
+
+Inputs = Mapping[str, Any]
+Outputs = list[tuple[str, Message]]
+STILL = Twist2D(0.0, 0.0, 0.0)
+
+
+class Tick(NamedTuple):
+    """The step's place in time: number, run clock in s and ns, and the selection in force."""
+
+    number: int
+    time: float
+    time_ns: int
+    epoch: int
+
+
+class Node(Protocol):
+    """What an executor steps."""
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        """Outputs as (port, message) from what the ports hold."""
+
+
+class PlatformNode:
+    """The robot itself."""
+
+    def __init__(self, plugin: Platform) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        command, sweeps = given["command"], given["sweep"]
+        twist = command.twist if command is not None else STILL
+        got = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
+        out: Outputs = [("odometry", got.odometry), ("contact", got.contact), *got.scans.items()]
+        if got.truth is not None:
+            out.append(("truth", got.truth))
+        return out
+
+
+class LocalizerNode:
+    """Odometry and scans to a pose in the map."""
+
+    def __init__(self, plugin: Localizer) -> None:
+        self.plugin = plugin
+        self.scans = _ScanReader()
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        scans = self.scans.read(given)
+        return [("pose", self.plugin.localize(LocalizerInput(given["odometry"], scans, given["map"])))]
+
+
+class MapperNode:
+    """Range data and the poses that cover it to a map."""
+
+    def __init__(self, plugin: Mapper) -> None:
+        self.plugin = plugin
+        self.scans = _ScanReader()
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        data = self.scans.read(given)
+        sweeps = tuple(message for message in data if isinstance(message, Sweep))
+        scans = tuple(message for message in data if isinstance(message, RangeScan))
+        poses = given["track"]
+        track = PoseTrack(
+            np.array([pose.stamp_ns for pose in poses], dtype=np.int64),
+            np.array([(p.pose.x, p.pose.y, p.pose.heading) for p in poses], dtype=np.float64).reshape(-1, 3),
+        )
+        update = self.plugin.update(MapperInput(tick.time_ns, sweeps, scans, track, bool(given["clear"])))
+        return [] if update is None else [("map", update)]
+
+
+class PlannerNode:
+    """The newest request to a path, or why there is none."""
+
+    def __init__(self, plugin: Planner) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        if given["map"] is None:
+            return []
+        answer = self.plugin.plan(PlannerInput(given["plan"][-1], given["map"]))
+        return [("path" if isinstance(answer, Path) else "failure", answer)]
+
+
+class ControllerNode:
+    """The reference to a velocity."""
+
+    def __init__(self, plugin: Controller) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        seen = ControllerInput(tick.time_ns, given["trajectory"], given["reference"], given["pose"])
+        return [("command", self.plugin.control(seen))]
+
+
+class AvoiderNode:
+    """Scans and the target to a velocity, and whether it is this one that drives."""
+
+    def __init__(self, plugin: Avoider, rule: HandOverRule) -> None:
+        self.plugin = plugin
+        self.rule = rule
+        self.scans = _ScanReader()
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        estimate, reference = given["pose"], given["reference"]
+        scans = self.scans.read(given)
+        ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
+        seen = AvoiderInput(
+            tick.time_ns, scans, estimate, reference.target, reference.corridor, given["desired"].twist, ahead
+        )
+        answer = self.plugin.avoid(seen)
+        handover = self.rule.step(tick.time, scans, estimate.pose, reference.target, reference.corridor)
+        return [
+            ("command", Command(answer.twist)),
+            ("status", AvoiderStatus(answer.status, answer.diagnostics)),
+            ("handover", handover),
+        ]
+
+
+class RecoveryNode:
+    """Called while the goal asks for it; one attempt ends with `done` or `failed`."""
+
+    def __init__(self, plugin: Recovery) -> None:
+        self.plugin = plugin
+        self.scans = _ScanReader()
+        self._attempt: object = None
+        self._is_over = True
+
+    def step(self, tick: Tick, given: Inputs) -> Outputs:
+        request = given["request"]
+        scans = self.scans.read(given)
+        if request is None or not request.active or given["pose"] is None:
+            return []
+        starts = request is not self._attempt
+        if starts:
+            self._attempt, self._is_over = request, False
+        if self._is_over:
+            return []
+        seen = RecoveryInput(tick.time_ns, scans, given["pose"], request.attempt, request.reason, starts)
+        answer = self.plugin.recover(seen)
+        self._is_over = answer.state != "running"
+        return [("command", Command(answer.twist)), ("status", answer)]
+
+
+class _ScanReader:
+    """Collects what a node's sensor ports hold, in order of time and then of port."""
+
+    def __init__(self) -> None:
+        self._names: tuple[str, ...] | None = None
+
+    def read(self, given: Inputs) -> tuple[Any, ...]:
+        if self._names is None:
+            self._names = tuple(name for name in given if name.startswith("scan."))
+        if len(self._names) == 1:
+            return tuple(given[self._names[0]])
+        found = [message for name in self._names for message in given[name]]
+        return tuple(sorted(found, key=lambda message: message.stamp_ns))
+
+
+def _distance(pose: Any, point: Any) -> float:
+    return float(((point.x - pose.x) ** 2 + (point.y - pose.y) ** 2) ** 0.5)
+
+
+_NODES: dict[str, Callable[[Any], Node]] = {
+    "platform": PlatformNode,
+    "localizer": LocalizerNode,
+    "mapper": MapperNode,
+    "planner": PlannerNode,
+    "controller": ControllerNode,
+    "recovery": RecoveryNode,
+}
+
+
+def role_node(plugin: Role, rule: HandOverRule | None = None) -> Node:
+    """The node for a plugin; an avoider's needs the hand-over rule."""
+    if isinstance(plugin, Avoider):
+        assert rule is not None
+        return AvoiderNode(plugin, rule)
+    return _NODES[plugin.role](plugin)

@@ -1,0 +1,44 @@
+"""The default localizer: the odometry, placed where the robot starts."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from navloom.messages import Pose2D, PoseEstimate
+from navloom.plugins.hooks import hookimpl
+from navloom.plugins.registry import Registry
+from navloom.roles import Context, Localizer, LocalizerInput, Params
+
+__all__ = ["OdometryLocalizer"]
+
+UNKNOWN = np.zeros((3, 3))
+UNKNOWN.flags.writeable = False
+
+
+class OdometryLocalizer(Localizer):
+    """Takes the odometry frame to stand at the start pose; its drift is not corrected and its covariance is zero."""
+
+    name = "odometry"
+    accepts = ()
+    Params = Params
+
+    def __init__(self, params: Any, context: Context) -> None:
+        super().__init__(params, context)
+        start = context.start
+        self._origin = (start.x, start.y, start.heading, math.cos(start.heading), math.sin(start.heading))
+
+    def localize(self, given: LocalizerInput) -> PoseEstimate:
+        x0, y0, turn, cos, sin = self._origin
+        seen = given.odometry.pose
+        heading = math.remainder(turn + seen.heading, math.tau)
+        pose = Pose2D(x0 + cos * seen.x - sin * seen.y, y0 + sin * seen.x + cos * seen.y, heading)
+        return PoseEstimate(given.odometry.stamp_ns, pose, given.odometry.twist, UNKNOWN)
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add the localizer."""
+    registry.add(OdometryLocalizer)

@@ -1,0 +1,105 @@
+"""A short memory of echoes in the map frame, and what of it lies in the robot's way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom.messages import Pose2D, RangeScan
+
+__all__ = ["EchoMemory", "warm_up"]
+
+Floats = NDArray[np.float64]
+
+
+class EchoMemory:
+    """Points where recent echoes may have come from, oldest overwritten first.
+
+    Args:
+        keep: How long an echo counts, s.
+        spread: Share of a beam's half-angle to count: a sonar's echo comes from somewhere on an arc. 0 takes the
+            beam's axis alone, 1 the whole arc.
+        capacity: Points kept at most.
+    """
+
+    def __init__(self, keep: float, spread: float, capacity: int = 16384) -> None:
+        self.keep, self.spread = keep, spread
+        self._points = np.full((capacity, 3), -math.inf)
+        self._cursor = np.zeros(2, dtype=np.int64)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._cursor[:] = 0
+
+    def add(self, scan: RangeScan, base: Pose2D, time: float) -> None:
+        """Remember a scan taken at a pose in the map and a run time, s."""
+        _add(self._points, self._cursor, scan.origins, scan.bearings, scan.half_angles, scan.ranges,
+             scan.range_max, base.x, base.y, base.heading, self.spread, time)  # fmt: skip
+
+    def nearest(self, base: Pose2D, x: float, y: float, half_width: float, time: float) -> float:
+        """Distance, m, along the strip from base to (x, y) in the map of the nearest echo in it; inf where it is free.
+
+        The strip starts at base, goes past its end by its half width, and counts echoes heard since `time - keep`.
+        """
+        return float(
+            _nearest(self._points, self._cursor[1], base.x, base.y, x, y, half_width, time - self.keep)
+        )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _add(
+    points: Floats, cursor: NDArray[np.int64], origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats,
+    range_max: float, x: float, y: float, heading: float, spread: float, time: float,
+) -> None:  # fmt: skip
+    """Store each echo's axis point and, for open beams, both ends of the counted arc."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    capacity = points.shape[0]
+    for beam in range(ranges.shape[0]):
+        distance = ranges[beam]
+        if not distance < range_max:
+            continue
+        offset = half_angles[beam] * spread
+        first = x + cos * origins[beam, 0] - sin * origins[beam, 1]
+        second = y + sin * origins[beam, 0] + cos * origins[beam, 1]
+        for side in range(-1, 2):
+            if side != 0 and offset == 0.0:
+                continue
+            angle = heading + bearings[beam] + side * offset
+            row = cursor[0]
+            points[row, 0] = first + distance * math.cos(angle)
+            points[row, 1] = second + distance * math.sin(angle)
+            points[row, 2] = time
+            cursor[0] = (row + 1) % capacity
+            cursor[1] = min(cursor[1] + 1, capacity)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _nearest(
+    points: Floats, count: int, x0: float, y0: float, x1: float, y1: float, half_width: float, since: float
+) -> float:
+    length = math.hypot(x1 - x0, y1 - y0)
+    if length == 0.0:
+        return math.inf
+    ux, uy = (x1 - x0) / length, (y1 - y0) / length
+    best = math.inf
+    for row in range(count):
+        if points[row, 2] < since:
+            continue
+        rx, ry = points[row, 0] - x0, points[row, 1] - y0
+        along = rx * ux + ry * uy
+        if 0.0 < along < length + half_width and abs(ry * ux - rx * uy) < half_width and along < best:
+            best = along
+    return best
+
+
+def warm_up() -> None:
+    """Compile the kernels for the types messages have."""
+    two, one = np.zeros((1, 2)), np.ones(1)
+    for array in (two, one):
+        array.flags.writeable = False
+    memory = EchoMemory(1.0, 0.5, capacity=4)
+    memory.add(RangeScan(0, two, one, one, one, one, 0.1, 4.0), Pose2D(0.0, 0.0, 0.0), 0.0)
+    memory.nearest(Pose2D(0.0, 0.0, 0.0), 1.0, 0.0, 0.5, 0.0)

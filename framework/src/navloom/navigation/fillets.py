@@ -1,0 +1,250 @@
+"""Corners of a polyline rounded with continuous curvature: clothoid, arc, clothoid.
+
+Along a fillet that turns by φ with smallest radius R, the curvature rises linearly from 0 to 1/R, stays there and falls
+linearly to 0. `share` is the part of φ that the two clothoids turn: 1 is a pair of clothoids without arc, 0 would be a
+plain arc, whose curvature (and so the turn rate of the robot) jumps. Its arc length is R φ (1 + share).
+
+Only the smallest radius is searched for: a fillet must fit between its neighbours and touch free cells only. Where
+the one a robot can take at its slowest speed does not fit, the corner itself is moved outwards, since a chain pulled
+tight around an obstacle has its free space there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom.navigation.sight import is_segment_free
+
+__all__ = ["fillet_point", "fillet_shape", "fit_fillets", "move_corners", "turn_at", "warm_up"]
+
+Floats = NDArray[np.float64]
+
+_SHARES = (1.0, 0.6, 0.3)
+"""Tried in this order: a smaller share needs less room for the same radius, and changes its curvature faster."""
+_SHRINK = 0.88
+_SMALLEST = 1e-4
+"""Radius, m, at which the search for a free fillet gives up."""
+_STRAIGHT = 1e-7
+"""Turns up to this, rad, are none."""
+_SHORTEST = 0.30
+"""A fillet is given this length, m, where there is room for it: a slight turn becomes no curvature spike."""
+_STEP = 0.03
+"""Longest chord of a fillet when it is checked against the grid, m; see `_chords` for short ones."""
+_SHIFTS = 12
+_FARTHEST = 0.6
+"""Corners are moved by up to this, m, in this many steps."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clothoid(length, rate):  # type: ignore[no-untyped-def]
+    """End of a clothoid from the origin along x: series of the Fresnel integrals, to 1e-12 for angles up to π/2.
+
+    x = s Σ (-θ²)^n / ((2n)! (4n + 1)), y = s θ Σ (-θ²)^n / ((2n + 1)! (4n + 3)), θ = rate s² / 2.
+    """
+    angle = 0.5 * rate * length * length
+    x, y, term = 0.0, 0.0, 1.0
+    for n in range(12):
+        x += term / (4 * n + 1)
+        term *= angle / (2 * n + 1)
+        y += term / (4 * n + 3)
+        term *= -angle / (2 * n + 2)
+    return length * x, length * y, angle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fillet_point(along, turn, share):  # type: ignore[no-untyped-def]
+    """A point on the first half of the fillet of radius 1 that starts at the origin along x and turns left.
+
+    Args:
+        along: Arc length from its start, up to turn (1 + share) / 2.
+        turn: rad, in (0, π).
+        share: Part of the turn within the clothoids, in (0, 1].
+
+    Returns:
+        x, y, heading, rad, curvature: of the unit fillet.
+    """
+    spiral = turn * share
+    if along <= spiral:
+        x, y, heading = _clothoid(along, 1.0 / spiral)
+        return x, y, heading, along / spiral
+    x, y, heading = _clothoid(spiral, 1.0 / spiral)
+    ahead = heading + along - spiral
+    x += math.sin(ahead) - math.sin(heading)
+    y += math.cos(heading) - math.cos(ahead)
+    return x, y, ahead, 1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fillet_shape(turn, share):  # type: ignore[no-untyped-def]
+    """Size of the fillet of radius 1.
+
+    Returns:
+        Distance from its start to the corner (the same from the corner to its end), and from the corner to its middle.
+    """
+    x, y, _, _ = fillet_point(0.5 * turn * (1.0 + share), turn, share)
+    return x + y * math.tan(0.5 * turn), y / math.cos(0.5 * turn)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turn_at(corners, i):  # type: ignore[no-untyped-def]
+    """Turn at corner i of a polyline (n, 2), rad in (-π, π], positive to the left; 0 at its ends."""
+    if i <= 0 or i >= corners.shape[0] - 1:
+        return 0.0
+    ax, ay = corners[i, 0] - corners[i - 1, 0], corners[i, 1] - corners[i - 1, 1]
+    bx, by = corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1]
+    return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _length(corners, i):  # type: ignore[no-untyped-def]
+    """Length of segment i of a polyline, m."""
+    dx, dy = corners[i + 1, 0] - corners[i, 0], corners[i + 1, 1] - corners[i, 1]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wanted_radius(turn, share, fast):  # type: ignore[no-untyped-def]
+    """Radius for full speed, and more for a slight turn."""
+    return max(fast, _SHORTEST / (turn * (1.0 + share)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wanted_room(corners, i, fast):  # type: ignore[no-untyped-def]
+    """How far the fillet of corner i would like to reach along its segments, m."""
+    turn = abs(turn_at(corners, i))
+    if turn <= _STRAIGHT:
+        return 0.0
+    turn = min(turn, 3.0)
+    return _wanted_radius(turn, 1.0, fast) * fillet_shape(turn, 1.0)[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _room(corners, i, fast):  # type: ignore[no-untyped-def]
+    """What corner i may use of both its segments, m: shared with its neighbours as the wishes are."""
+    own = _wanted_room(corners, i, fast)
+    before = own / (own + _wanted_room(corners, i - 1, fast)) * _length(corners, i - 1)
+    after = own / (own + _wanted_room(corners, i + 1, fast)) * _length(corners, i)
+    return min(before, after)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_fillet_free(corners, i, turn, share, radius, cells, frame):  # type: ignore[no-untyped-def]
+    """Whether all chords of a fillet touch free cells only, from both its ends to its middle."""
+    reach = radius * fillet_shape(abs(turn), share)[0]
+    half = 0.5 * abs(turn) * (1.0 + share)
+    chords = int(min(64.0, max(4.0, math.ceil(half * radius / _STEP))))
+    for side in (-1, 1):
+        length = _length(corners, i - 1 if side < 0 else i)
+        ux, uy = (corners[i, 0] - corners[i + side, 0]) / length, (corners[i, 1] - corners[i + side, 1]) / length
+        left = math.copysign(1.0, turn) * -side
+        x_last, y_last = corners[i, 0] - reach * ux, corners[i, 1] - reach * uy
+        x_start, y_start = x_last, y_last
+        for k in range(1, chords + 1):
+            x, y, _, _ = fillet_point(half * k / chords, abs(turn), share)
+            x, y = x * radius, y * radius * left
+            x_next, y_next = x_start + x * ux - y * uy, y_start + x * uy + y * ux
+            if not is_segment_free(cells, frame[0], frame[1], frame[2], x_last, y_last, x_next, y_next):
+                return False
+            x_last, y_last = x_next, y_next
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit(corners, i, cells, frame, slow, fast, beside):  # type: ignore[no-untyped-def]
+    """Largest radius of corner i and its share: the smoothest share with the radius `slow`, else what there is."""
+    turn = turn_at(corners, i)
+    best, best_share = 0.0, 1.0
+    if abs(turn) <= _STRAIGHT or math.pi - abs(turn) <= _STRAIGHT:
+        return (np.inf if abs(turn) <= _STRAIGHT else 0.0), 1.0
+    room = _room(corners, i, fast)
+    for share in _SHARES:
+        reach, aside = fillet_shape(abs(turn), share)
+        radius = min(_wanted_radius(abs(turn), share, fast), room / reach, beside / aside)
+        while cells.size > 0 and radius > max(best, _SMALLEST):
+            if _is_fillet_free(corners, i, turn, share, radius, cells, frame):
+                break
+            radius *= _SHRINK
+        if radius > max(best, _SMALLEST):
+            best, best_share = radius, share
+        if best >= slow:
+            break
+    return best, best_share
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fit_fillets(corners, cells, frame, slow, fast, beside):  # type: ignore[no-untyped-def]
+    """Radius and share of the fillet of each corner.
+
+    Args:
+        corners: (n, 2) polyline, m, in the frame of the grid.
+        cells: (rows, cols) bool, True where the robot's centre may be; shape (0, 0): no grid, all is free.
+        frame: (3,) resolution, and x, y of the lower left corner of cell (0, 0), m.
+        slow, fast: Radii at which the robot can drive its lowest and its highest speed, m.
+        beside: How far from its corner the middle of a fillet may be, m; infinite with a grid.
+
+    Returns:
+        (n,) smallest radius, m, infinite where there is no turn, 0 where no fillet is free; (n,) share.
+    """
+    count = corners.shape[0]
+    radii, shares = np.full(count, np.inf), np.ones(count)
+    for i in range(1, count - 1):
+        radii[i], shares[i] = _fit(corners, i, cells, frame, slow, fast, beside)
+    return radii, shares
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _move_out(corners, i, cells, frame, slow, fast):  # type: ignore[no-untyped-def]
+    """Moves corner i outwards to where its fillet reaches the radius `slow`, or is largest; both segments stay free."""
+    x, y = corners[i, 0], corners[i, 1]
+    before, after = _length(corners, i - 1), _length(corners, i)
+    ux = (x - corners[i - 1, 0]) / before - (corners[i + 1, 0] - x) / after
+    uy = (y - corners[i - 1, 1]) / before - (corners[i + 1, 1] - y) / after
+    size = math.sqrt(ux * ux + uy * uy)
+    best, _ = _fit(corners, i, cells, frame, slow, fast, np.inf)
+    if best >= slow or size <= _STRAIGHT:
+        return
+    best_x, best_y = x, y
+    for k in range(1, _SHIFTS + 1):
+        # Fine steps first: in narrow places centimetres count.
+        shift = _FARTHEST * (k / _SHIFTS) ** 2
+        corners[i, 0], corners[i, 1] = x + shift * ux / size, y + shift * uy / size
+        if not _are_arms_free(corners, i, cells, frame):
+            break
+        radius, _ = _fit(corners, i, cells, frame, slow, fast, np.inf)
+        if radius > 1.02 * best:
+            best, best_x, best_y = radius, corners[i, 0], corners[i, 1]
+        if best >= slow:
+            break
+    corners[i, 0], corners[i, 1] = best_x, best_y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _are_arms_free(corners, i, cells, frame):  # type: ignore[no-untyped-def]
+    """Whether both segments of corner i touch free cells only."""
+    for j in (i - 1, i):
+        x0, y0, x1, y1 = corners[j, 0], corners[j, 1], corners[j + 1, 0], corners[j + 1, 1]
+        if not is_segment_free(cells, frame[0], frame[1], frame[2], x0, y0, x1, y1):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def move_corners(corners, cells, frame, slow, fast, sweeps):  # type: ignore[no-untyped-def]
+    """A polyline whose corners leave more room for fillets; arguments as in `fit_fillets`, the ends stay."""
+    moved = corners.copy()
+    for _ in range(sweeps):
+        for i in range(1, moved.shape[0] - 1):
+            if abs(turn_at(moved, i)) > _STRAIGHT:
+                _move_out(moved, i, cells, frame, slow, fast)
+    return moved
+
+
+def warm_up() -> None:
+    """Compile the kernels."""
+    corners, frame = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.array([1.0, 0.0, 0.0])
+    cells = np.ones((3, 3), np.bool_)
+    fit_fillets(move_corners(corners, cells, frame, 0.46, 0.92, 1), cells, frame, 0.46, 0.92, np.inf)

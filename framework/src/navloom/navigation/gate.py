@@ -1,0 +1,133 @@
+"""The command gate: the last word before the wheels. Pure: it is told the time and what arrived."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from navloom.messages import GateStatus, Twist2D
+
+__all__ = ["STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
+
+STOPPED = Twist2D(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the wheels may be asked for and when they must stand.
+
+    Attributes:
+        linear, angular: m/s and rad/s.
+        acceleration, deceleration: m/s².
+        period: Control tick, s.
+        stop_deadline_ns: A command may derive from a Platform output this much older than the newest one.
+        sensor_timeout_ns: A required sensor may be silent this long.
+    """
+
+    linear: float
+    angular: float
+    acceleration: float
+    deceleration: float
+    period: float
+    stop_deadline_ns: int
+    sensor_timeout_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A command on offer: by whom, what, the Platform stamp it derives from, and the selection it was made under."""
+
+    instance: str
+    twist: Twist2D
+    cause_ns: int
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What the gate knows of the platform: newest stamp, contact, and the newest stamp of each required sensor."""
+
+    platform_ns: int
+    touching: bool
+    sensors_ns: Mapping[str, int]
+
+
+class CommandGate:
+    """Chooses who drives: stop > operator > recovery > avoider when handed over > controller."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.speed = 0.0
+        self._operator_stop = False
+        self._contact = False
+
+    def request(self, do: str) -> None:
+        """An operator's `stop` latches until `resume`, and so does a contact."""
+        self._operator_stop = do == "stop"
+        if do == "resume":
+            self._contact = False
+
+    def fault(self, sensed: Sensed) -> str:
+        """Why nobody may drive, whoever it is; empty where somebody may."""
+        self._contact = self._contact or sensed.touching
+        if self._operator_stop:
+            return "operator"
+        if self._contact:
+            return "contact"
+        for name, stamp in sensed.sensors_ns.items():
+            if sensed.platform_ns - stamp > self.limits.sensor_timeout_ns:
+                return f"silent: sensor {name}"
+        return ""
+
+    def decide(
+        self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int, pending: Sequence[str]
+    ) -> tuple[Twist2D, int, GateStatus]:
+        """Command for this tick, the Platform stamp it derives from, and who drives or why nobody does.
+
+        Args:
+            sensed: State of the platform.
+            offers: By role, what is on offer: operator, recovery, avoider and controller.
+            engaged: The avoider is handed over to.
+            epoch: Selection in force; offers of an older one are refused.
+            pending: Swaps that wait.
+        """
+        order = ("operator", "recovery", "avoider" if engaged else "controller")
+        source = next((role for role in order if offers.get(role) is not None), "none")
+        offer = offers.get(source)
+        reason = self.fault(sensed)
+        if not reason:
+            reason = self._refusal(source, offer, offers, sensed.platform_ns, epoch)
+        if reason or offer is None:
+            self.speed = 0.0
+            latched = self._operator_stop or self._contact
+            status = GateStatus("none", "", True, latched, reason, tuple(pending))
+            return STOPPED, sensed.platform_ns, status
+        status = GateStatus(source, offer.instance, False, False, "", tuple(pending))  # type: ignore[arg-type]
+        return self._limit(offer.twist), offer.cause_ns, status
+
+    def _refusal(
+        self, source: str, offer: Offer | None, offers: Mapping[str, Offer | None], newest_ns: int, epoch: int
+    ) -> str:
+        """Why this offer is not driven: nothing to drive, a stale part of the chain, or an older selection."""
+        if offer is None:
+            return "no_trajectory"
+        required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
+        for role in required:
+            part = offers.get(role)
+            if part is None:
+                return f"silent: {role}"
+            if newest_ns - part.cause_ns > self.limits.stop_deadline_ns:
+                return f"stale: {role} {part.instance}"
+        if offer.epoch < epoch:
+            return f"old_selection: {source} {offer.instance}"
+        return ""
+
+    def _limit(self, twist: Twist2D) -> Twist2D:
+        limits = self.limits
+        wanted = min(max(twist.vx, -limits.linear), limits.linear)
+        speeding_up = abs(wanted) > abs(self.speed) and wanted * self.speed >= 0.0
+        step = (limits.acceleration if speeding_up else limits.deceleration) * limits.period
+        speed = min(max(wanted, self.speed - step), self.speed + step)
+        turn = min(max(twist.wz, -limits.angular), limits.angular)
+        self.speed = speed
+        return Twist2D(speed, 0.0, turn)

@@ -1,0 +1,322 @@
+"""The goal's state machine: from a request to a typed result. Pure: it is told what happened and says what to ask for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from navloom.messages import (
+    AvoiderStatus,
+    ClearRequest,
+    Drive,
+    Feedback,
+    GateStatus,
+    Goal,
+    GoalResult,
+    HandOver,
+    MapUpdate,
+    Message,
+    Path,
+    PlanFailure,
+    PlanRequest,
+    Point2D,
+    Pose2D,
+    PoseEstimate,
+    RecoveryRequest,
+    RecoveryStep,
+    Reference,
+    SweepRequest,
+)
+
+__all__ = ["GoalMachine", "GoalRules", "Seen"]
+
+NO_DRIVE = Drive(0, 0, None, False)
+REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
+
+
+@dataclass(frozen=True)
+class GoalRules:
+    """What the goal decides by.
+
+    Attributes:
+        tolerance: m from the goal.
+        heading_tolerance: rad, where the goal has a heading.
+        stuck_after: s without progress before a recovery.
+        max_recoveries: Attempts for one goal.
+        map_timeout, plan_timeout: s to wait.
+        deadline: Run time at which a goal times out, s.
+        scans_on_request: The mapper lives on stop-and-scan sweeps, so one has to be asked for.
+        feedback_ticks: Ticks between two feedbacks.
+    """
+
+    tolerance: float
+    heading_tolerance: float
+    stuck_after: float
+    max_recoveries: int
+    map_timeout: float
+    plan_timeout: float
+    deadline: float
+    scans_on_request: bool
+    feedback_ticks: int
+
+
+@dataclass(slots=True)
+class Seen:
+    """What the goal sees in a tick; each the newest of its kind, or None."""
+
+    tick: int
+    time: float
+    time_ns: int
+    estimate: PoseEstimate | None = None
+    map: MapUpdate | None = None
+    answer: Path | PlanFailure | None = None
+    avoider: AvoiderStatus | None = None
+    handover: HandOver | None = None
+    recovery: RecoveryStep | None = None
+    gate: GateStatus | None = None
+    reference: Reference | None = None
+    selected: tuple[str, str] = ("", "")
+    """Instances of mapper and planner in charge."""
+
+
+@dataclass
+class _Active:
+    """One goal on its way."""
+
+    goal: Goal
+    legs: list[Point2D]
+    since: float
+    recoveries: int = 0
+    best: float = math.inf
+    moved_at: float = 0.0
+    asked_ns: int = 0
+    plan_id: int = 0
+    why: str = ""
+
+
+class GoalMachine:
+    """Drives one goal at a time; a new one pre-empts the old.
+
+    `step` gives what is to be published as pairs of port and message: `sweep`, `clear`, `plan`, `recovery`, `drive`,
+    `feedback`, `result`.
+    """
+
+    def __init__(self, rules: GoalRules) -> None:
+        self.rules = rules
+        self.state = "idle"
+        self._active: _Active | None = None
+        self._drive = NO_DRIVE
+        self._requests = 0
+        self._has_scanned = False
+        self._selected = ("", "")
+        self._pending: tuple[str, ...] = ()
+        self._said: tuple[int, str] = (0, "idle")
+        self._out: list[tuple[str, Message]] = []
+
+    @property
+    def is_idle(self) -> bool:
+        """No goal is on its way."""
+        return self._active is None
+
+    def submit(self, goal: Goal, seen: Seen) -> None:
+        """Take a goal; one on its way is cancelled, but its trajectory is driven until the new plan is there."""
+        keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
+        if self._active is not None:
+            self._finish("cancelled", f"pre-empted by goal {goal.goal_id}", seen)
+        legs = [*goal.via, Point2D(goal.x, goal.y)]
+        self._active = _Active(goal, legs, seen.time)
+        if keeps.path_id:
+            self._set_drive(replace(keeps, goal_id=goal.goal_id, turn_to=None, stop_here=False))
+        self._need_map(seen)
+
+    def cancel(self, seen: Seen) -> None:
+        """End the goal on its way."""
+        if self._active is not None:
+            self._finish("cancelled", "by the operator", seen)
+
+    def fail(self, reason: str, seen: Seen) -> None:
+        """End the goal on its way because a node broke."""
+        if self._active is not None:
+            self._finish("error", reason, seen)
+
+    def step(self, seen: Seen) -> list[tuple[str, Message]]:
+        """One tick: follow the state of the goal on its way."""
+        active = self._active
+        if active is not None and seen.estimate is not None:
+            if seen.gate is not None and seen.gate.reason == "contact":
+                self._finish("collision", "the robot touched something", seen)
+            elif seen.time >= self.rules.deadline:
+                stopped = seen.gate is not None and seen.gate.latched
+                self._finish(
+                    "stopped" if stopped else "timeout",
+                    "an operator's stop was not resumed" if stopped else f"not there after {seen.time:g} s",
+                    seen,
+                )
+            else:
+                self._react_to_swaps(active, seen)
+                getattr(self, f"_while_{self.state}")(active, seen)
+        self._report(seen)
+        out, self._out = self._out, []
+        return out
+
+    # --- the states -----------------------------------------------------------------------------------------------
+
+    def _while_mapping(self, active: _Active, seen: Seen) -> None:
+        if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
+            self._ask_plan(active, seen)
+        elif seen.time - active.since > self.rules.map_timeout:
+            self._finish("error", f"no map within {self.rules.map_timeout:g} s", seen)
+
+    def _while_planning(self, active: _Active, seen: Seen) -> None:
+        answer = seen.answer
+        if answer is None or answer.request_id != active.plan_id:
+            if seen.time - active.since > self.rules.plan_timeout:
+                self._finish("no_path", f"the planner gave no answer within {self.rules.plan_timeout:g} s", seen)
+        elif isinstance(answer, PlanFailure):
+            outcome = "rejected" if answer.kind in REJECTING else "no_path"
+            self._finish(outcome, f"{answer.kind}: {answer.detail}", seen, answer.place)
+        else:
+            self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
+            self.state = "driving"
+            active.best, active.moved_at = math.inf, seen.time
+
+    def _while_driving(self, active: _Active, seen: Seen) -> None:
+        assert seen.estimate is not None
+        pose = seen.estimate.pose
+        target = active.legs[0]
+        if math.hypot(target.x - pose.x, target.y - pose.y) <= self.rules.tolerance or self._drive.stop_here:
+            self._arrive(active, pose, seen)
+            return
+        trapped = seen.avoider is not None and seen.avoider.status == "trapped"
+        if trapped and seen.handover is not None and seen.handover.engaged:
+            self._recover(active, "trapped", seen)
+        elif self._makes_no_progress(active, seen):
+            self._recover(active, "no_progress", seen)
+
+    def _while_recovering(self, active: _Active, seen: Seen) -> None:
+        step = seen.recovery
+        if step is None or seen.time == active.since:
+            return
+        if step.state == "done":
+            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+            if step.clear_map:
+                self._requests += 1
+                self._out.append(("clear", ClearRequest(self._requests)))
+                self._has_scanned = False
+            self._need_map(seen)
+        elif step.state == "failed":
+            self._recover(active, active.why, seen)
+
+    # --- what they share ------------------------------------------------------------------------------------------
+
+    def _need_map(self, seen: Seen) -> None:
+        """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map."""
+        active = self._active
+        assert active is not None
+        active.since, active.asked_ns = seen.time, 0
+        if self.rules.scans_on_request and not self._has_scanned:
+            self._has_scanned = True
+            self._requests += 1
+            self._set_drive(NO_DRIVE)
+            self._out.append(("sweep", SweepRequest(self._requests)))
+            active.asked_ns = seen.time_ns
+        elif seen.map is not None and seen.estimate is not None:
+            self._ask_plan(active, seen)
+            return
+        self.state = "mapping"
+
+    def _ask_plan(self, active: _Active, seen: Seen) -> None:
+        assert seen.estimate is not None
+        self._requests += 1
+        leg = active.legs[0]
+        last = len(active.legs) == 1 and active.goal.heading is not None
+        heading = active.goal.heading if last and active.goal.heading is not None else 0.0
+        goal = Pose2D(leg.x, leg.y, heading)
+        active.plan_id, active.since = self._requests, seen.time
+        self._out.append(("plan", PlanRequest(self._requests, seen.estimate.pose, goal)))
+        self.state = "planning"
+
+    def _arrive(self, active: _Active, pose: Pose2D, seen: Seen) -> None:
+        if len(active.legs) > 1:
+            active.legs.pop(0)
+            self._ask_plan(active, seen)
+            return
+        wanted = active.goal.heading
+        off = 0.0 if wanted is None else abs(math.remainder(wanted - pose.heading, math.tau))
+        if off <= self.rules.heading_tolerance:
+            self._finish("succeeded", "the goal was reached", seen)
+        elif not self._drive.stop_here:
+            self._set_drive(replace(self._drive, turn_to=wanted, stop_here=True))
+            active.moved_at = seen.time
+        elif seen.time - active.moved_at > self.rules.stuck_after:
+            self._finish("stuck", "the heading asked for was not reached", seen)
+
+    def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
+        held = seen.gate is not None and seen.gate.latched
+        if held or seen.reference is None or seen.reference.path_id != self._drive.path_id:
+            active.moved_at = seen.time
+        elif seen.reference.remaining < active.best - 0.05:
+            active.best, active.moved_at = seen.reference.remaining, seen.time
+        return seen.time - active.moved_at > self.rules.stuck_after
+
+    def _recover(self, active: _Active, why: str, seen: Seen) -> None:
+        if active.recoveries >= self.rules.max_recoveries:
+            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+            self._finish("stuck", why, seen)
+            return
+        active.recoveries += 1
+        active.why, active.since = why, seen.time
+        self._set_drive(NO_DRIVE)
+        self._out.append(("recovery", RecoveryRequest(True, active.recoveries, why)))
+        self.state = "recovering"
+
+    def _react_to_swaps(self, active: _Active, seen: Seen) -> None:
+        """A swapped-in mapper or planner means a new plan; one that waits is given what it needs to warm up."""
+        pending = seen.gate.pending if seen.gate is not None else ()
+        fresh = [entry for entry in pending if entry not in self._pending]
+        self._pending = pending
+        if self._selected != ("", "") and seen.selected != self._selected and self.state in ("driving", "planning"):
+            self._ask_plan(active, seen)
+        elif any(entry.startswith("planner ") for entry in fresh) and self.state == "driving":
+            self._ask_plan(active, seen)
+        elif any(entry.startswith("mapper ") for entry in fresh) and self.rules.scans_on_request:
+            if self.state in ("driving", "planning"):
+                self._has_scanned = False
+                self._need_map(seen)
+        self._selected = seen.selected
+
+    def _finish(self, outcome: str, reason: str, seen: Seen, place: Point2D | None = None) -> None:
+        active = self._active
+        assert active is not None
+        if place is None:
+            pose = seen.estimate.pose if seen.estimate is not None else Pose2D(0.0, 0.0, 0.0)
+            place = Point2D(pose.x, pose.y)
+        self._out.append(("result", GoalResult(active.goal.goal_id, outcome, reason, place)))  # type: ignore[arg-type]
+        if self.state == "recovering":
+            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+        self._active = None
+        self.state = "idle"
+        self._set_drive(NO_DRIVE)
+
+    def _set_drive(self, drive: Drive) -> None:
+        if drive != self._drive:
+            self._drive = drive
+            self._out.append(("drive", drive))
+
+    def _report(self, seen: Seen) -> None:
+        active = self._active
+        now = (active.goal.goal_id if active else 0, self.state)
+        if now == self._said and (active is None or seen.tick % self.rules.feedback_ticks):
+            return
+        self._said = now
+        reference = seen.reference if self.state == "driving" else None
+        left = reference.remaining if reference is not None else 0.0
+        feedback = Feedback(
+            goal_id=now[0],
+            state=self.state,  # type: ignore[arg-type]
+            distance=left,
+            time_left=left / reference.speed if reference is not None else 0.0,
+            cross_track=reference.cross_track if reference is not None else 0.0,
+            recoveries=active.recoveries if active else 0,
+        )
+        self._out.append(("feedback", feedback))

@@ -1,0 +1,183 @@
+"""Line of sight on a grid, and the pruning of a planner's path with it.
+
+A segment is free when every cell that it so much as touches is free (closed supercover): a segment through the shared
+corner of two cells touches all four, so corners are never cut. Outside of the grid nothing is free.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["is_segment_free", "prune", "simplify", "warm_up", "without_repeats"]
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+_TOUCH = 1e-6
+"""A segment this near to a cell, in cells, touches it: the answer must not hang on rounding."""
+_REPEAT = 1e-6
+"""Points nearer than this, m, are one point."""
+_DENSE = 400
+"""Up to this many points, all are candidates for corners; of longer paths the turning points and about 250 more."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def is_segment_free(cells, resolution, x_low, y_low, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """Whether all cells a segment touches are traversable.
+
+    Args:
+        cells: (rows, cols) bool, True where the robot's centre may be; row 0 has the lowest y, column 0 the lowest x.
+        resolution: Edge of a cell, m.
+        x_low, y_low: Lower left corner of cell (0, 0), m.
+        x0, y0, x1, y1: Ends of the segment, m, in the frame of the grid.
+    """
+    rows, cols = cells.shape
+    xa, ya, xb, yb = (x0 - x_low) / resolution, (y0 - y_low) / resolution, 0.0, 0.0
+    xb, yb = (x1 - x_low) / resolution, (y1 - y_low) / resolution
+    if ya > yb:
+        xa, ya, xb, yb = xb, yb, xa, ya
+    lowest, highest = math.floor(ya - _TOUCH), math.floor(yb + _TOUCH)
+    if lowest < 0 or highest >= rows or min(xa, xb) - _TOUCH < 0.0 or max(xa, xb) + _TOUCH >= cols:
+        return False
+    rise = yb - ya
+    for row in range(lowest, highest + 1):
+        enter, leave = 0.0, 1.0
+        if rise > _TOUCH:
+            enter = max(0.0, (row - _TOUCH - ya) / rise)
+            leave = min(1.0, (row + 1.0 + _TOUCH - ya) / rise)
+        x_enter, x_leave = xa + enter * (xb - xa), xa + leave * (xb - xa)
+        first, last = math.floor(min(x_enter, x_leave) - _TOUCH), math.floor(max(x_enter, x_leave) + _TOUCH)
+        for column in range(first, last + 1):
+            if not cells[row, column]:
+                return False
+    return True
+
+
+def prune(
+    points: Floats, traversable: Cells, resolution: float, origin: tuple[float, float], corner_cost: float = 0.05
+) -> Floats:
+    """The cheapest chain of free segments over a subset of the points of a path: length plus a cost a corner.
+
+    Exact over its candidates by dynamic programming (all points of a path of up to 400 points). Consecutive points
+    always see each other, whatever the grid says of them: they are the planner's responsibility. The corner cost
+    keeps a chain around a round obstacle from following every cell of it; it makes the result at most that much
+    longer a corner saved.
+
+    Args:
+        points: (n, 2) path, m, in the frame of the grid.
+        traversable: (rows, cols) bool; row 0 has the lowest y, column 0 the lowest x.
+        resolution: Edge of a cell, m.
+        origin: x, y of the lower left corner of cell (0, 0), m.
+        corner_cost: m, >= 0.
+
+    Returns:
+        (m, 2) with m <= n, the first and the last point of the path being its ends.
+    """
+    path = without_repeats(points)
+    if len(path) < 3:
+        return path
+    candidates = path[_candidates(path)]
+    return candidates[_cheapest_chain(candidates, traversable, resolution, origin[0], origin[1], corner_cost)]
+
+
+def simplify(points: Floats, tolerance: float) -> Floats:
+    """A path with fewer points, nowhere more than `tolerance` beside the old one (Ramer 1972, Douglas & Peucker 1973).
+
+    For paths without a grid.
+
+    Args:
+        points: (n, 2) path, m.
+        tolerance: m.
+
+    Returns:
+        (m, 2), a subset with both ends.
+    """
+    path = without_repeats(points)
+    if len(path) < 3:
+        return path
+    return path[_far_points(path, tolerance)]
+
+
+def without_repeats(points: Floats) -> Floats:
+    """A path (n, 2), m, without points that are nearer than 1 µm to the one before; the last one always stays."""
+    path = np.ascontiguousarray(points, dtype=np.float64)
+    steps = np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1]))
+    kept = path[np.concatenate([[True], steps > _REPEAT])].copy()
+    if len(kept) > 1:
+        kept[-1] = path[-1]
+    return kept
+
+
+def _candidates(path: Floats) -> NDArray[np.int64]:
+    """Indices of the points of a path that may become corners."""
+    count = len(path)
+    if count <= _DENSE:
+        return np.arange(count)
+    steps = np.diff(path, axis=0)
+    steps /= np.hypot(steps[:, 0], steps[:, 1])[:, None]
+    turns = np.abs(steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]) > 1e-9
+    turns |= (steps[:-1] * steps[1:]).sum(axis=1) < 0.0
+    chosen = np.concatenate([[True], turns, [True]])
+    chosen[:: max(1, count // 250)] = True
+    return np.flatnonzero(chosen)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cheapest_chain(points, cells, resolution, x_low, y_low, corner_cost):  # type: ignore[no-untyped-def]
+    """Indices of the points of the cheapest chain; of equal ones that with the longest last segments."""
+    count = points.shape[0]
+    cost, parent = np.zeros(count), np.zeros(count, np.int64)
+    for j in range(1, count):
+        x, y = points[j, 0], points[j, 1]
+        best, before = np.inf, j - 1
+        for step in range(j):
+            i = j - 1 if step == 0 else step - 1
+            dx, dy = x - points[i, 0], y - points[i, 1]
+            total = cost[i] + math.sqrt(dx * dx + dy * dy) + corner_cost
+            if step > 0 and (
+                total > best + 1e-9
+                or (total > best - 1e-9 and before < i)
+                or not is_segment_free(cells, resolution, x_low, y_low, x, y, points[i, 0], points[i, 1])
+            ):
+                continue
+            best, before = total, i
+        cost[j], parent[j] = best, before
+    chain = [count - 1]
+    while chain[-1] != 0:
+        chain.append(parent[chain[-1]])
+    return np.array(chain[::-1])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _far_points(points, tolerance):  # type: ignore[no-untyped-def]
+    """Mask of the points kept: the farthest from each chord, while it is farther than the tolerance."""
+    kept = np.zeros(points.shape[0], np.bool_)
+    kept[0] = kept[-1] = True
+    chords = [(0, points.shape[0] - 1)]
+    while chords:
+        first, last = chords.pop()
+        dx, dy = points[last, 0] - points[first, 0], points[last, 1] - points[first, 1]
+        square = dx * dx + dy * dy
+        farthest, index = tolerance, -1
+        for k in range(first + 1, last):
+            px, py = points[k, 0] - points[first, 0], points[k, 1] - points[first, 1]
+            share = min(1.0, max(0.0, (px * dx + py * dy) / square)) if square > 0.0 else 0.0
+            gap = math.sqrt((px - share * dx) ** 2 + (py - share * dy) ** 2)
+            if gap > farthest:
+                farthest, index = gap, k
+        if index >= 0:
+            kept[index] = True
+            chords.append((first, index))
+            chords.append((index, last))
+    return kept
+
+
+def warm_up() -> None:
+    """Compile the kernels."""
+    path = np.array([[0.5, 0.5], [0.5, 1.5], [1.5, 1.5]])
+    prune(path, np.ones((3, 3), np.bool_), 1.0, (0.0, 0.0))
+    simplify(path, 0.01)

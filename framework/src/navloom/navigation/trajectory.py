@@ -1,0 +1,252 @@
+"""From a planner's path to what controllers follow: pruned, rounded, sampled by arc length, with a speed.
+
+The direction the robot faces at the start plays no part in it: turning onto the first segment is the controller's job.
+The speed never goes down to zero, since tracking laws such as eq. (6) of Hoang et al. 2013 need a moving reference:
+it ends at the lowest speed, and the goal checker stops the robot.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom.navigation import fillets, sight
+
+__all__ = ["Limits", "SmoothPath", "free_samples", "make_trajectory", "sample_path", "speed_profile", "warm_up"]
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+_FINEST = 0.005
+_PER_FILLET = 8.0
+"""Samples of the shortest fillet, as far as steps of `_FINEST`, m, allow."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the reference may do.
+
+    Attributes:
+        slowest, fastest: Speed, m/s. Below `slowest` it goes only where a tight corner and `turn_rate` ask for it.
+        turn_rate: Largest |ω_r|, rad/s.
+        lateral: Largest lateral acceleration v² |κ|, m/s².
+        acceleration, deceleration: m/s², > 0.
+    """
+
+    slowest: float = 0.2
+    fastest: float = 0.4
+    turn_rate: float = math.radians(25.0)
+    lateral: float = 0.3
+    acceleration: float = 0.5
+    deceleration: float = 0.5
+
+    def radius_at(self, speed: float) -> float:
+        """Smallest radius, m, at which a speed, m/s, keeps turn rate and lateral acceleration."""
+        return max(speed / self.turn_rate, speed * speed / self.lateral)
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothPath:
+    """A trajectory and where it had to give way.
+
+    Attributes:
+        samples: (n, 6) rows of arc length s, m, from 0 in equal steps; x, y, m; heading, rad in [-π, π); curvature,
+            1/m, positive to the left; speed, m/s. Read-only, in the frame of the points.
+        corners: (m, 2) the polyline that was rounded, m.
+        radii: (m,) smallest radius of each corner's fillet, m; infinite where there is no turn.
+        slow_places: (k, 2) corners, m, so tight that the speed there is below `Limits.slowest`.
+    """
+
+    samples: Floats
+    corners: Floats
+    radii: Floats
+    slow_places: Floats
+
+
+def make_trajectory(
+    points: Floats,
+    limits: Limits,
+    traversable: Cells | None = None,
+    resolution: float = 1.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    spacing: float = 0.02,
+    rounding: float = 0.05,
+    heading: float = 0.0,
+) -> SmoothPath:
+    """The trajectory of a path.
+
+    With a grid, corners are pruned by line of sight and every fillet stays within free cells: it is shrunk, or its
+    corner moved outwards, until it does. Where the free space does not hold the radius of the lowest speed (0.458 m at
+    0.2 m/s and 25°/s), the corner gets the largest that is free and the speed there goes below the lowest one, so that
+    the turn rate stays within its limit; `slow_places` lists such corners. It is above 0.05 m/s down to a radius of
+    0.115 m. Without a grid, the result is within 2 `rounding` of the path.
+
+    Args:
+        points: (n, 2) path, m, n >= 1, in the frame of the grid.
+        limits: Speeds and accelerations.
+        traversable: (rows, cols) bool, True where the robot's centre may be; row 0 has the lowest y. None: unknown.
+        resolution: Edge of a cell, m.
+        origin: x, y of the lower left corner of cell (0, 0), m; its axes are parallel to those of the points.
+        spacing: Largest arc length between samples, m. It is lowered to 0.005 m where a tight fillet needs it.
+        rounding: Without a grid: how far corners may be cut, m.
+        heading: Of the only sample of a path without length, rad; otherwise without effect.
+
+    Raises:
+        ValueError: Points are not (n, 2), none, or not finite.
+    """
+    path = np.ascontiguousarray(points, dtype=np.float64)
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.isfinite(path).all():
+        raise ValueError(f"points: expected (n, 2) finite numbers with n >= 1, given {path.shape} {path.dtype}")
+    slow, fast = limits.radius_at(limits.slowest), limits.radius_at(limits.fastest)
+    if traversable is None:
+        cells, frame = np.zeros((0, 0), np.bool_), np.array([1.0, 0.0, 0.0])
+        corners, beside = sight.simplify(path, rounding), rounding
+    else:
+        cells, frame = np.ascontiguousarray(traversable, np.bool_), np.array([resolution, *origin])
+        corners, beside = sight.prune(path, cells, resolution, origin), math.inf
+        corners = fillets.move_corners(corners, cells, frame, 1.01 * slow, fast, 2)
+    if len(corners) == 1:
+        wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
+        samples = np.array([[0.0, *corners[0], wrapped, 0.0, limits.slowest]])
+        return _read_only(samples, corners, np.full(1, np.inf), np.zeros((0, 2)))
+    radii, shares = fillets.fit_fillets(corners, cells, frame, slow, fast, beside)
+    samples = np.empty((0, 6))
+    samples = sample_path(corners, radii, shares, _spacing(corners, radii, shares, spacing))
+    samples[:, 5] = speed_profile(samples[1, 0], samples[:, 4], limits)
+    return _read_only(samples, corners, radii, corners[radii < slow])
+
+
+def speed_profile(step: float, curvature: Floats, limits: Limits, start: float | None = None) -> Floats:
+    """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then within the accelerations.
+
+    The clip at v_min gives way to ω_lim: in a corner too tight for both, v is ω_lim/|κ|.
+
+    Args:
+        step: Arc length between samples, m.
+        curvature: (n,) 1/m.
+        limits: Speeds and accelerations.
+        start: Speed of the first sample, m/s; None is the lowest.
+
+    Returns:
+        (n,) speed, m/s, > 0; the last one is at most the lowest speed of the limits.
+    """
+    bend = np.maximum(np.abs(curvature), 1e-9)
+    speed = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
+    speed = np.minimum(speed, limits.turn_rate / bend)
+    speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
+    speed[-1] = min(speed[-1], limits.slowest)
+    _limit_acceleration(speed, 2.0 * limits.acceleration * step, 2.0 * limits.deceleration * step)
+    return speed
+
+
+def sample_path(corners: Floats, radii: Floats, shares: Floats, spacing: float) -> Floats:
+    """Samples of a rounded polyline in equal steps of arc length, the first and the last at its ends.
+
+    Args:
+        corners: (m, 2) polyline, m, m >= 2.
+        radii, shares: (m,) of `fillets.fit_fillets`.
+        spacing: Largest step, m.
+
+    Returns:
+        (n, 6) arc length, x, y, heading in [-π, π), curvature, and 0 for the speed.
+    """
+    return _sample(corners, radii, shares, spacing)
+
+
+def free_samples(samples: Floats, traversable: Cells, resolution: float, origin: tuple[float, float]) -> bool:
+    """Whether all chords between samples (n, 6) touch free cells only: for checking a trajectory against a newer grid."""
+    cells = np.ascontiguousarray(traversable, np.bool_)
+    where = (cells, resolution, *origin)
+    return all(sight.is_segment_free(*where, a[1], a[2], b[1], b[2]) for a, b in pairwise(samples))
+
+
+def _read_only(samples: Floats, corners: Floats, radii: Floats, slow_places: Floats) -> SmoothPath:
+    for array in (samples, corners, radii, slow_places):
+        array.flags.writeable = False
+    return SmoothPath(samples, corners, radii, slow_places)
+
+
+def _spacing(corners: Floats, radii: Floats, shares: Floats, spacing: float) -> float:
+    """The step that gives the shortest fillet its samples, m."""
+    turns = np.array([abs(fillets.turn_at(corners, i)) for i in range(len(corners))])
+    rounded = np.isfinite(radii) & (radii > 0.0)
+    shortest = (radii * turns * (1.0 + shares))[rounded].min(initial=math.inf)
+    return float(min(spacing, max(_FINEST, shortest / _PER_FILLET)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _limit_acceleration(speed, gain, loss):  # type: ignore[no-untyped-def]
+    """Forward and backward pass: v² rises by at most `gain` and falls by at most `loss` a step, in place."""
+    for k in range(1, speed.shape[0]):
+        speed[k] = min(speed[k], math.sqrt(speed[k - 1] ** 2 + gain))
+    for k in range(speed.shape[0] - 2, -1, -1):
+        speed[k] = min(speed[k], math.sqrt(speed[k + 1] ** 2 + loss))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _stations(corners, radii, shares):  # type: ignore[no-untyped-def]
+    """(m, 3) of each corner: arc length at which its fillet begins and ends, m, and its reach along the segments, m."""
+    stations = np.zeros((corners.shape[0], 3))
+    for i in range(1, corners.shape[0]):
+        turn = abs(fillets.turn_at(corners, i))
+        reach = length = 0.0
+        if 0.0 < radii[i] < np.inf and turn > 0.0:
+            reach = radii[i] * fillets.fillet_shape(turn, shares[i])[0]
+            length = radii[i] * turn * (1.0 + shares[i])
+        dx, dy = corners[i, 0] - corners[i - 1, 0], corners[i, 1] - corners[i - 1, 1]
+        start = stations[i - 1, 1] + max(0.0, math.sqrt(dx * dx + dy * dy) - stations[i - 1, 2] - reach)
+        stations[i, 0], stations[i, 1], stations[i, 2] = start, start + length, reach
+    return stations
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sample(corners, radii, shares, spacing):  # type: ignore[no-untyped-def]
+    stations = _stations(corners, radii, shares)
+    total = stations[-1, 1]
+    count = int(math.ceil(total / spacing - 1e-9)) + 1
+    samples = np.zeros((max(2, count), 6))
+    step, i = total / (samples.shape[0] - 1), 1
+    for k in range(samples.shape[0]):
+        s = total if k == samples.shape[0] - 1 else k * step
+        while i < corners.shape[0] - 1 and s >= stations[i, 1]:
+            i += 1
+        samples[k, 0] = s
+        _place(corners, radii, shares, stations, i, s, samples[k])
+    return samples
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place(corners, radii, shares, stations, i, s, sample):  # type: ignore[no-untyped-def]
+    """Fills x, y, heading and curvature at arc length s, before or on the fillet of corner i."""
+    back = s > 0.5 * (stations[i, 0] + stations[i, 1]) and stations[i, 2] > 0.0
+    other = i + 1 if back else i - 1
+    ux, uy = corners[i, 0] - corners[other, 0], corners[i, 1] - corners[other, 1]
+    size = math.sqrt(ux * ux + uy * uy)
+    ux, uy = ux / size, uy / size
+    turn, along = fillets.turn_at(corners, i), s - stations[i, 0]
+    x, y, heading, bend = along - stations[i, 2], 0.0, 0.0, 0.0
+    if along > 0.0 and stations[i, 2] > 0.0:
+        radius, share = radii[i], shares[i]
+        along = max(0.0, stations[i, 1] - s) if back else along
+        x, y, heading, bend = fillets.fillet_point(along / radius, abs(turn), share)
+        side = -math.copysign(1.0, turn) if back else math.copysign(1.0, turn)
+        x, y, heading, bend = x * radius - stations[i, 2], y * radius * side, heading * side, bend / radius
+    sample[1], sample[2] = corners[i, 0] + x * ux - y * uy, corners[i, 1] + x * uy + y * ux
+    heading += math.atan2(-uy, -ux) if back else math.atan2(uy, ux)
+    sample[3] = (heading + math.pi) % (2.0 * math.pi) - math.pi
+    sample[4] = math.copysign(bend, turn)
+
+
+def warm_up() -> None:
+    """Compile all kernels on the way from path to trajectory."""
+    sight.warm_up()
+    fillets.warm_up()
+    path, cells = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.ones((3, 3), np.bool_)
+    made = make_trajectory(path, Limits(), cells)
+    make_trajectory(path, Limits())
+    free_samples(made.samples, cells, 1.0, (0.0, 0.0))

@@ -1,0 +1,45 @@
+"""The default recovery: stand still for a while, for what moves to move on, then plan on a fresh map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from navloom.messages import RecoveryStep, Twist2D
+from navloom.plugins.hooks import hookimpl
+from navloom.plugins.registry import Registry
+from navloom.roles import Context, Params, Recovery, RecoveryInput
+
+__all__ = ["WaitAndReplan"]
+
+
+class WaitParams(Params):
+    """How long to wait."""
+
+    wait: float = Field(2.0, ge=0.0, le=600.0, description="s to stand still")
+    clear_map: bool = Field(True, description="Ask for a fresh map, and so for a sweep where there is one.")
+
+
+class WaitAndReplan(Recovery):
+    """Stands still: without sensors behind it, a robot that backs up drives blind."""
+
+    name = "wait_and_replan"
+    accepts = ()
+    Params = WaitParams
+
+    def __init__(self, params: Any, context: Context) -> None:
+        super().__init__(params, context)
+        self._until_ns = 0
+
+    def recover(self, given: RecoveryInput) -> RecoveryStep:
+        if given.starts:
+            self._until_ns = given.stamp_ns + round(self.params.wait * 1e9)
+        is_over = given.stamp_ns >= self._until_ns
+        return RecoveryStep(Twist2D(0.0, 0.0, 0.0), "done" if is_over else "running", is_over and self.params.clear_map)
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add the recovery."""
+    registry.add(WaitAndReplan)

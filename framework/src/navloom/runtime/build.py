@@ -1,0 +1,319 @@
+"""From a checked config to plugins, nodes and slots, ready to step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from navloom.config import ConfigError, Loaded, check_params
+from navloom.config.loader import explain
+from navloom.config.schema import ROLE_TABLES, Config, PlaceTable, RoleTable
+from navloom.dataflow.graph import order
+from navloom.dataflow.nodes import role_node
+from navloom.dataflow.ports import NodeSpec
+from navloom.dataflow.streams import stream_source
+from navloom.dataflow.table import node_table
+from navloom.geometry.footprints import FootprintError, polygon, rectangle
+from navloom.geometry.world import World
+from navloom.messages import OccupancyGrid, Pose2D
+from navloom.navigation.handover import HandOverRule
+from navloom.plugins import Discovery, PluginError
+from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
+
+__all__ = ["System", "assemble", "make_plugins", "robot_spec"]
+
+Progress = Callable[[str], None]
+
+
+@dataclass(eq=False)
+class Part:
+    """One plugin of a run: where it stands in the config, its class, parameters, and the object."""
+
+    place: str
+    role: str
+    table: RoleTable
+    cls: type[Role]
+    params: Any
+    sensors: tuple[str, ...] = ()
+    plugin: Role | None = None
+
+
+@dataclass(eq=False)
+class System:
+    """Everything of a run but the executor.
+
+    Attributes:
+        loaded: The config.
+        robot: What plugins are told.
+        world: Ground truth, or None on a real robot.
+        start: Pose in the map.
+        goal: Where to go, or None.
+        goal_tolerance: m.
+        specs: Nodes in the order they step.
+        parts: By (role, instance): active ones first.
+        sensors: As configured.
+        scans_on_request: The active mapper lives on sweeps that must be asked for.
+    """
+
+    loaded: Loaded
+    robot: RobotSpec
+    world: World | None
+    start: Pose2D
+    goal: PlaceTable | None
+    goal_tolerance: float
+    specs: list[NodeSpec]
+    parts: dict[tuple[str, str], Part]
+    sensors: tuple[SensorSpec, ...]
+    scans_on_request: bool
+    map: OccupancyGrid | None = field(default=None)
+
+    @property
+    def config(self) -> Config:
+        """What holds."""
+        return self.loaded.config
+
+    def plugin(self, role: str, instance: str) -> Role:
+        """The object behind an instance."""
+        plugin = self.parts[(role, instance)].plugin
+        assert plugin is not None
+        return plugin
+
+
+def robot_spec(config: Config) -> RobotSpec:
+    """What plugins are told about the robot. Raises ConfigError for a footprint no robot can have."""
+    table = config.robot
+    shape = table.footprint
+    try:
+        if shape.polygon is not None:
+            outline = polygon(shape.polygon)
+        else:
+            assert shape.length is not None and shape.width is not None
+            outline = rectangle(shape.length, shape.width)
+    except FootprintError as error:
+        raise ConfigError(f"robot.footprint: {error}") from None
+    return RobotSpec(
+        outline,
+        table.height,
+        table.wheel_radius,
+        table.half_track,
+        table.max_linear,
+        table.max_angular,
+        table.max_acceleration,
+        table.max_deceleration,
+    )
+
+
+def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
+    """Find the plugins, check their parameters and the wiring. Makes no plugin yet.
+
+    Raises:
+        ConfigError: Something in the file does not fit; PluginError: a plugin cannot be used.
+    """
+    config = loaded.config
+    discovery = discovery or Discovery(config.plugins.blocked)
+    parts = _find_parts(config, discovery)
+    world = _world(loaded, discovery)
+    platform = parts[("platform", config.platform.instance)].cls
+    assert issubclass(platform, Platform)
+    sensors = _sensors(config, platform)
+    for part in parts.values():
+        part.sensors = _wired(part, platform, sensors)
+    wired = {role: parts[(role, config.role_table(role).instance)].sensors for role in ROLE_TABLES}
+    for part in parts.values():
+        extra = [name for name in part.sensors if name not in wired[part.role]]
+        wired[part.role] = (*wired[part.role], *extra)
+    specs = order(node_table([sensor.name for sensor in sensors], wired))
+    for place, table in config.role_tables():
+        _stride(table, config.run.period, place)
+    start, goal, tolerance = _task(config, world)
+    mapper = set(parts[("mapper", config.mapper.instance)].sensors)
+    asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
+    system = System(
+        loaded, robot_spec(config), world, start, goal, tolerance, specs, parts, sensors, asks,
+    )  # fmt: skip
+    if config.map is not None or any(part.cls.needs_map for part in parts.values()):
+        system.map = _known_map(loaded, discovery, world)
+    _check_set_events(system)
+    return system
+
+
+def make_plugins(system: System, progress: Progress = lambda text: None) -> None:
+    """Make every plugin and compile its kernels, so that no tick does.
+
+    Raises:
+        ConfigError: A plugin refuses its world, sensors or map.
+    """
+    config = system.config
+    warmed: set[type[Role]] = set()
+    for (role, instance), part in system.parts.items():
+        if part.cls not in warmed:
+            progress(f"preparing {role} {part.cls.name}")
+            part.cls.warm_up()
+            warmed.add(part.cls)
+        context = Context(
+            instance=instance,
+            period=config.run.period,
+            robot=system.robot,
+            stream=stream_source(config.run.seed, role, instance),
+            start=system.start,
+            sensors=system.sensors if role == "platform" else (),
+            world=system.world if role == "platform" else None,
+            map=system.map if role in ("mapper", "localizer") else None,
+        )
+        try:
+            part.plugin = part.cls(part.params, context)
+        except ValidationError as error:
+            raise ConfigError(explain(error, part.cls.Params, part.place)) from None
+        except ValueError as error:
+            raise ConfigError(f"{part.place}: {error}") from None
+
+
+def role_nodes(system: System) -> dict[tuple[str, str], Any]:
+    """A node for each plugin."""
+    rules = system.config.navigation
+    nodes = {}
+    for key in system.parts:
+        rule = HandOverRule(rules.handover, rules.handover_release) if key[0] == "avoider" else None
+        nodes[key] = role_node(system.plugin(*key), rule)
+    return nodes
+
+
+def changed_params(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> Any:
+    """An instance's parameters with some changed, all or nothing. Raises ConfigError naming the one that does not fit."""
+    import tomllib
+
+    part = system.parts[(role, instance)]
+    current = part.params if part.plugin is None else part.plugin.params
+    values = {**current.model_dump(exclude_unset=True), **tomllib.loads("\n".join(assignments))}
+    return check_params(part.cls.Params, values, part.place)
+
+
+def stride_of(table: RoleTable, period: float) -> int:
+    """Ticks between steps of a node."""
+    return 1 if table.rate_hz is None else round(1.0 / (table.rate_hz * period))
+
+
+def _find_parts(config: Config, discovery: Discovery) -> dict[tuple[str, str], Part]:
+    parts: dict[tuple[str, str], Part] = {}
+    for place, table in config.role_tables():
+        role = place if place in ROLE_TABLES else getattr(table, "role")  # noqa: B009
+        try:
+            cls = discovery.role(role, table.plugin)
+        except PluginError as error:
+            raise PluginError(f"{place}.plugin: {error}") from None
+        params = check_params(cls.Params, table.params, place)
+        parts[(role, table.instance)] = Part(place, role, table, cls, params)
+    return parts
+
+
+def _world(loaded: Loaded, discovery: Discovery) -> World | None:
+    if loaded.config.world is None:
+        return None
+    return _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
+
+
+def _resolve(loaded: Loaded, discovery: Discovery, place: str, reference: str) -> World:
+    try:
+        return discovery.world(reference, loaded.base_of(place))
+    except (PluginError, ValueError) as error:
+        raise ConfigError(f"{place}: {error}") from None
+
+
+def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> OccupancyGrid:
+    table = loaded.config.map
+    reference = table.ref if table is not None else "world"
+    resolution = table.resolution if table is not None else 0.05
+    if reference != "world":
+        world = _resolve(loaded, discovery, "map.ref", reference)
+    if world is None:
+        raise ConfigError('map.ref: is "world", but there is no [world]; name a map, as in ref = "rosmap:F.yaml"')
+    return grid_of(world, resolution, loaded.config.robot.height)
+
+
+def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
+    """A world as a map: its raster as it is where that is all there is, else drawn in cells of a resolution, m."""
+    from navloom.geometry.grid import world_to_grid
+
+    raster = world.raster
+    if raster is not None and not world.obstacles:
+        cells = np.where(raster.occupied, 100, 0).astype(np.int8)
+        return OccupancyGrid(cells, raster.resolution, Pose2D(raster.origin.x, raster.origin.y, raster.origin.heading))
+    grid = world_to_grid(world, resolution, (0.0, height))
+    return OccupancyGrid(grid.cells, grid.resolution, Pose2D(grid.origin.x, grid.origin.y, grid.origin.heading))
+
+
+def _sensors(config: Config, platform: type[Platform]) -> tuple[SensorSpec, ...]:
+    specs = []
+    for number, table in enumerate(config.sensor):
+        if table.kind not in platform.sensor_kinds:
+            from navloom.plugins.registry import nearest
+
+            hint = nearest(table.kind, list(platform.sensor_kinds))
+            raise ConfigError(f"sensor.{number}.kind: {platform.name} has no sensor of kind {table.kind!r}{hint}")
+        if table.name in ("odometry", "contact", "truth"):
+            raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port every platform has; choose another name")
+        specs.append(SensorSpec(table.name, table.kind, table.params))
+    return tuple(specs)
+
+
+def _wired(part: Part, platform: type[Platform], sensors: tuple[SensorSpec, ...]) -> tuple[str, ...]:
+    """Sensors an instance gets: those its table names, or all whose messages it accepts."""
+    gives: Mapping[str, Any] = {sensor.name: platform.sensor_kinds[sensor.kind] for sensor in sensors}
+    if part.table.sensors is None:
+        return tuple(name for name, message in gives.items() if issubclass(message, part.cls.accepts))
+    for name in part.table.sensors:
+        if not issubclass(gives[name], part.cls.accepts):
+            takes = " and ".join(message.__name__ for message in part.cls.accepts) or "no sensor"
+            raise ConfigError(
+                f"{part.place}.sensors: {name!r} gives {gives[name].__name__}, {part.cls.name} takes {takes}"
+            )
+    return tuple(part.table.sensors)
+
+
+def _stride(table: RoleTable, period: float, place: str) -> None:
+    if table.rate_hz is not None:
+        ratio = 1.0 / (table.rate_hz * period)
+        if round(ratio) < 1 or not math.isclose(ratio, round(ratio), rel_tol=1e-6):
+            tick_rate = 1.0 / period
+            near = tick_rate / max(1, round(ratio))
+            raise ConfigError(
+                f"{place}.rate_hz: {table.rate_hz:g} does not divide the tick rate of {tick_rate:g} Hz; "
+                f"the nearest that does is {near:g}"
+            )
+
+
+def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | None, float]:
+    """Start, goal and tolerance: the config's, else the world's."""
+    navigation = config.navigation
+    if navigation.start is not None:
+        heading = math.radians(math.remainder(navigation.start.heading_deg or 0.0, 360.0))
+        start = Pose2D(navigation.start.x, navigation.start.y, heading)
+    elif world is not None and world.start is not None:
+        start = Pose2D(world.start.x, world.start.y, world.start.heading)
+    else:
+        start = Pose2D(0.0, 0.0, 0.0)
+    goal = navigation.goal
+    if goal is None and world is not None and world.goal is not None:
+        goal = PlaceTable(x=world.goal.x, y=world.goal.y)
+    authored = world.goal_tolerance if world is not None else None
+    return start, goal, navigation.goal_tolerance or authored or 0.2
+
+
+def _check_set_events(system: System) -> None:
+    """Refuse parameter changes that will not fit when their time comes."""
+    from navloom.dataflow.events import assignments
+
+    for number, event in enumerate(system.config.event):
+        if event.do == "set":
+            role = event.role or ""
+            instance = event.name or system.config.role_table(role).instance
+            try:
+                changed_params(system, role, instance, assignments(event.values))
+            except ConfigError as error:
+                raise ConfigError(f"event.{number}.values: {error}") from None

@@ -1,0 +1,56 @@
+"""What is wrong with a task before the first tick: checked against the true world, in simulation only."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.config import ConfigError
+from navloom.geometry.collision import clearance
+from navloom.geometry.footprints import inscribed_radius
+from navloom.geometry.world import Place
+from navloom.runtime.build import System
+
+__all__ = ["check_task"]
+
+
+def check_task(system: System) -> None:
+    """Refuse a start or goal that the robot cannot stand at in the true world.
+
+    Raises:
+        ConfigError: Occupied, naming the obstacle, outside the world, or no goal at all.
+    """
+    config = system.config
+    gives_goal = any(event.do == "goal" for event in config.event)
+    if (system.goal is None or not config.navigation.drive) and not gives_goal:
+        raise ConfigError(
+            "navigation.goal: is missing, and the world names none; give one, as in goal = { x = 0.0, y = 7.6 }"
+        )
+    world = system.world
+    if world is None:
+        return
+    outline = system.robot.footprint
+    start, goal = system.start, system.goal
+    places = [("navigation.start", start.x, start.y, start.heading, outline)]
+    if goal is not None and goal.heading_deg is not None:
+        places.append(("navigation.goal", goal.x, goal.y, math.radians(goal.heading_deg), outline))
+    elif goal is not None:
+        places.append(("navigation.goal", goal.x, goal.y, 0.0, _disc(inscribed_radius(outline))))
+    for place, x, y, heading, shape in places:
+        left, low, right, high = world.bounds
+        if not (left <= x <= right and low <= y <= high):
+            raise ConfigError(
+                f"{place}: ({x:g}, {y:g}) is outside the world {world.name}, "
+                f"which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m"
+            )
+        gap, name = clearance(shape, Place(x, y, heading), world, height=system.robot.height)
+        if gap <= 0.0:
+            raise ConfigError(f"{place}: the robot does not fit at ({x:g}, {y:g}): occupied by {name}")
+
+
+def _disc(radius: float) -> NDArray[np.float64]:
+    """(16, 2) corners of a polygon within a disc: what a robot that may stand at any heading covers for certain."""
+    angles = np.arange(16) * (math.tau / 16)
+    return radius * np.column_stack((np.cos(angles), np.sin(angles)))

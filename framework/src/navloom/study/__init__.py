@@ -1,0 +1,1 @@
+"""Episodes, metrics and reports: what a run was like."""

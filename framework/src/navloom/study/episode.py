@@ -1,0 +1,121 @@
+"""One closed-loop run from a config, and what it comes to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import IO, Any
+
+import numpy as np
+
+from navloom.config import Loaded
+from navloom.geometry.footprints import inscribed_radius
+from navloom.geometry.world import Place
+from navloom.messages import GoalResult, Point2D
+from navloom.plugins import Discovery
+from navloom.runtime.build import System, assemble, make_plugins
+from navloom.runtime.checks import check_task
+from navloom.runtime.executor import lockstep_of
+from navloom.runtime.lockstep import Observer, RunLog
+from navloom.runtime.trace import TraceWriter
+from navloom.study.recorder import Recorder
+
+__all__ = ["Episode", "run_episode"]
+
+
+@dataclass(eq=False)
+class Episode:
+    """A finished run: what ran, what it left, and what was collected beside it."""
+
+    system: System
+    log: RunLog
+    recorder: Recorder
+
+    @property
+    def result(self) -> GoalResult:
+        """How the last goal ended."""
+        if self.log.results:
+            return self.log.results[-1]
+        return GoalResult(0, "timeout", "no goal was given before the run ended", Point2D(0.0, 0.0))
+
+    def summary(self) -> dict[str, Any]:
+        """The object `run --json` prints. SI units; times in ms and µs where the name says so."""
+        log, recorder, result = self.log, self.recorder, self.result
+        optimal = self._optimal_length()
+        driven = recorder.path_length
+        reached = result.outcome == "succeeded"
+        tick_us = np.array(log.tick_ns) * 1e-3
+        cross = np.abs(np.array(recorder.cross_tracks))
+        return {
+            "outcome": result.outcome,
+            "reason": result.reason,
+            "config_sha256": self.system.loaded.sha256(),
+            "trace_sha256": log.trace_sha256,
+            "seed": self.system.config.run.seed,
+            "sim_time_s": round((log.ticks - 1) * self.system.config.run.period, 9),
+            "wall_s": log.wall_ns * 1e-9,
+            "ticks": log.ticks,
+            "tick_us": {"p50": float(np.percentile(tick_us, 50)), "p99": float(np.percentile(tick_us, 99))},
+            "plan_length_m": recorder.plans[0].length if recorder.plans else None,
+            "path_length_m": driven,
+            "optimal_length_m": optimal,
+            "spl": None if optimal is None else (optimal / max(driven, optimal, 1e-9) if reached else 0.0),
+            "min_clearance_m": recorder.min_clearance,
+            "cross_track_rms_m": math.sqrt(float((cross**2).mean())) if cross.size else None,
+            "cross_track_max_m": float(cross.max()) if cross.size else None,
+            "collisions": recorder.touches,
+            "recoveries": recorder.recoveries,
+            "gate_stops": log.gate_stops,
+            "planner_ms": _median_ms(log.step_ns["planner"]),
+            "mapper_ms": _median_ms(log.step_ns["mapper"]),
+            "swaps": log.swaps,
+        }
+
+    def _optimal_length(self) -> float | None:
+        from navloom.geometry.shortest import optimal_length
+
+        system = self.system
+        if system.world is None or system.goal is None:
+            return None
+        start, goal = Place(system.start.x, system.start.y), Place(system.goal.x, system.goal.y)
+        radius = inscribed_radius(system.robot.footprint)
+        return optimal_length(system.world, start, goal, radius, system.robot.height)
+
+
+def run_episode(
+    loaded: Loaded,
+    *,
+    discovery: Discovery | None = None,
+    observers: Sequence[Observer] = (),
+    trace: IO[bytes] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[float, float], None] | None = None,
+) -> Episode:
+    """Run a config in lockstep until its last goal has ended.
+
+    Args:
+        loaded: The config.
+        discovery: Plugins; default those installed.
+        observers: Who else looks on.
+        trace: File for the trace.
+        say: Told what is being prepared.
+        progress: Told the run time reached and the longest possible, s.
+
+    Raises:
+        ConfigError, PluginError: The request was wrong; nothing ran.
+    """
+    system = assemble(loaded, discovery)
+    check_task(system)
+    make_plugins(system, say)
+    recorder = Recorder()
+    executor = lockstep_of(system, [recorder, *observers], TraceWriter(trace))
+    run = loaded.config.run
+    ticks = math.ceil(round(run.stop_after / run.period, 6)) + 2
+    tell = None if progress is None else (lambda tick: progress(tick * run.period, run.stop_after))
+    log = executor.run(ticks, tell)
+    return Episode(system, log, recorder)
+
+
+def _median_ms(steps: Sequence[int]) -> float | None:
+    return float(np.median(steps)) * 1e-6 if steps else None

@@ -1,0 +1,92 @@
+"""One path on one map, without a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+
+from navloom.config import ConfigError, check_params
+from navloom.config.loader import parse_override
+from navloom.dataflow.streams import stream_source
+from navloom.geometry.footprints import rectangle
+from navloom.geometry.world import World
+from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanRequest, Pose2D
+from navloom.plugins import Discovery
+from navloom.roles import Context, Planner, PlannerInput, RobotSpec
+from navloom.runtime.build import grid_of
+
+__all__ = ["map_update", "plan_once"]
+
+POINT = 1e-6
+"""Size that stands for a point robot, m."""
+
+
+def map_update(grid: OccupancyGrid) -> MapUpdate:
+    """A map without segments: planners then work on its cells."""
+    return MapUpdate(0, grid, np.empty((0, 4)), ())
+
+
+def plan_once(
+    reference: str,
+    base: FilePath,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    *,
+    planner: str = "astar",
+    changes: Sequence[str] = (),
+    size: tuple[float, float] = (0.0, 0.0),
+    resolution: float = 0.05,
+    discovery: Discovery | None = None,
+) -> dict[str, Any]:
+    """Plan on a world's map.
+
+    Args:
+        reference: World reference, relative paths from `base`.
+        start, goal: m, map frame.
+        planner: Name of the plugin.
+        changes: Its parameters as `key=value`.
+        size: Length and width of the robot, m; 0 is a point.
+        resolution: Cell of maps without a raster, m.
+
+    Returns:
+        `outcome` ("found" or the kind of failure), `reason`, `place`, `length_m`, `points`, `planner`, `planner_ms`.
+    """
+    discovery = discovery or Discovery()
+    cls = discovery.role("planner", planner)
+    assert issubclass(cls, Planner)
+    params = check_params(cls.Params, dict(map(parse_override, changes)), "--set")
+    world: World = discovery.world(reference, base)
+    for name, (x, y) in (("--from", start), ("--to", goal)):
+        _check_inside(name, x, y, world)
+    length, width = (max(side, POINT) for side in size)
+    robot = RobotSpec(rectangle(length, width), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
+    context = Context("plan", 0.05, robot, stream_source(0, "planner", "plan"), Pose2D(*start, 0.0))
+    cls.warm_up()
+    plugin = cls(params, context)
+    given = PlannerInput(
+        PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0)), map_update(grid_of(world, resolution, robot.height))
+    )
+    before = perf_counter_ns()
+    answer = plugin.plan(given)
+    spent = (perf_counter_ns() - before) * 1e-6
+    if isinstance(answer, Path):
+        return {
+            "outcome": "found", "reason": "", "place": None, "length_m": answer.length,
+            "points": answer.points.tolist(), "planner": planner, "planner_ms": spent,
+        }  # fmt: skip
+    return {
+        "outcome": answer.kind, "reason": answer.detail, "place": [answer.place.x, answer.place.y], "length_m": None,
+        "points": [], "planner": planner, "planner_ms": spent,
+    }  # fmt: skip
+
+
+def _check_inside(name: str, x: float, y: float, world: World) -> None:
+    left, low, right, high = world.bounds
+    if not (left <= x <= right and low <= y <= high):
+        raise ConfigError(
+            f"{name} {x:g},{y:g}: outside the map, which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m"
+        )

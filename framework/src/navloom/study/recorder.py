@@ -1,0 +1,114 @@
+"""What an episode is judged by, collected beside the run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages import (
+    Envelope,
+    HandOver,
+    MapUpdate,
+    Message,
+    Path,
+    RecoveryRequest,
+    Reference,
+    StepRecord,
+    Trajectory,
+    Truth,
+)
+
+__all__ = ["Recorder"]
+
+
+@dataclass
+class Recorder:
+    """An observer that keeps the truth, the references, and the newest map, plan and trajectories.
+
+    Attributes:
+        truth: (time s, x m, y m, heading rad, speed m/s, clearance m) of each tick, map frame.
+        cross_tracks: m, of each tick that had a reference.
+        speeds: Reference speeds, m/s.
+        touches: How often a contact began.
+        engaged: (time s, avoider drives) at each change.
+        plans: Every path of the planner in charge.
+        trajectories: Every trajectory.
+        map: The newest map of the mapper in charge.
+        recoveries: Attempts.
+    """
+
+    wants: frozenset[tuple[str, str]] | None = frozenset(
+        {
+            ("platform", "truth"),
+            ("reference", "reference"),
+            ("reference", "trajectory"),
+            ("planner", "path"),
+            ("mapper", "map"),
+            ("goal", "recovery"),
+            ("avoider", "handover"),
+        }
+    )
+    wants_steps: bool = False
+    truth: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
+    cross_tracks: list[float] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+    touches: int = 0
+    nearest: str = ""
+    engaged: list[tuple[float, bool]] = field(default_factory=list)
+    plans: list[Path] = field(default_factory=list)
+    trajectories: list[Trajectory] = field(default_factory=list)
+    map: MapUpdate | None = None
+    recoveries: int = 0
+    _touching: bool = False
+    _least: float = math.inf
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        """Keep what counts of the instances in charge."""
+        if not active:
+            return
+        if isinstance(message, Truth):
+            self._keep_truth(message, at.stamp_ns * 1e-9)
+        elif isinstance(message, Reference):
+            self.cross_tracks.append(message.cross_track)
+            self.speeds.append(message.speed)
+        elif isinstance(message, HandOver):
+            if not self.engaged or self.engaged[-1][1] != message.engaged:
+                self.engaged.append((at.stamp_ns * 1e-9, message.engaged))
+        elif isinstance(message, Trajectory):
+            self.trajectories.append(message)
+        elif isinstance(message, Path):
+            self.plans.append(message)
+        elif isinstance(message, MapUpdate):
+            self.map = message
+        elif isinstance(message, RecoveryRequest) and message.active:
+            self.recoveries += 1
+
+    def on_step(self, record: StepRecord) -> None:
+        """Not asked for."""
+
+    def _keep_truth(self, truth: Truth, time: float) -> None:
+        pose = truth.pose
+        self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
+        if truth.clearance < self._least:
+            self._least, self.nearest = truth.clearance, truth.nearest
+        self.touches += truth.touching and not self._touching
+        self._touching = truth.touching
+
+    @property
+    def driven(self) -> NDArray[np.float64]:
+        """(n, 2) true positions, m, map frame."""
+        return np.array([row[1:3] for row in self.truth], dtype=np.float64).reshape(-1, 2)
+
+    @property
+    def path_length(self) -> float:
+        """Distance driven, m."""
+        steps = np.diff(self.driven, axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+    @property
+    def min_clearance(self) -> float | None:
+        """Least gap between footprint and anything, m; None where nothing was near or no truth is known."""
+        return self._least if math.isfinite(self._least) else None

@@ -1,0 +1,69 @@
+"""The folder a run leaves: whole files or none."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from navloom.study.episode import Episode
+
+__all__ = ["ResultFolder"]
+
+
+class ResultFolder:
+    """Keeps result.json, trace.bin, run.png and the map, each written beside its place and then moved there.
+
+    Without a folder nothing is written. A run that fails leaves an existing folder as it was.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
+        self.trace: IO[bytes] | None = None
+        self.names: list[str] = []
+        self._made = False
+
+    def __enter__(self) -> ResultFolder:
+        if self.folder is not None:
+            self._made = not self.folder.exists()
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self.trace = self._draft("trace.bin").open("wb")
+        return self
+
+    def keep(self, episode: Episode, summary: dict[str, Any]) -> None:
+        """Write everything about a finished run."""
+        if self.folder is None or self.trace is None:
+            return
+        from navloom.geometry.grid import GridMap
+        from navloom.geometry.world import Place
+        from navloom.study.picture import draw_run
+        from navloom.worlds import save_rosmap
+
+        self.trace.close()
+        self._draft("result.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
+        draw_run(episode).save(self._draft("run.png"), format="PNG")
+        for name in ("trace.bin", "result.json", "run.png"):
+            os.replace(self._draft(name), self.folder / name)
+            self.names.append(name)
+        if episode.recorder.map is not None:
+            grid = episode.recorder.map.grid
+            origin = Place(grid.origin.x, grid.origin.y, grid.origin.heading)
+            save_rosmap(GridMap(grid.cells, grid.resolution, origin), self.folder / "map.yaml")
+            self.names += ["map.yaml", "map.pgm"]
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.folder is None or self.trace is None:
+            return
+        self.trace.close()
+        for name in ("trace.bin", "result.json", "run.png"):
+            self._draft(name).unlink(missing_ok=True)
+        if self._made and not any(self.folder.iterdir()):
+            self.folder.rmdir()
+
+    def _draft(self, name: str) -> Path:
+        assert self.folder is not None
+        return self.folder / f".{name}.part"

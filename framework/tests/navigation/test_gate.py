@@ -1,0 +1,110 @@
+"""The command gate: order of who drives, limits, and every reason to stop."""
+
+from __future__ import annotations
+
+import pytest
+
+from navloom.messages import Twist2D
+from navloom.navigation.gate import CommandGate, Limits, Offer, Sensed
+
+LIMITS = Limits(
+    linear=0.5, angular=0.4, acceleration=0.5, deceleration=1.0, period=0.05,
+    stop_deadline_ns=100_000_000, sensor_timeout_ns=500_000_000,
+)  # fmt: skip
+NOW = 1_000_000_000
+
+
+def offer(vx: float, wz: float = 0.0, cause_ns: int = NOW, epoch: int = 0, name: str = "a") -> Offer:
+    return Offer(name, Twist2D(vx, 0.0, wz), cause_ns, epoch)
+
+
+def decide(gate: CommandGate, offers: dict[str, Offer | None], engaged: bool = False, **sensed: object) -> tuple[float, str, str]:
+    seen = Sensed(NOW, bool(sensed.get("touching")), sensed.get("sensors", {}))  # type: ignore[arg-type]
+    twist, _, status = gate.decide(seen, offers, engaged, int(sensed.get("epoch", 0)), ())  # type: ignore[call-overload]
+    return twist.vx, status.source, status.reason
+
+
+BOTH = {"controller": offer(0.02), "avoider": offer(0.01)}
+
+
+def test_the_controller_drives_until_the_avoider_is_handed_over_to() -> None:
+    assert decide(CommandGate(LIMITS), BOTH) == (0.02, "controller", "")
+    assert decide(CommandGate(LIMITS), BOTH, engaged=True) == (0.01, "avoider", "")
+
+
+def test_recovery_goes_before_both_and_the_operator_before_recovery() -> None:
+    offers = {**BOTH, "recovery": offer(-0.01)}
+    assert decide(CommandGate(LIMITS), offers) == (-0.01, "recovery", "")
+    assert decide(CommandGate(LIMITS), {**offers, "operator": offer(0.025)}) == (0.025, "operator", "")
+
+
+def test_nothing_on_offer_means_no_trajectory() -> None:
+    assert decide(CommandGate(LIMITS), {}) == (0.0, "none", "no_trajectory")
+
+
+def test_a_command_is_stale_beyond_the_deadline_and_not_at_it() -> None:
+    old = {"controller": offer(0.02, cause_ns=NOW - 100_000_000), "avoider": offer(0.0)}
+    assert decide(CommandGate(LIMITS), old)[2] == ""
+    old["controller"] = offer(0.02, cause_ns=NOW - 100_000_001)
+    assert decide(CommandGate(LIMITS), old) == (0.0, "none", "stale: controller a")
+
+
+def test_a_stale_avoider_stops_the_robot_though_the_controller_drives() -> None:
+    offers = {"controller": offer(0.02), "avoider": offer(0.0, cause_ns=0)}
+    assert decide(CommandGate(LIMITS), offers)[2] == "stale: avoider a"
+
+
+def test_a_command_of_an_older_selection_is_refused() -> None:
+    assert decide(CommandGate(LIMITS), BOTH, epoch=1)[2] == "old_selection: controller a"
+
+
+def test_a_silent_sensor_stops_the_robot() -> None:
+    assert decide(CommandGate(LIMITS), BOTH, sensors={"sonars": NOW - 500_000_001})[2] == "silent: sensor sonars"
+    assert decide(CommandGate(LIMITS), BOTH, sensors={"sonars": NOW - 500_000_000})[2] == ""
+
+
+def test_an_operators_stop_latches_until_resume() -> None:
+    gate = CommandGate(LIMITS)
+    gate.request("stop")
+    assert decide(gate, BOTH)[2] == "operator" and decide(gate, BOTH)[2] == "operator"
+    gate.request("resume")
+    assert decide(gate, BOTH)[1] == "controller"
+
+
+def test_contact_latches_until_resume() -> None:
+    gate = CommandGate(LIMITS)
+    assert decide(gate, BOTH, touching=True)[2] == "contact"
+    assert decide(gate, BOTH)[2] == "contact"
+    gate.request("resume")
+    assert decide(gate, BOTH)[1] == "controller"
+
+
+def test_speed_rises_by_the_acceleration_and_falls_by_the_deceleration() -> None:
+    gate = CommandGate(LIMITS)
+    fast = {"controller": offer(9.0), "avoider": offer(0.0)}
+    speeds = [decide(gate, fast)[0] for _ in range(22)]
+    assert speeds[:3] == pytest.approx([0.025, 0.05, 0.075])
+    assert speeds[-1] == 0.5
+    assert decide(gate, {"controller": offer(0.0), "avoider": offer(0.0)})[0] == pytest.approx(0.45)
+
+
+def test_reversing_brakes_first() -> None:
+    gate = CommandGate(LIMITS)
+    for _ in range(10):
+        decide(gate, {"controller": offer(9.0), "avoider": offer(0.0)})
+    assert decide(gate, {"controller": offer(-9.0), "avoider": offer(0.0)})[0] == pytest.approx(0.25 - 0.05)
+
+
+def test_the_turn_rate_is_clipped() -> None:
+    twist, _, _ = CommandGate(LIMITS).decide(
+        Sensed(NOW, False, {}), {"controller": offer(0.0, wz=-3.0), "avoider": offer(0.0)}, False, 0, ()
+    )
+    assert twist.wz == -0.4
+
+
+def test_a_stop_commands_zero_at_once() -> None:
+    gate = CommandGate(LIMITS)
+    for _ in range(30):
+        decide(gate, {"controller": offer(0.5), "avoider": offer(0.0)})
+    gate.request("stop")
+    assert decide(gate, BOTH)[0] == 0.0

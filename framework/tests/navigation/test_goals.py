@@ -1,0 +1,238 @@
+"""The goal's state machine, told what happened tick by tick."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from navloom.messages import (
+    AvoiderDiagnostics,
+    AvoiderStatus,
+    GateStatus,
+    Goal,
+    GoalResult,
+    HandOver,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Path,
+    PlanFailure,
+    Point2D,
+    Pose2D,
+    PoseEstimate,
+    RecoveryStep,
+    Reference,
+    Twist2D,
+)
+from navloom.navigation.goals import GoalMachine, GoalRules, Seen
+
+RULES = GoalRules(
+    tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    deadline=60.0, scans_on_request=True, feedback_ticks=10,
+)  # fmt: skip
+STILL = Twist2D(0.0, 0.0, 0.0)
+GOAL = Goal(1, 4.0, 0.0, None, ())
+
+
+def pose(x: float = 0.0, heading: float = 0.0) -> PoseEstimate:
+    return PoseEstimate(0, Pose2D(x, 0.0, heading), STILL, np.zeros((3, 3)))
+
+
+def seen(time: float, **more: object) -> Seen:
+    base = Seen(round(time * 20), time, round(time * 1e9), estimate=pose(), selected=("ipabd", "astar"))
+    return replace(base, **more)  # type: ignore[arg-type]
+
+
+def a_map(stamp: float) -> MapUpdate:
+    grid = OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.0, 0.0, 0.0))
+    return MapUpdate(round(stamp * 1e9), grid, np.empty((0, 4)), ())
+
+
+def path(request_id: int) -> Path:
+    return Path(request_id, np.array([(0.0, 0.0), (4.0, 0.0)]), 4.0, None)
+
+
+def reference(path_id: int, remaining: float) -> Reference:
+    return Reference(path_id, 4.0 - remaining, remaining, Pose2D(0.0, 0.0, 0.0), 0.4, 0.0, 0.0, Point2D(1.0, 0.0), 0.5)
+
+
+def status(word: str) -> AvoiderStatus:
+    none = AvoiderDiagnostics(
+        np.empty((0, 0), dtype=np.uint8), 0.0, 0.0, 0.0, np.empty(0), 0.0, np.empty((0, 2)), None, ""
+    )
+    return AvoiderStatus(word, none)  # type: ignore[arg-type]
+
+
+def ports(out: list[tuple[str, Message]]) -> list[str]:
+    return [port for port, _ in out if port != "feedback"]
+
+
+def result(out: list[tuple[str, Message]]) -> tuple[str, str]:
+    (found,) = [message for _, message in out if isinstance(message, GoalResult)]
+    return found.outcome, found.reason
+
+
+def driving(rules: GoalRules = RULES, goal: Goal = GOAL) -> GoalMachine:
+    """A machine that follows path 2, at 2 s."""
+    machine = GoalMachine(rules)
+    machine.submit(goal, seen(0.0))
+    machine.step(seen(0.0))
+    machine.step(seen(1.5, map=a_map(1.4)))
+    machine.step(seen(2.0, map=a_map(1.4), answer=path(2)))
+    assert machine.state == "driving"
+    return machine
+
+
+def test_it_scans_waits_for_a_map_that_is_newer_plans_and_drives() -> None:
+    machine = GoalMachine(RULES)
+    machine.submit(GOAL, seen(0.5, map=a_map(0.1)))
+    assert ports(machine.step(seen(0.5, map=a_map(0.1)))) == ["sweep"]
+    assert ports(machine.step(seen(1.0, map=a_map(0.1)))) == []
+    assert ports(machine.step(seen(2.0, map=a_map(1.8)))) == ["plan"]
+    assert ports(machine.step(seen(2.1))) == []
+    out = machine.step(seen(2.2, answer=path(2)))
+    assert ports(out) == ["drive"] and out[0][1].path_id == 2  # type: ignore[attr-defined]
+
+
+def test_without_sweeps_on_request_any_map_will_do() -> None:
+    machine = GoalMachine(replace(RULES, scans_on_request=False))
+    machine.submit(GOAL, seen(0.5, map=a_map(0.1)))
+    assert ports(machine.step(seen(0.5, map=a_map(0.1)))) == ["plan"]
+
+
+def test_within_the_tolerance_it_has_succeeded_and_stops() -> None:
+    machine = driving()
+    assert ports(machine.step(seen(3.0, estimate=pose(3.79)))) == []
+    out = machine.step(seen(3.1, estimate=pose(3.81)))
+    assert result(out)[0] == "succeeded" and ports(out) == ["result", "drive"]
+    assert machine.is_idle
+
+
+def test_a_heading_is_turned_to_at_the_end() -> None:
+    machine = driving(goal=replace(GOAL, heading=1.0))
+    (drive,) = [m for p, m in machine.step(seen(3.0, estimate=pose(3.9))) if p == "drive"]
+    assert drive.turn_to == 1.0 and drive.stop_here  # type: ignore[attr-defined]
+    assert ports(machine.step(seen(3.1, estimate=pose(3.9, heading=0.8)))) == []
+    assert result(machine.step(seen(3.2, estimate=pose(3.9, heading=0.95))))[0] == "succeeded"
+
+
+@pytest.mark.parametrize(
+    ("kind", "outcome"),
+    [("goal_occupied", "rejected"), ("start_occupied", "rejected"), ("outside_map", "rejected"), ("no_path", "no_path")],
+)
+def test_a_planners_failure_is_a_typed_result_with_the_place(kind: str, outcome: str) -> None:
+    machine = driving()
+    machine.submit(Goal(2, 9.0, 0.0, None, ()), seen(3.0, map=a_map(1.4)))
+    machine.step(seen(3.0, map=a_map(1.4)))
+    failure = PlanFailure(3, kind, Point2D(9.0, 0.0), "why")  # type: ignore[arg-type]
+    out = machine.step(seen(3.1, answer=failure))
+    assert result(out) == (outcome, f"{kind}: why")
+    assert [m.place for p, m in out if p == "result"] == [Point2D(9.0, 0.0)]  # type: ignore[attr-defined]
+
+
+def test_pre_emption_keeps_the_old_trajectory_until_the_new_plan() -> None:
+    machine = driving()
+    machine.submit(Goal(2, 9.0, 0.0, None, ()), seen(3.0, map=a_map(1.4)))
+    out = machine.step(seen(3.0, map=a_map(1.4), answer=path(2)))
+    assert result(out) == ("cancelled", "pre-empted by goal 2")
+    drives = [m.path_id for p, m in out if p == "drive"]  # type: ignore[attr-defined]
+    assert drives[-1] == 2 and machine.state == "planning"
+    (drive,) = [m for p, m in machine.step(seen(3.1, answer=path(3))) if p == "drive"]
+    assert drive.path_id == 3 and drive.goal_id == 2  # type: ignore[attr-defined]
+
+
+def test_pre_emption_without_a_new_plan_stops() -> None:
+    machine = driving()
+    machine.submit(Goal(2, 9.0, 0.0, None, ()), seen(3.0, map=a_map(1.4)))
+    machine.step(seen(3.0, map=a_map(1.4), answer=path(2)))
+    out = machine.step(seen(5.1, answer=path(2)))
+    assert result(out)[0] == "no_path" and [m.path_id for p, m in out if p == "drive"] == [0]  # type: ignore[attr-defined]
+
+
+def test_cancel_ends_it() -> None:
+    machine = driving()
+    machine.cancel(seen(3.0))
+    assert result(machine.step(seen(3.0))) == ("cancelled", "by the operator")
+
+
+def test_no_progress_means_recovery_then_stuck() -> None:
+    machine = driving()
+    held = reference(2, 3.0)
+    machine.step(seen(3.0, reference=held))
+    out = machine.step(seen(8.1, reference=held))
+    assert ports(out) == ["drive", "recovery"] and machine.state == "recovering"
+    done = RecoveryStep(STILL, "done", True)
+    assert ports(machine.step(seen(9.0, recovery=done, map=a_map(1.4)))) == ["recovery", "clear", "sweep"]
+    machine.step(seen(10.5, map=a_map(10.4)))
+    machine.step(seen(10.6, map=a_map(10.4), answer=path(5)))
+    assert machine.state == "driving"
+    held = reference(5, 3.0)
+    machine.step(seen(11.0, reference=held))
+    assert result(machine.step(seen(16.1, reference=held))) == ("stuck", "no_progress")
+
+
+def test_an_operators_stop_is_not_lack_of_progress() -> None:
+    machine = driving()
+    held, latched = reference(2, 3.0), GateStatus("none", "", True, True, "operator", ())
+    for time in (3.0, 9.0, 15.0):
+        assert ports(machine.step(seen(time, reference=held, gate=latched))) == []
+    assert machine.state == "driving"
+
+
+def test_trapped_counts_only_while_the_avoider_drives() -> None:
+    machine = driving()
+    idle = seen(3.0, avoider=status("trapped"), handover=HandOver(False, 9.0))
+    assert ports(machine.step(idle)) == []
+    assert "recovery" in ports(machine.step(replace(idle, handover=HandOver(True, 1.0))))
+
+
+def test_exhausted_recovery_ends_stuck_for_being_trapped() -> None:
+    machine = driving(replace(RULES, max_recoveries=0))
+    out = machine.step(seen(3.0, avoider=status("trapped"), handover=HandOver(True, 1.0)))
+    assert result(out) == ("stuck", "trapped")
+
+
+def test_contact_is_a_collision() -> None:
+    out = driving().step(seen(3.0, gate=GateStatus("none", "", True, True, "contact", ())))
+    assert result(out)[0] == "collision"
+
+
+def test_the_deadline_is_a_timeout_or_a_stop_that_was_not_resumed() -> None:
+    assert result(driving().step(seen(60.0)))[0] == "timeout"
+    latched = GateStatus("none", "", True, True, "operator", ())
+    assert result(driving().step(seen(60.0, gate=latched)))[0] == "stopped"
+
+
+def test_no_map_in_time_is_an_error() -> None:
+    machine = GoalMachine(RULES)
+    machine.submit(GOAL, seen(0.0))
+    machine.step(seen(0.0))
+    assert result(machine.step(seen(10.1))) == ("error", "no map within 10 s")
+
+
+def test_points_on_the_way_are_passed_in_order() -> None:
+    machine = driving(goal=replace(GOAL, via=(Point2D(1.0, 0.0),)))
+    (plan,) = [m for p, m in machine.step(seen(3.0, estimate=pose(0.9))) if p == "plan"]
+    assert plan.goal == Pose2D(4.0, 0.0, 0.0)  # type: ignore[attr-defined]
+
+
+def test_a_swapped_in_mapper_or_planner_means_a_new_plan() -> None:
+    machine = driving()
+    assert "plan" in ports(machine.step(seen(3.0, selected=("other", "astar"))))
+
+
+def test_a_waiting_mapper_is_given_a_sweep() -> None:
+    machine = driving()
+    waiting = GateStatus("controller", "a", False, False, "", ("mapper other",))
+    out = machine.step(seen(3.0, gate=waiting))
+    assert ports(out) == ["drive", "sweep"] and machine.state == "mapping"
+
+
+def test_feedback_comes_with_each_change_and_at_its_rate() -> None:
+    machine = driving()
+    quiet = [port for tick in range(41, 50) for port, _ in machine.step(seen(tick / 20))]
+    assert quiet == []
+    (feedback,) = [m for p, m in machine.step(seen(2.5, reference=reference(2, 2.0))) if p == "feedback"]
+    assert (feedback.distance, feedback.time_left) == (2.0, 5.0)  # type: ignore[attr-defined]

@@ -1,0 +1,79 @@
+"""Hand-over: engaged by what is sensed in the corridor, released with delay."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from navloom.messages import Point2D, Pose2D, RangeScan
+from navloom.navigation.echoes import EchoMemory
+from navloom.navigation.handover import HandOverRule
+
+BASE = Pose2D(0.0, 0.0, 0.0)
+TARGET = Point2D(2.0, 0.0)
+
+
+def scan(bearing: float, distance: float, half_angle: float = 0.0) -> RangeScan:
+    one = np.ones(1)
+    return RangeScan(
+        0, np.zeros((1, 2)), one * bearing, one * half_angle, one * 0.0, one * distance, range_min=0.1, range_max=4.0
+    )
+
+
+def test_an_echo_in_the_corridor_is_measured_along_it() -> None:
+    memory = EchoMemory(keep=0.5, spread=0.0)
+    memory.add(scan(math.atan2(0.3, 1.2), math.hypot(0.3, 1.2)), BASE, 0.0)
+    assert memory.nearest(BASE, 2.0, 0.0, 0.4, 0.0) == pytest.approx(1.2)
+    assert memory.nearest(BASE, 2.0, 0.0, 0.29, 0.0) == math.inf
+
+
+def test_the_corridor_ends_half_a_width_past_the_target() -> None:
+    memory = EchoMemory(keep=0.5, spread=0.0)
+    memory.add(scan(0.0, 2.3), BASE, 0.0)
+    assert memory.nearest(BASE, 2.0, 0.0, 0.4, 0.0) == pytest.approx(2.3)
+    assert memory.nearest(BASE, 1.8, 0.0, 0.4, 0.0) == math.inf
+
+
+def test_an_echo_is_remembered_where_it_was_in_the_map() -> None:
+    memory = EchoMemory(keep=0.5, spread=0.0)
+    memory.add(scan(0.0, 1.0), Pose2D(1.0, 2.0, math.pi / 2), 0.0)
+    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0, 0.1, 0.4) == pytest.approx(0.5)
+    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0, 0.1, 0.6) == math.inf
+
+
+def test_a_cone_counts_its_arc_up_to_the_spread() -> None:
+    wide = EchoMemory(keep=0.5, spread=1.0)
+    wide.add(scan(math.radians(30.0), 2.0, math.radians(15.0)), BASE, 0.0)
+    assert wide.nearest(BASE, 2.0, 0.0, 0.6, 0.0) == pytest.approx(2.0 * math.cos(math.radians(15.0)))
+    axis = EchoMemory(keep=0.5, spread=0.0)
+    axis.add(scan(math.radians(30.0), 2.0, math.radians(15.0)), BASE, 0.0)
+    assert axis.nearest(BASE, 2.0, 0.0, 0.6, 0.0) == math.inf
+
+
+def test_no_echo_blocks_nothing() -> None:
+    rule = HandOverRule("when_blocked", release=0.5)
+    assert not rule.step(0.0, [scan(0.0, math.inf)], BASE, TARGET, 0.5).engaged
+
+
+def test_it_engages_at_once_and_releases_after_the_delay() -> None:
+    rule = HandOverRule("when_blocked", release=0.5, keep=0.1)
+    assert rule.step(0.0, [scan(0.0, 1.5)], BASE, TARGET, 0.5).engaged
+    engaged = {step: rule.step(step / 20, [], BASE, TARGET, 0.5).engaged for step in range(1, 14)}
+    # The echo counts until 0.1 s, and half a second after that the controller drives again.
+    assert engaged[11] and not engaged[12]
+
+
+@pytest.mark.parametrize(("mode", "engaged"), [("always", True), ("never", False)])
+def test_a_fixed_mode_is_fixed(mode: str, engaged: bool) -> None:
+    rule = HandOverRule(mode, release=0.5)  # type: ignore[arg-type]
+    assert rule.step(0.0, [scan(0.0, 1.0)], BASE, TARGET, 0.5).engaged is engaged
+    assert rule.step(9.0, [], BASE, TARGET, 0.5).engaged is engaged
+
+
+def test_the_memory_overwrites_its_oldest_echoes() -> None:
+    memory = EchoMemory(keep=9.0, spread=0.0, capacity=2)
+    for distance in (1.0, 1.5, 1.8):
+        memory.add(scan(0.0, distance), BASE, 0.0)
+    assert memory.nearest(BASE, 2.0, 0.0, 0.4, 0.0) == pytest.approx(1.5)

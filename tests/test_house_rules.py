@@ -1,0 +1,66 @@
+"""House rules that are checked by tools: each must fail when the rule is broken."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).resolve().parents[1]
+PLUGINS = sorted(path for path in (TOP / "plugins").iterdir() if (path / "pyproject.toml").exists())
+
+
+def run(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *command], cwd=TOP, capture_output=True, text=True, timeout=300)
+
+
+def test_ruff_finds_nothing() -> None:
+    done = run("-m", "ruff", "check", ".")
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_code_is_formatted() -> None:
+    done = run("-m", "ruff", "format", "--check", ".")
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_framework_type_checks_strictly() -> None:
+    done = run("-m", "mypy")
+    assert done.returncode == 0, done.stdout
+
+
+def test_houses_import_one_way() -> None:
+    done = run("-c", "from importlinter.cli import lint_imports_command as lint; lint()")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.name)
+def test_only_a_plugins_adapter_imports_navloom_and_only_its_door(plugin: Path) -> None:
+    adapters = {"__init__.py", "adapter.py", "params.py"}
+    for path in (plugin / "src").rglob("*.py"):
+        for name in imported(path):
+            if name == "navloom" or name.startswith("navloom."):
+                assert name in ("navloom", "navloom.testing"), f"{path.name} imports {name}"
+                assert path.name in adapters, f"{path.name} is a pure module and imports navloom"
+
+
+@pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.name)
+def test_nothing_is_fetched_that_should_be_handed_in(plugin: Path) -> None:
+    for path in (plugin / "src").rglob("*.py"):
+        for name in imported(path):
+            assert name.split(".")[0] not in {"time", "threading", "socket", "random", "zenoh"}, f"{path.name}: {name}"
+        text = path.read_text("utf-8")
+        assert "os.environ" not in text and "np.random.seed" not in text, path.name
+
+
+def imported(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+    return names

@@ -22,6 +22,7 @@ from navloom.dataflow.table import node_table
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D
+from navloom.navigation import echoes, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
@@ -150,6 +151,9 @@ def make_plugins(system: System, progress: Progress = lambda text: None) -> None
         ConfigError: A plugin refuses its world, sensors or map.
     """
     config = system.config
+    progress("preparing the framework")
+    for warm_up in (echoes.warm_up, trajectory.warm_up, projection.warm_up):
+        warm_up()
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
         if part.cls not in warmed:

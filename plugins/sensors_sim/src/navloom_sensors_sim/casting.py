@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["FLOOR", "NOTHING", "Obstacles", "cast_block", "cast_rays", "cosine_of_incidence", "to_map"]
+__all__ = ["FLOOR", "NOTHING", "Obstacles", "cast_block", "cast_rays", "to_map"]
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +50,9 @@ class Obstacles(NamedTuple):
     raster: Floats
 
 
-def cast_rays(origins: Floats, directions: Floats, obstacles: Obstacles, floor: bool = True) -> tuple[Floats, NDArray[np.int64]]:
+def cast_rays(
+    origins: Floats, directions: Floats, obstacles: Obstacles, floor: bool = True, reach: float = math.inf
+) -> tuple[Floats, NDArray[np.int64]]:
     """First hit of each ray.
 
     Args:
@@ -58,13 +60,14 @@ def cast_rays(origins: Floats, directions: Floats, obstacles: Obstacles, floor: 
         directions: (n, 3) unit vectors, map frame.
         obstacles: What can be hit.
         floor: The plane z = 0 can be hit too.
+        reach: Hits from this range on are not looked for, m.
 
     Returns:
         (n,) ranges, m, +inf for no hit, and (n,) index of the obstacle hit, FLOOR or NOTHING.
     """
-    count = len(origins)
-    ranges, hits = np.empty(count), np.empty(count, np.int64)
-    cast_block(np.ascontiguousarray(origins.T), np.ascontiguousarray(directions.T), obstacles, floor, ranges, hits)
+    starts, ways = np.ascontiguousarray(origins.T), np.ascontiguousarray(directions.T)
+    ranges, hits = np.empty(len(origins)), np.empty(len(origins), np.int64)
+    cast_block(starts, ways, obstacles, floor, float(reach), ranges, hits)
     return ranges, hits
 
 
@@ -80,14 +83,14 @@ def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool, ou
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cast_block(origins, directions, obstacles, floor, ranges, hits):  # type: ignore[no-untyped-def]
+def cast_block(origins, directions, obstacles, floor, reach, ranges, hits):  # type: ignore[no-untyped-def]
     """`cast_rays` with (3, n) origins and directions, writing into (n,) `ranges` and `hits`."""
     count = origins.shape[1]
     work = np.empty(10 * _BLOCK)
     boxes, cylinders = obstacles.boxes, obstacles.cylinders
     for start in range(0, count, _BLOCK):
         size = min(_BLOCK, count - start)
-        _load(work, origins, directions, start, size, floor)
+        _load(work, origins, directions, start, size, floor, reach)
         for k in range(boxes.shape[0]):
             if boxes[k, 8] == 0.0:
                 continue
@@ -106,12 +109,12 @@ def cast_block(origins, directions, obstacles, floor, ranges, hits):  # type: ig
                     work[_BEST + i] = t
                     work[_HIT + i] = index
         for i in range(size):
-            ranges[start + i] = work[_BEST + i]
             hits[start + i] = int(work[_HIT + i])
+            ranges[start + i] = work[_BEST + i] if hits[start + i] != NOTHING else np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _load(work, origins, directions, start, size, floor):  # type: ignore[no-untyped-def]
+def _load(work, origins, directions, start, size, floor, reach):  # type: ignore[no-untyped-def]
     """Fills the block's work space: one buffer with fixed offsets, so that the compiler can prove rows apart."""
     for i in range(size):
         dx, dy, dz = directions[0, start + i], directions[1, start + i], directions[2, start + i]
@@ -121,8 +124,8 @@ def _load(work, origins, directions, start, size, floor):  # type: ignore[no-unt
         work[_IX + i] = 1.0 / dx if dx != 0.0 else _HUGE
         work[_IY + i] = 1.0 / dy if dy != 0.0 else _HUGE
         work[_IZ + i] = 1.0 / dz if dz != 0.0 else _HUGE
-        on_floor = floor and dz < 0.0
-        work[_BEST + i] = oz / -dz if on_floor else np.inf
+        on_floor = floor and dz < 0.0 and oz < -dz * reach
+        work[_BEST + i] = oz / -dz if on_floor else reach
         work[_HIT + i] = FLOOR if on_floor else NOTHING
 
 
@@ -257,41 +260,4 @@ def _walk(x, y, dx, dy, ix, iy, t, end, gaps):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell_at(coordinate, count):  # type: ignore[no-untyped-def]
     """Index of the cell a coordinate, in cells, lies in; a point on the outer edge belongs to the outer cell."""
-    return min(max(int(math.floor(coordinate)), 0), count - 1)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def cosine_of_incidence(origins, directions, i, distance, hit, obstacles):  # type: ignore[no-untyped-def]
-    """Cosine of the angle between ray i and the normal of the surface it hits at `distance`; 1 is head on.
-
-    Args:
-        origins, directions: (3, n) rays, map frame.
-        i, distance, hit: Which ray, its range, m, and the index it hit (not NOTHING).
-        obstacles: What it was cast against.
-    """
-    dx, dy, dz = directions[0, i], directions[1, i], directions[2, i]
-    x, y, z = origins[0, i] + distance * dx, origins[1, i] + distance * dy, origins[2, i] + distance * dz
-    if hit == FLOOR:
-        return abs(dz)
-    boxes, cylinders = obstacles.boxes, obstacles.cylinders
-    if hit < boxes.shape[0]:
-        cx, cy, hx, hy, z0, z1, c, s = boxes[hit, 0], boxes[hit, 1], boxes[hit, 2], boxes[hit, 3], boxes[hit, 4], boxes[hit, 5], boxes[hit, 6], boxes[hit, 7]  # noqa: E501
-        off_x = abs(abs(c * (x - cx) + s * (y - cy)) - hx)
-        off_y = abs(abs(c * (y - cy) - s * (x - cx)) - hy)
-        off_z = min(abs(z - z0), abs(z - z1))
-        if off_z < off_x and off_z < off_y:
-            return abs(dz)
-        return abs(c * dx + s * dy) if off_x < off_y else abs(c * dy - s * dx)
-    if hit < boxes.shape[0] + cylinders.shape[0]:
-        k = hit - boxes.shape[0]
-        rx, ry = x - cylinders[k, 0], y - cylinders[k, 1]
-        reach = math.hypot(rx, ry)
-        off_z = min(abs(z - cylinders[k, 3]), abs(z - cylinders[k, 4]))
-        if off_z < abs(reach - cylinders[k, 2]) or reach == 0.0:
-            return abs(dz)
-        return abs(rx * dx + ry * dy) / reach
-    frame = obstacles.raster
-    c, s, cell = frame[2], frame[3], frame[4]
-    column, row = (c * (x - frame[0]) + s * (y - frame[1])) / cell, (c * (y - frame[1]) - s * (x - frame[0])) / cell
-    off_x, off_y = abs(column - round(column)), abs(row - round(row))
-    return abs(c * dx + s * dy) if off_x < off_y else abs(c * dy - s * dx)
+    return min(max(int(coordinate), 0), count - 1)

@@ -1,0 +1,121 @@
+"""The simulated robot as a navloom Platform."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from navloom import (
+    Contact,
+    Context,
+    InputError,
+    Message,
+    Odometry,
+    Params,
+    Platform,
+    PlatformInput,
+    PlatformOutput,
+    Pose2D,
+    RangeScan,
+    SensorSpec,
+    Sweep,
+    Truth,
+    Twist2D,
+    position_at,
+)
+
+from navloom_sensors_sim.params import LaserSettings, PitchedLaserSettings, SensorsSimParams, SonarSettings
+from navloom_sensors_sim.robot import Robot
+from navloom_sensors_sim.scanners import LaserScanner, Moment, Sensor, SonarRing
+from navloom_sensors_sim.scene import Scene
+from navloom_sensors_sim.sweeper import PitchedLaser
+from navloom_sensors_sim.warming import warm_up
+
+__all__ = ["SensorsSim"]
+
+_SENSORS: dict[str, tuple[type[Params], Callable[..., Sensor]]] = {
+    "pitched_laser": (PitchedLaserSettings, PitchedLaser),
+    "laser_2d": (LaserSettings, LaserScanner),
+    "sonar_ring": (SonarSettings, SonarRing),
+}
+
+
+class SensorsSim(Platform):
+    """Drives through the ground truth and reads simulated sensors, odometry and contact."""
+
+    name = "sensors_sim"
+    Params = SensorsSimParams
+    sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan}
+    sensor_settings = {kind: settings for kind, (settings, _) in _SENSORS.items()}
+    is_simulated = True
+
+    def __init__(self, params: SensorsSimParams, context: Context) -> None:
+        super().__init__(params, context)
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the start of the run; the random streams go on."""
+        context, spec, start = self.context, self.context.robot, self.context.start
+        self._sensors = {sensor.name: self._sensor(sensor) for sensor in context.sensors}
+        solids, raster = (context.world.obstacles, context.world.raster) if context.world is not None else ((), None)
+        sweeps = any(sensor.kind == "pitched_laser" for sensor in context.sensors)
+        self._scene = Scene(solids, raster, position_at, sweeps)
+        place = (start.x, start.y, start.heading)
+        self._robot = Robot(spec.footprint, spec.height, place, context.stream("odometry"))
+        self.configure(self.params)
+        self._tick, self._time_ns, self._swept = 0, 0, False
+
+    def configure(self, params: SensorsSimParams) -> None:
+        """Take new parameters: the robot stays where it is and drives on with them."""
+        self.params, wheels = params, (self.context.robot.wheel_radius, self.context.robot.half_track)
+        self._robot.configure(params.drive_constants(*wheels), params.odometry_constants(*wheels))
+
+    @classmethod
+    def scans_on_request(cls, sensor: SensorSpec) -> bool:
+        """The pitched laser, unless it pitches all the time."""
+        return sensor.kind == "pitched_laser" and sensor.settings.get("mode") != "continuous"
+
+    def advance(self, given: PlatformInput) -> PlatformOutput:
+        """Drive with the command until the time asked for, then read the sensors that are due."""
+        begin_ns, self._time_ns = self._time_ns, given.time_ns
+        robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
+        scene.update(given.time_ns / 1e9, self._swept)
+        if time > 0.0:
+            robot.drive(given.command.vx, given.command.wz, time, scene.obstacles)
+        else:
+            robot.stand(scene.obstacles)
+        track, asked = robot.track if time > 0.0 else None, given.sweep_request
+        request_id = asked.request_id if asked is not None else 0
+        moment = Moment(self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, request_id)
+        read = [(name, message, sensor.read(moment)) for name, (message, sensor) in self._sensors.items()]
+        scans = {name: message(*fields) for name, message, fields in read if fields is not None}
+        self._swept = self._swept or any(isinstance(scan, Sweep) for scan in scans.values())
+        self._tick += 1
+        return self._output(scans)
+
+    def _output(self, scans: dict[str, Any]) -> PlatformOutput:
+        x, y, heading, _, _, vx, wz, odo_x, odo_y, odo_heading, odo_vx, odo_wz, _, _, gap, nearest, touching = (
+            self._robot.state.tolist()
+        )
+        odometry = Odometry(self._time_ns, Pose2D(odo_x, odo_y, odo_heading), Twist2D(odo_vx, 0.0, odo_wz))
+        name, contact = self._scene.name_of(int(nearest)), Contact(touching != 0.0)
+        truth = Truth(Pose2D(x, y, heading), Twist2D(vx, 0.0, wz), gap, name, contact.touching)
+        return PlatformOutput(odometry, scans, contact, truth)
+
+    def _sensor(self, spec: SensorSpec) -> tuple[type[Message], Sensor]:
+        """The message and the sensor of a table; an unknown kind or a bad setting is an InputError that names it."""
+        if spec.kind not in _SENSORS:
+            raise InputError(f"sensor {spec.name}: kind = {spec.kind!r}, expected one of {', '.join(_SENSORS)}")
+        settings, make = _SENSORS[spec.kind]
+        try:
+            checked = settings.model_validate(dict(spec.settings))
+            context = self.context
+            sensor = make(checked, context.robot.footprint, context.stream(spec.name), context.period)
+        except ValueError as error:
+            raise InputError(f"sensor {spec.name}: {error}") from error
+        return self.sensor_kinds[spec.kind], sensor
+
+    @classmethod
+    def warm_up(cls) -> None:
+        """Compile the kernels, or load them from the cache."""
+        warm_up()

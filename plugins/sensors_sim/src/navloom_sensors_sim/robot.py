@@ -1,0 +1,67 @@
+"""The robot's body and wheels between ticks: state vector, constants of the kernels, slip draws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_sensors_sim.casting import Obstacles
+from navloom_sensors_sim.clearance import clearance_at
+from navloom_sensors_sim.motion import STATE, drive_tick
+
+__all__ = ["Robot"]
+
+Floats = NDArray[np.float64]
+
+_SUB_STEP = 0.01
+"""Longest sub-step of the wheels' lag and acceleration, s."""
+
+
+class Robot:
+    """Drives with commands and dead-reckons.
+
+    Attributes:
+        state: (17,) numbers by `motion.STATE`.
+        track: (n, 6) true motion within the last tick, see `motion.drive_tick`.
+    """
+
+    def __init__(self, footprint: Floats, height: float, start: Sequence[float], rng: np.random.Generator) -> None:
+        """Stands at the start.
+
+        Args:
+            footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
+            height: m.
+            start: x, y, m, heading, rad, in the map frame.
+            rng: Two draws a tick, for the slip of the wheels.
+        """
+        self.state = np.zeros(len(STATE))
+        self.state[:3] = start
+        self.track = np.zeros((2, 6))
+        # Copied: a read-only array would be another type to the kernels, to be compiled in a control tick.
+        self._footprint, self._height = np.array(footprint, dtype=np.float64, order="C"), float(height)
+        self._rng = rng
+
+    def configure(self, drive: Floats, odometry: Floats) -> None:
+        """Takes the (8,) and (5,) constants of `motion.drive_tick`."""
+        self._drive, self._odometry = drive, odometry
+        self._has_dynamics = drive[5] > 0.0 or math.isfinite(drive[6])
+
+    def drive(self, vx: float, wz: float, time: float, obstacles: Obstacles) -> None:
+        """Through one tick of `time`, s, with a commanded speed, m/s, and turn rate, rad/s."""
+        noise = self._rng.standard_normal(2)
+        steps = math.ceil(time / _SUB_STEP - 1e-9) if self._has_dynamics else 1
+        if len(self.track) != steps + 1:
+            self.track = np.zeros((steps + 1, 6))
+        self._drive[7] = time
+        command = np.array([vx, wz])
+        constants, body = (self._drive, self._odometry), (self._footprint, self._height)
+        drive_tick(self.state, self.track, *constants, command, noise, *body, obstacles)
+
+    def stand(self, obstacles: Obstacles) -> None:
+        """Measures the clearance without moving."""
+        x, y, heading = self.state[:3]
+        gap, nearest = clearance_at(x, y, heading, self._footprint, self._height, obstacles)
+        self.state[STATE["gap"]], self.state[STATE["nearest"]], self.state[STATE["touching"]] = gap, nearest, gap == 0.0

@@ -1,0 +1,89 @@
+"""The world as arrays: what is present where at a run time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from navloom_sensors_sim.casting import Obstacles
+
+__all__ = ["Scene"]
+
+PositionAt = Callable[[Any, bool, float], tuple[float, float]]
+
+
+class Scene:
+    """Ground truth at one moment.
+
+    Attributes:
+        obstacles: Arrays the kernels read; `update` changes them in place.
+        names: Name of each obstacle by its index: boxes, cylinders, raster.
+    """
+
+    def __init__(self, solids: Sequence[Any], raster: Any, position_at: PositionAt, sweeps: bool) -> None:
+        """Takes a world apart.
+
+        Args:
+            solids: Boxes and, told by their `radius`, cylinders, with the attributes of navloom's Box and Cylinder.
+            raster: With the attributes of navloom's Raster, or None.
+            position_at: Centre of a moving obstacle, m, from its waypoints, whether it loops, and the time, s.
+            sweeps: The robot sweeps at all; else what appears after its sweep is there from the start.
+        """
+        boxes = [solid for solid in solids if not hasattr(solid, "radius")]
+        cylinders = [solid for solid in solids if hasattr(solid, "radius")]
+        solids = [*boxes, *cylinders]
+        self.names = tuple(o.name for o in solids) + ((raster.name,) if raster is not None else ())
+        self.obstacles = Obstacles(
+            np.array([_box_row(box) for box in boxes]).reshape(-1, 9),
+            np.array([_cylinder_row(cylinder) for cylinder in cylinders]).reshape(-1, 6),
+            *_raster_arrays(raster),
+        )
+        self._sweeps, self._position_at = sweeps, position_at
+        # What can change, with the views of its centre and of its presence flag in the arrays.
+        rows = (*self.obstacles.boxes, *self.obstacles.cylinders)
+        pairs = zip(solids, rows, strict=True)
+        self._changing = [(o, row) for o, row in pairs if o.waypoints or o.appears_after_sweep or o.appears_at > 0.0]
+
+    def update(self, time: float, swept: bool) -> None:
+        """Puts everything where it is at a run time, s; `swept`: the first sweep has ended."""
+        for obstacle, row in self._changing:
+            if obstacle.waypoints:
+                row[:2] = self._position_at(obstacle.waypoints, obstacle.loops, time)
+            if obstacle.appears_after_sweep:
+                row[-1] = swept or not self._sweeps
+            else:
+                row[-1] = time >= obstacle.appears_at
+
+    def name_of(self, index: int) -> str:
+        """Name of an obstacle by its index, empty for none."""
+        return self.names[index] if index >= 0 else ""
+
+
+def _box_row(box: Any) -> list[float]:
+    """Row of `Obstacles.boxes`. A yaw of 0 keeps its sine at exactly 0, which the kernels take a shorter way for."""
+    (x, y), size_x, size_y = box.centre, box.x[1] - box.x[0], box.y[1] - box.y[0]
+    return [x, y, 0.5 * size_x, 0.5 * size_y, *box.z, math.cos(box.yaw), math.sin(box.yaw), 1.0]
+
+
+def _cylinder_row(cylinder: Any) -> list[float]:
+    """Row of `Obstacles.cylinders`."""
+    return [cylinder.x, cylinder.y, cylinder.radius, *cylinder.z, 1.0]
+
+
+def _raster_arrays(raster: Any) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Distance field and frame of `Obstacles`; in a raster without any wall every cell is far from one."""
+    if raster is None:
+        return np.zeros((0, 0), np.float32), np.zeros(7)
+    occupied = np.asarray(raster.occupied, dtype=bool)
+    if occupied.any():
+        gaps = distance_transform_edt(~occupied)
+    else:
+        gaps = np.full(occupied.shape, float(sum(occupied.shape)))
+    origin = raster.origin
+    frame = [origin.x, origin.y, math.cos(origin.heading), math.sin(origin.heading), raster.resolution, *raster.z]
+    return np.ascontiguousarray(gaps, dtype=np.float32), np.array(frame)

@@ -1,1 +1,11 @@
 """IPaBD mapping for navloom: a pitched laser's 3D image pressed to a 2D map (Hoang et al. 2013)."""
+
+from navloom import Registry, hookimpl
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add the mapper `ipabd`."""
+    from navloom_ipabd.adapter import Ipabd
+
+    registry.add(Ipabd)

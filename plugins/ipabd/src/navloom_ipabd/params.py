@@ -1,0 +1,86 @@
+"""Parameters of the ipabd mapper, as a config file gives them."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Literal
+
+from navloom import Params
+from pydantic import Field
+
+from navloom_ipabd.mapping import MapSettings
+from navloom_ipabd.rules import FilterOrder, Filters
+from navloom_ipabd.segmentation import Segmentation, SegmentationMethod
+
+__all__ = ["IpabdParams"]
+
+
+class IpabdParams(Params):
+    """Lengths in m, angles in degrees. The README tells where each default comes from."""
+
+    geometry: Literal["as_sweep", "paper", "rigid_pitch"] = Field(
+        "as_sweep", description="how ranges become points; as_sweep: as the sweep itself says"
+    )
+    filter_order: FilterOrder = Field("before_min", description="floor and height filter before or after the minimum")
+    floor_tolerance: float = Field(0.06, ge=0.0, description="points this near to the floor are floor, m")
+    z_limit: float | None = Field(None, gt=0.0, description="points above do not count, m; default: the robot's height")
+    min_range: float = Field(0.0, ge=0.0, description="shorter ranges are outliers, m, besides the sensor's own limit")
+    max_range_tolerance: float = Field(0.05, ge=0.0, description="this near to the maximum is no return, m")
+    deskew: bool = Field(True, description="move each frame to where it was taken")
+    track_slack: float = Field(0.2, ge=0.0, description="how far the pose track may miss the sweep's ends, s")
+    bin_width_deg: float | None = Field(None, gt=0.0, le=30.0, description="azimuth bins; default: the bearing step")
+
+    segmentation: SegmentationMethod = Field("adaptive", description="threshold that parts objects")
+    incidence_deg: float = Field(10.0, gt=0.0, lt=90.0, description="λ of adaptive")
+    range_sigma: float = Field(0.02, ge=0.0, description="σ of adaptive, m")
+    segmentation_noise: float = Field(0.1, ge=0.0, description="C0 of dietmayer and santos, m")
+    santos_beta_deg: float = Field(15.0, gt=0.0, lt=90.0, description="β of santos")
+    lee_limit: float = Field(0.05, gt=0.0, description="greatest ratio of lee, no unit")
+    max_missing: int = Field(2, ge=0, description="more empty columns than this always part objects")
+    line_tolerance: float = Field(0.06, gt=0.0, description="T of split and merge, m")
+
+    cell: float = Field(0.40, gt=0.0, description="edge of a grid cell, m")
+    anchor: tuple[float, float] | None = Field(None, description="a cell centre, m, map frame; default: the start")
+    extent: tuple[float, float, float, float] | None = Field(
+        None, description="lowest x, y, highest x, y of the map, m; default: what was seen, and the anchor"
+    )
+    raster: Literal["distance", "supercover", "paper"] = Field("distance", description="which cells a line occupies")
+    paper_raster_t: float = Field(0.8, gt=0.0, description="T of the printed slope test (a length, m, or no unit)")
+    free_range: float = Field(20.0, gt=0.0, description="farther from the sensor nothing is marked free, m")
+    accumulate: bool = Field(True, description="keep the map between sweeps; false: the latest sweep only")
+
+    def settings(self, robot_height: float, start: tuple[float, float]) -> MapSettings:
+        """The same for the pure modules, in SI and radians.
+
+        Args:
+            robot_height: m.
+            start: x, y, m, map frame.
+        """
+        filters = Filters(
+            floor_tolerance=self.floor_tolerance,
+            z_limit=robot_height if self.z_limit is None else self.z_limit,
+            order=self.filter_order,
+            min_range=self.min_range,
+            max_range_tolerance=self.max_range_tolerance,
+        )
+        parting = Segmentation(
+            method=self.segmentation,
+            incidence=radians(self.incidence_deg),
+            sigma=self.range_sigma,
+            noise=self.segmentation_noise,
+            santos_beta=radians(self.santos_beta_deg),
+            lee_limit=self.lee_limit,
+            max_missing=self.max_missing,
+        )
+        return MapSettings(
+            filters=filters,
+            segmentation=parting,
+            line_tolerance=self.line_tolerance,
+            resolution=self.cell,
+            anchor=self.anchor or start,
+            extent=self.extent,
+            free_range=self.free_range,
+            raster=self.raster,
+            paper_t=self.paper_raster_t,
+            bin_width=None if self.bin_width_deg is None else radians(self.bin_width_deg),
+        )

@@ -1,0 +1,232 @@
+"""3D-to-2D image pressure, steps 1 to 3 of IPaBD (Hoang et al. 2013, II.B), in one fused pass over the image."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom_ipabd.rules import Filters, Rule
+from navloom_ipabd.sweep import SweepImage
+from navloom_ipabd.track import FrameMotion, standing
+
+__all__ = ["Barriers", "Bins", "bins_of", "press", "settle", "warm_up"]
+
+Floats = NDArray[np.float64]
+TAU = 2.0 * math.pi
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Azimuths in which the nearest obstacle is sought, in the reference frame (see `FrameMotion`).
+
+    Attributes:
+        first, step: Bin i is centred on `first` + i `step`, rad.
+        size: Number of bins.
+        are_columns: They are the columns of the image; otherwise they go round the whole circle.
+    """
+
+    first: float
+    step: float
+    size: int
+    are_columns: bool = False
+
+    @property
+    def azimuths(self) -> Floats:
+        """(size,) centres, rad, rising from `first`, not wrapped."""
+        return self.first + self.step * np.arange(self.size, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Barriers:
+    """The 2D image: the nearest obstacle point on every azimuth.
+
+    Attributes:
+        bins: The azimuths.
+        ranges: (bins,) horizontal range of the nearest obstacle point, m, reference frame; +inf where there is none.
+        points: (bins, 3) that point: x, y, m, reference frame, and z above the floor; NaN where there is none.
+        seen: (bins,) how far the azimuth was looked through, m: to the obstacle, or where there is none to the
+            farthest return; 0 where no ray returned.
+        counts: Number of image points by rule; they sum to frames × beams.
+    """
+
+    bins: Bins
+    ranges: Floats
+    points: Floats
+    seen: Floats
+    counts: dict[Rule, int]
+
+
+def bins_of(sweep: SweepImage, motion: FrameMotion | None = None, bin_width: float | None = None) -> Bins:
+    """Bins of a sweep: its columns where those are fixed azimuths, the whole circle in steps otherwise.
+
+    Columns are fixed azimuths with eq. (1), an even fan and a robot that stands. A rigid pitch spreads a column over
+    azimuths atan(tan b / cosα), and movement turns it.
+
+    Args:
+        sweep: The 3D image.
+        motion: Movement during the sweep; None: the robot stood.
+        bin_width: rad; None is the bearing step. A given width bins the whole circle.
+    """
+    first = float(sweep.bearings[0])
+    is_still = motion is None or motion.is_still
+    if is_still and sweep.geometry == "paper" and bin_width is None and sweep.is_evenly_spaced:
+        return Bins(first, sweep.bearing_step, sweep.bearings.size, are_columns=True)
+    step = sweep.bearing_step if bin_width is None else bin_width
+    return Bins(first, step, max(1, math.ceil(TAU / step - 1e-9)))
+
+
+def press(
+    sweep: SweepImage, filters: Filters, motion: FrameMotion | None = None, bin_width: float | None = None
+) -> Barriers:
+    """Nearest obstacle point of every azimuth, and the count of what was rejected why.
+
+    Args:
+        sweep: The 3D image.
+        filters: What counts as an obstacle.
+        motion: Movement during the sweep; None: the robot stood (at the origin of the map).
+        bin_width: Width of an azimuth bin, rad; None: the bearing step.
+    """
+    bins = bins_of(sweep, motion, bin_width)
+    pitch = (np.sin(sweep.pitches), np.cos(sweep.pitches))
+    sin_b, cos_b = np.sin(sweep.bearings), np.cos(sweep.bearings)
+    limits, height = _limits(sweep, filters), sweep.mount[2]
+    if bins.are_columns:
+        nearest, heights, seen, tally = _press_columns(sweep.ranges, *pitch, height, limits)
+        level = np.where(nearest < math.inf, nearest, math.nan)
+        points = np.stack([level * cos_b, level * sin_b, heights], axis=1)
+    else:
+        motion = standing(sweep.pitches.size, (0.0, 0.0, 0.0)) if motion is None else motion
+        frames = np.column_stack([*pitch, motion.shifts, np.sin(motion.turns), np.cos(motion.turns)])
+        circle = np.array([bins.first, bins.step])
+        is_rigid = sweep.geometry == "rigid_pitch"
+        nearest, points, seen, tally = _press_bins(
+            sweep.ranges, frames, sin_b, cos_b, height, limits, is_rigid, circle, bins.size
+        )
+    return settle(bins, nearest, points, seen, tally, filters)
+
+
+def _limits(sweep: SweepImage, filters: Filters) -> Floats:
+    """Least range, first range that is too long, -floor, floor and z limit; the printed order filters heights later."""
+    range_min = max(sweep.range_min, filters.min_range)
+    range_cut = sweep.range_max - filters.max_range_tolerance
+    if filters.order == "paper":
+        return np.array([range_min, range_cut, -math.inf, -math.inf, math.inf])
+    return np.array([range_min, range_cut, -filters.floor_tolerance, filters.floor_tolerance, filters.z_limit])
+
+
+def settle(bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDArray[np.int64], f: Filters) -> Barriers:
+    """Close the counts, and for the printed order filter the minima: step 3 after step 2.
+
+    Args:
+        nearest: (bins,) least horizontal range, m, +inf for none.
+        points: (bins, 3) m, NaN for none.
+        seen: (bins,) farthest horizontal range of any return, m.
+        tally: (7,) counts by rule, NOT_MINIMUM holding all points that passed.
+    """
+    counts = dict(zip(Rule, tally.tolist(), strict=False))  # KEPT, the last, is counted below
+    found = np.isfinite(nearest)
+    counts[Rule.NOT_MINIMUM] -= int(found.sum())
+    if f.order == "paper":
+        z = points[:, 2]
+        wrong = {
+            Rule.BELOW_FLOOR: z < -f.floor_tolerance,
+            Rule.FLOOR: (z >= -f.floor_tolerance) & (z <= f.floor_tolerance),
+            Rule.TOO_HIGH: z > f.z_limit,
+        }
+        for rule, mask in wrong.items():
+            counts[rule] += int(mask.sum())
+            found &= ~mask
+        nearest = np.where(found, nearest, math.inf)
+        points = np.where(found[:, None], points, math.nan)
+    counts[Rule.KEPT] = int(found.sum())
+    return Barriers(bins, nearest, points, np.where(found, nearest, seen), counts)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _press_columns(ranges, sin_pitch, cos_pitch, height, limits):  # type: ignore[no-untyped-def]
+    """Columns are azimuths: branch-free, so that it runs in vector registers. Limits: range, -floor, floor, z_limit."""
+    frames, beams = ranges.shape
+    range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
+    nearest = np.full(beams, np.inf)
+    heights = np.full(beams, np.nan)
+    seen = np.zeros(beams)
+    none = far = near = under = floor = over = 0
+    for j in range(frames):
+        s, c = sin_pitch[j], cos_pitch[j]
+        row = ranges[j]
+        for k in range(beams):
+            r = row[k]
+            none += int(r == np.inf)
+            far += int(r >= range_cut)
+            near += int(r < range_min)
+            r = r if (r >= range_min) & (r < range_cut) else np.nan  # fails every comparison below
+            z = r * s + height
+            level = r * c
+            under += int(z < below)
+            floor += int(z <= low)
+            over += int(z > high)
+            seen[k] = level if level > seen[k] else seen[k]
+            is_nearer = (z > low) & (z <= high) & (level < nearest[k])
+            nearest[k] = level if is_nearer else nearest[k]
+            heights[k] = z if is_nearer else heights[k]
+    return nearest, heights, seen, _tally(ranges.size, none, far, near, under, floor, over)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tally(total, none, far, near, under, floor, over):  # type: ignore[no-untyped-def]
+    """Counts by rule: `far` holds the missing returns too, and `floor` what lies under it."""
+    far_only, floor_only = far - none, floor - under
+    passed = total - far - near - floor - over
+    return np.array([none, far_only, near, under, floor_only, over, passed])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _press_bins(ranges, frames, sin_b, cos_b, height, limits, is_rigid, circle, size):  # type: ignore[no-untyped-def]
+    """Any geometry, any movement. Frames: sin and cos of the pitch, shift x, y, sin and cos of the turn."""
+    range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
+    nearest = np.full(size, np.inf)
+    points = np.full((size, 3), np.nan)
+    seen = np.zeros(size)
+    none = far = near = under = floor = over = 0
+    for j in range(ranges.shape[0]):
+        sin_a, cos_a, shift_x, shift_y, sin_t, cos_t = frames[j]
+        for k in range(ranges.shape[1]):
+            r = ranges[j, k]
+            none += r == np.inf
+            if r >= range_cut:
+                far += 1
+                continue
+            if r < range_min:
+                near += 1
+                continue
+            if is_rigid:
+                forward, left, z = r * (cos_a * cos_b[k]), r * sin_b[k], r * (sin_a * cos_b[k]) + height
+            else:
+                forward, left, z = r * cos_a * cos_b[k], r * cos_a * sin_b[k], r * sin_a + height
+            x = cos_t * forward - sin_t * left + shift_x
+            y = sin_t * forward + cos_t * left + shift_y
+            level = math.sqrt(x * x + y * y)
+            angle = math.atan2(y, x) - circle[0] + 0.5 * circle[1]
+            angle -= TAU * math.floor(angle / TAU)
+            i = min(int(angle / circle[1]), size - 1)
+            seen[i] = max(seen[i], level)
+            under += z < below
+            floor += z <= low
+            over += z > high
+            if low < z <= high and level < nearest[i]:
+                nearest[i] = level
+                points[i, 0], points[i, 1], points[i, 2] = x, y, z
+    return nearest, points, seen, _tally(ranges.size, none, far, near, under, floor, over)
+
+
+def warm_up() -> None:
+    """Compile both kernels for read-only float64 images, the only ones a `SweepImage` holds."""
+    for geometry in ("paper", "rigid_pitch"):
+        image = SweepImage(
+            np.ones((2, 2)), np.zeros(2), np.zeros(2), np.array([0.0, 0.1]), (0.0, 0.0, 0.4), 0.0, 80.0, geometry
+        )
+        press(image, Filters())

@@ -1,0 +1,310 @@
+"""One tick of the improved VFH: scans and pose in, velocity and reasons out (Hoang et al. 2013, III.C)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_cells
+from navloom_improved_vfh.clearance import footprint_edges, free_command, nearest_ahead
+from navloom_improved_vfh.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
+from navloom_improved_vfh.search import Progress, RotationSearch, Trap
+from navloom_improved_vfh.steering import forward_speed, is_turning, select_direction, turn_rate, wrap
+
+if TYPE_CHECKING:
+    from navloom_improved_vfh.params import ImprovedVfhParams
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
+
+    footprint: Floats
+    max_linear: float
+    max_angular: float
+    max_acceleration: float
+    max_deceleration: float
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Readings of all range sensors in one tick, base frame.
+
+    Attributes:
+        origins: (n, 2), m. bearings: (n,), rad. half_angles: (n,), rad; 0 for a laser.
+        ranges: (n,), m, +inf for no echo. limits: (n, 2), range_min and range_max of each, m.
+        sensors: (n,) int64, number of the sensor of each beam.
+    """
+
+    origins: Floats
+    bearings: Floats
+    half_angles: Floats
+    ranges: Floats
+    limits: Floats
+    sensors: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Answer of one tick; directions in the pose frame, rad.
+
+    Attributes:
+        speed: m/s. turn: rad/s. status: As the Avoider role names it.
+        direction: theta_d, or None while rotating or trapped.
+        why: One phrase.
+    """
+
+    speed: float
+    turn: float
+    status: Literal["clear", "steering", "trapped"]
+    direction: float | None
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one tick is decided on, pose frame but for the cells.
+
+    Attributes:
+        pose: x, y, m, heading, rad. speed: m/s. target: m.
+        distance: To the target, m. bearing: theta_t, rad.
+        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
+        directions: Candidates of the slots, rad.
+        d30, run: m, see clearance.nearest_ahead().
+    """
+
+    pose: Pose
+    speed: float
+    target: Point
+    distance: float
+    bearing: float
+    cells: Floats
+    directions: list[float]
+    d30: float
+    run: float
+
+
+@njit(cache=True, nogil=True)
+def survey(
+    grid: NDArray[np.uint8],
+    origin: NDArray[np.int64],
+    cell: float,
+    pose: tuple[float, float, float],
+    edges: Floats,
+    clears_footprint: bool,
+    reach: float,
+    horizon: float,
+    radius: float,
+    half_width: int,
+    per_arc_cell: bool,
+    threshold: float,
+    widest: int,
+    inset: float,
+    target: float,
+    ahead: tuple[float, float, float, float],
+    cells: Floats,
+    density: Floats,
+    slots: NDArray[np.int64],
+    directions: Floats,
+) -> tuple[int, int, int, float, float]:
+    """From the window to cells, density, slots, candidate directions and what is ahead, in one call.
+
+    Args:
+        grid, origin, cell, pose: As for certainty.insert_beams().
+        edges: clearance.footprint_edges(). clears_footprint: Whether cells under the robot are set free.
+        reach: m. horizon: Cells farther than this do not enter the histogram, m.
+        radius: Of the enlargement, m; negative is none: density summed and smoothed over 2 half_width + 1 sectors.
+        per_arc_cell, threshold, widest, inset, target: As for the functions of histogram.py.
+        ahead: Half sector of d30, rad; front, half width of the footprint and margin, m.
+        cells: (size * size, 3), density: (sectors,), slots: (sectors // 2 + 1, 2),
+            directions: (3 * (sectors // 2 + 1),): filled.
+
+    Returns:
+        Number of cells, slots and directions; d30 and free run, m.
+    """
+    heading = pose[2]
+    count = occupied_cells(grid, origin, cell, pose, edges if clears_footprint else edges[:0], cells)
+    near = cells[:count]
+    if horizon < reach:
+        kept = 0
+        near = np.empty((count, 3))
+        for i in range(count):
+            if math.hypot(cells[i, 0], cells[i, 1]) <= horizon:
+                near[kept] = cells[i]
+                kept += 1
+        near = near[:kept]
+    if radius >= 0.0:
+        enlarged_density(near, heading, radius, reach, density)
+    else:
+        rough = np.empty_like(density)
+        sector_density(near, heading, cell, reach, per_arc_cell, rough)
+        smooth(rough, half_width, density)
+    found = free_slots(density, threshold, slots)
+    candidates = slot_directions(slots, found, density.size, widest, inset, target, directions)
+    d30, run = nearest_ahead(cells[:count], ahead[0], ahead[1], ahead[2], ahead[3])
+    return count, found, candidates, d30, run
+
+
+class Avoidance:
+    """The improved VFH of one robot: its certainty window and what it remembers of its search."""
+
+    def __init__(self, params: ImprovedVfhParams, robot: Robot, period: float) -> None:
+        self.params, self.robot, self.period = params, robot, period
+        self.edges = footprint_edges(robot.footprint)
+        self.front = float(robot.footprint[:, 0].max())
+        self.half_width = float(np.abs(robot.footprint[:, 1]).max())
+        self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
+        self.max_speed = min(params.max_speed, robot.max_linear)
+        shaded = params.enlargement == "footprint"
+        self.radius = self.half_width + params.safety_distance if shaded else -1.0
+        measured = self.front if params.distance_from == "front" else 0.0
+        self._ahead = (math.radians(params.front_sector_deg), measured, self.half_width, params.arc_margin)
+        self._slow = math.radians(params.slow_on_deg), math.radians(params.slow_off_deg)
+        self._window, self._case = math.radians(params.slot_window_deg), math.radians(params.case_limit_deg)
+        self._loyalty, self._pivot = math.radians(params.loyalty_deg), math.radians(params.pivot_deg)
+        n, size = params.sectors, params.window
+        self.density = np.zeros(n)
+        self.slots = np.zeros((n // 2 + 1, 2), np.int64)
+        self._cells, self._directions = np.zeros((size * size, 3)), np.zeros(3 * (n // 2 + 1))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the window and the search."""
+        p = self.params
+        self.grid, self.origin = new_window(p.window)
+        self.search = RotationSearch(math.radians(p.rotation_deg))
+        self.progress = Progress(p.progress_step, p.target_shift)
+        self.trap = Trap(p.release_distance, math.radians(p.release_deg))
+        self.slot_count = 0
+        self._previous: float | None = None
+        self._is_turning = False
+
+    def step(self, beams: Beams | None, pose: Pose, speed: float, target: Point) -> Decision:
+        """Decide for one tick.
+
+        Args:
+            beams: Readings of this tick, None where there are none.
+            pose: x, y, m, heading, rad, of the base in the pose frame.
+            speed: Present forward speed, m/s.
+            target: x_t, y_t, m, pose frame.
+        """
+        if beams is not None and beams.ranges.size:
+            self.sense(beams, pose)
+        view = self.look(pose, speed, target)
+        if self.trap.place is not None:
+            if self.trap.holds(pose, target, self.params.target_shift):
+                return Decision(0.0, 0.0, "trapped", None, "trapped: neither robot nor target moved since")
+            self.search.end()
+            self.progress.restart()
+        self.progress.note(view.distance, target)
+        direction = self._choose(view)
+        if direction is not None:
+            return self._steer(view, direction)
+        if self.progress.attempts > self.params.attempts:
+            return self._give_up(view, f"no slot in {self.params.attempts} rotations without progress")
+        why = "no slot: rotating " + ("left" if self.search.sign > 0 else "right")
+        return self._send(view, 0.0, self.search.sign * self.max_turn, None, why)
+
+    def sense(self, beams: Beams, pose: Pose) -> None:
+        """Enter the readings of one tick into the window."""
+        p = self.params
+        sensors = beams.sensors if p.conflict == "seen_through" else np.full_like(beams.sensors, -1)
+        insert_beams(
+            self.grid, self.origin, p.cell, pose, beams.origins, beams.bearings, beams.half_angles,
+            beams.ranges, beams.limits, sensors, p.clear_margin,
+            p.blind_depth, p.clears_blind_zone, p.reset_scope == "window",
+        )  # fmt: skip
+
+    def look(self, pose: Pose, speed: float, target: Point) -> View:
+        """Histogram, slots and clearances of the present window."""
+        p = self.params
+        distance = math.dist(target, pose[:2])
+        bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
+        horizon = distance + max(self.radius, self.half_width) if p.stops_at_target else math.inf
+        count, self.slot_count, candidates, d30, run = survey(
+            self.grid, self.origin, p.cell, pose, self.edges, p.clears_footprint, p.reach, horizon, self.radius,
+            p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing, self._ahead,
+            self._cells, self.density, self.slots, self._directions,
+        )  # fmt: skip
+        directions = self._directions[:candidates].tolist()
+        return View(pose, speed, target, distance, bearing, self._cells[:count], directions, d30, run)
+
+    def _choose(self, view: View) -> float | None:
+        """Direction of a slot, or None while a rotation is under way or has to begin."""
+        heading = view.pose[2]
+        if self.search.follow(heading):
+            return None
+        direction = select_direction(
+            view.directions, heading, view.bearing, self._window, self._case, self._previous, self._loyalty
+        )
+        self._previous = direction
+        if direction is None:
+            self.progress.attempts += 1
+            self.search.start(heading, view.bearing)
+        else:
+            self.search.end()
+        return direction
+
+    def _steer(self, view: View, direction: float) -> Decision:
+        """Turn to the direction and drive as fast as what is ahead allows."""
+        p, heading = self.params, view.pose[2]
+        turn = turn_rate(direction, heading, p.turn_gain, self.max_turn)
+        run = view.run if p.brakes else math.inf
+        speed = forward_speed(view.d30, p.speed_gain, p.standoff, self.max_speed, run, self.robot.max_deceleration)
+        self._is_turning = is_turning(turn, self._is_turning, *self._slow)
+        if self._is_turning:
+            speed /= p.slow_factor
+        if abs(wrap(direction - heading)) > self._pivot:
+            speed = 0.0
+        why = f"slot {math.degrees(wrap(direction - view.bearing)):+.0f} deg off the target"
+        return self._send(view, speed, turn, direction, why)
+
+    def _send(self, view: View, speed: float, turn: float, direction: float | None, why: str) -> Decision:
+        """Reduce the command to what is free, and watch whether the robot gets anywhere with it."""
+        p, r = self.params, self.robot
+        sent = (speed, turn)
+        if p.arc_check:
+            sent = free_command(
+                view.cells, self.edges, view.speed, (speed, turn), p.creep, self.period,
+                r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
+            )  # fmt: skip
+        if sent != (speed, turn):
+            why += ", reduced by what is on the arc"
+        is_clear = direction is not None and direction == view.bearing and sent == (self.max_speed, turn)
+        progress = self.progress
+        progress.stalled = 0.0 if is_clear else progress.stalled + self.period
+        progress.blocked = progress.blocked + self.period if sent == (0.0, 0.0) else 0.0
+        if progress.stalled > p.patience:
+            return self._give_up(view, f"no progress in {p.patience:g} s")
+        if progress.blocked > p.blocked_patience:
+            progress.attempts += 1
+            progress.blocked = 0.0
+            if progress.attempts > p.attempts:
+                return self._give_up(view, "no room to move or turn")
+            self.search.sign = self.search.sign or (1 if turn > 0.0 else -1)
+            self.search.reverse(view.pose[2])
+        return Decision(*sent, "clear" if is_clear else "steering", direction, why)
+
+    def _give_up(self, view: View, why: str) -> Decision:
+        self.trap.place, self.trap.target = view.pose, view.target
+        self._previous = None
+        return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)
+
+
+def warm_up(*choices: ImprovedVfhParams) -> None:
+    """Compile every kernel for the types one tick uses, by making one for each of the parameters given."""
+    square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
+    robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
+    ones, none = np.ones(2), np.zeros((2, 2))
+    beams = Beams(none, np.zeros(2), np.array([0.2, 0.0]), ones, np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64))
+    for params in choices:
+        Avoidance(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), 0.0, (3.0, 0.0))

@@ -1,0 +1,152 @@
+"""What lies ahead of the footprint: the paper's d30, the free run straight ahead, and the roll-forward of a command."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+LONGEST_ROLL = 64  # steps; bounds the work of one check
+
+
+def footprint_edges(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half planes of a convex footprint.
+
+    Args:
+        vertices: (k, 2), m, base frame, counter-clockwise.
+
+    Returns:
+        (k, 3): outward unit normal x, y and offset, m, of each side; inside is normal . p <= offset.
+    """
+    side = np.roll(vertices, -1, axis=0) - vertices
+    normal = np.column_stack((side[:, 1], -side[:, 0])) / np.hypot(side[:, 0], side[:, 1])[:, None]
+    return np.ascontiguousarray(np.column_stack((normal, np.sum(normal * vertices, axis=1))))
+
+
+@njit(cache=True, nogil=True)
+def outside_distance(edges: NDArray[np.float64], x: float, y: float) -> float:
+    """Greatest distance of a point beyond a side, m: negative inside, never more than the true distance outside."""
+    greatest = -1.0e9
+    for k in range(edges.shape[0]):
+        greatest = max(greatest, edges[k, 0] * x + edges[k, 1] * y - edges[k, 2])
+    return greatest
+
+
+@njit(cache=True, nogil=True)
+def nearest_ahead(
+    cells: NDArray[np.float64], half_sector: float, front: float, half_width: float, margin: float
+) -> tuple[float, float]:
+    """Distance to the nearest cell in the sector ahead (d30) and free run straight ahead, both from the front.
+
+    Args:
+        cells: (n, 3), x, y, m, base frame, and certainty.
+        half_sector: 30 deg in the paper, rad.
+        front: Distance of the robot's front from its centre, m; 0 measures d30 from the centre.
+        half_width: Of the footprint, m. margin: Kept on both sides and ahead, m.
+
+    Returns:
+        d30 and the free run, m; +inf where there is nothing.
+    """
+    nearest, run = np.inf, np.inf
+    for i in range(cells.shape[0]):
+        x, y = cells[i, 0], cells[i, 1]
+        if abs(math.atan2(y, x)) <= half_sector:
+            nearest = min(nearest, math.hypot(x, y) - front)
+        if x > 0.0 and abs(y) < half_width + margin:
+            run = min(run, x - front - margin)
+    return nearest, run
+
+
+@njit(cache=True, nogil=True)
+def is_free(
+    cells: NDArray[np.float64],
+    edges: NDArray[np.float64],
+    speed: float,
+    command: tuple[float, float],
+    period: float,
+    acceleration: float,
+    deceleration: float,
+    turn_horizon: float,
+    margin: float,
+) -> bool:
+    """Whether one period of a command, and braking along the same arc, keeps the margin to every occupied cell.
+
+    A cell that is already nearer than the margin may not come nearer, so that the robot can still leave.
+
+    Args:
+        cells: (n, 3), x, y, m, base frame, and certainty. edges: From footprint_edges().
+        speed: Present forward speed, m/s.
+        command: Forward speed, m/s, and turn rate, rad/s, sent now.
+        period: s. acceleration, deceleration: m/s^2, of the command gate.
+        turn_horizon: Least time looked ahead, s: a turn in place has no braking distance.
+        margin: m.
+    """
+    step = 0.05
+    x = y = heading = elapsed = 0.0
+    v = speed
+    for _ in range(LONGEST_ROLL):
+        goal = command[0] if elapsed < period else 0.0
+        v_next = min(goal, v + acceleration * step) if goal >= v else max(goal, v - deceleration * step)
+        travel, turn = 0.5 * (v + v_next) * step, command[1] * step
+        x += travel * math.cos(heading + 0.5 * turn)
+        y += travel * math.sin(heading + 0.5 * turn)
+        heading += turn
+        v = v_next
+        elapsed += step
+        cos_t, sin_t = math.cos(heading), math.sin(heading)
+        for i in range(cells.shape[0]):
+            dx, dy = cells[i, 0] - x, cells[i, 1] - y
+            distance = outside_distance(edges, dx * cos_t + dy * sin_t, dy * cos_t - dx * sin_t)
+            if distance < margin and distance < outside_distance(edges, cells[i, 0], cells[i, 1]) - 1.0e-6:
+                return False
+        if elapsed >= period + turn_horizon and v <= 0.0:
+            break
+    return True
+
+
+@njit(cache=True, nogil=True)
+def free_command(
+    cells: NDArray[np.float64],
+    edges: NDArray[np.float64],
+    speed: float,
+    command: tuple[float, float],
+    creep: float,
+    period: float,
+    acceleration: float,
+    deceleration: float,
+    turn_horizon: float,
+    margin: float,
+) -> tuple[float, float]:
+    """The wanted command, reduced until is_free(): speed first, then turn rate; last, creeping out along a free arc.
+
+    Args:
+        creep: Speed, m/s, tried where the wanted turn has no room: moving ahead takes the corners past the obstacle.
+
+    Returns:
+        Forward speed, m/s, and turn rate, rad/s; (0, 0) where nothing is free.
+    """
+    v, w = command
+    reach = max(v, speed, creep)
+    reach = reach * (2.0 * period + reach / deceleration) + abs(w) * (period + turn_horizon + reach / deceleration)
+    near = np.empty_like(cells)
+    count = 0
+    for i in range(cells.shape[0]):
+        if outside_distance(edges, cells[i, 0], cells[i, 1]) < margin + reach:
+            near[count] = cells[i]
+            count += 1
+    if count == 0:
+        return v, w
+    near = near[:count]
+    for turn in (1.0, 0.5, 0.25, 0.0):
+        for pace in (1.0, 0.5, 0.25, 0.0):
+            if (pace < 1.0 and v == 0.0) or (turn < 1.0 and w == 0.0) or (v * pace == 0.0 and turn == 0.0):
+                continue
+            trial = (v * pace, w * turn)
+            if is_free(near, edges, speed, trial, period, acceleration, deceleration, turn_horizon, margin):
+                return trial
+    if creep > 0.0 and w != 0.0:
+        for turn in (1.0, 0.5, 0.0, -0.5):
+            trial = (creep, w * turn)
+            if is_free(near, edges, speed, trial, period, acceleration, deceleration, turn_horizon, margin):
+                return trial
+    return 0.0, 0.0

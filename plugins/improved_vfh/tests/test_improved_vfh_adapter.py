@@ -1,0 +1,134 @@
+"""The plugin against the framework's contract."""
+
+import math
+
+import numpy as np
+import pytest
+from navloom import (
+    AvoiderInput,
+    Context,
+    Discovery,
+    Point2D,
+    Pose2D,
+    PoseEstimate,
+    RangeScan,
+    RobotSpec,
+    Twist2D,
+)
+from navloom_improved_vfh import avoidance
+from navloom_improved_vfh.adapter import ImprovedVfh
+from navloom_improved_vfh.params import ImprovedVfhParams, paper_literal
+from pydantic import ValidationError
+
+SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
+BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
+
+
+@pytest.fixture
+def avoider():
+    robot = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
+    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
+    return ImprovedVfh(ImprovedVfhParams(), context)
+
+
+def sonars(ranges):
+    origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
+    return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
+
+
+def laser(ranges):
+    n = len(ranges)
+    bearings = np.linspace(-1.5, 1.5, n)
+    return RangeScan(0, np.zeros((n, 2)), bearings, np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0)
+
+
+def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0)):
+    estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+    return AvoiderInput(0, scans, estimate, Point2D(*target), 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)
+
+
+def test_is_found_by_its_entry_point():
+    assert Discovery().role("avoider", "improved_vfh") is ImprovedVfh
+
+
+def test_free_way_is_clear_and_driven_at_full_speed(avoider):
+    answer = avoider.avoid(given(sonars([math.inf] * 8)))
+    assert (answer.status, answer.twist) == ("clear", Twist2D(0.5, 0.0, 0.0))
+    assert answer.diagnostics.chosen == 0.0
+
+
+@pytest.mark.parametrize("sensor", ["sonar", "laser"])
+def test_obstacle_ahead_is_steered_round(avoider, sensor):
+    scan = sonars([math.inf, math.inf, 0.6, 0.5, 0.5, 0.6, math.inf, math.inf])
+    if sensor == "laser":
+        scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 0.3, 0.9, math.inf))
+    answer = avoider.avoid(given(scan))
+    assert answer.status == "steering"
+    assert abs(answer.twist.wz) == pytest.approx(math.radians(25.0))
+    assert answer.twist.vx == 0.0
+    assert answer.diagnostics.window.max() == 3
+    assert abs(answer.diagnostics.chosen) > math.radians(45.0)
+
+
+def test_all_sides_blocked_is_typed_trapped_after_the_attempts(avoider):
+    """Four rotations of 100 degrees at 25 deg/s take 16 s; the fifth would be one too many."""
+    near, heading = sonars([0.45] * 8), 0.0
+    ticks = 0
+    while (answer := avoider.avoid(given(near, heading=heading))).status != "trapped" and ticks < 400:
+        ticks += 1
+        heading = (heading + 0.05 * answer.twist.wz + math.pi) % (2.0 * math.pi) - math.pi
+    assert answer.status == "trapped"
+    assert answer.twist == Twist2D(0.0, 0.0, 0.0)
+    assert answer.diagnostics.why == "trapped: no slot in 4 rotations without progress"
+    assert ticks * 0.05 == pytest.approx(16.0, abs=0.5)
+
+
+def test_reset_forgets_the_window_and_the_trap(avoider):
+    for _ in range(200):
+        avoider.avoid(given(sonars([0.35] * 8)))
+    avoider.reset()
+    answer = avoider.avoid(given(sonars([math.inf] * 8)))
+    assert answer.status == "clear"
+    assert answer.diagnostics.window.sum() == 0
+
+
+def test_tick_without_scans_keeps_what_was_seen(avoider):
+    seen = avoider.avoid(given(sonars([math.inf, math.inf, 0.6, 0.5, 0.5, 0.6, math.inf, math.inf])))
+    after = avoider.avoid(given())
+    np.testing.assert_array_equal(after.diagnostics.window, seen.diagnostics.window)
+
+
+def test_laser_above_a_low_obstacle_does_not_hide_it_from_the_sonars(avoider):
+    low = sonars([math.inf, math.inf, math.inf, 0.5, 0.5, math.inf, math.inf, math.inf])
+    answer = avoider.avoid(given(low, laser(np.full(101, math.inf))))
+    assert answer.diagnostics.window.max() == 3
+    assert answer.status == "steering"
+
+
+def test_window_in_the_map_frame_follows_the_robot(avoider):
+    answer = avoider.avoid(given(sonars([math.inf] * 8), x=2.05))
+    assert answer.diagnostics.window_x == pytest.approx(2.0 - 1.6)
+    assert answer.diagnostics.window_y == pytest.approx(-1.6)
+
+
+def test_no_tick_compiles_after_warm_up(avoider):
+    ImprovedVfh.warm_up()
+    kernels = (avoidance.insert_beams, avoidance.survey, avoidance.free_command)
+    before = [len(kernel.signatures) for kernel in kernels]
+    avoider.avoid(given(sonars([0.5] * 8)))
+    avoider.avoid(given(sonars([0.5] * 8), laser(np.full(101, 1.0))))
+    avoider.avoid(given())
+    assert [len(kernel.signatures) for kernel in kernels] == before
+    assert min(before) >= 1
+
+
+def test_unknown_keys_and_wrong_values_are_refused():
+    for wrong in ({"treshold": 0.2}, {"window": 3}, {"enlargement": "circle"}):
+        with pytest.raises(ValidationError):
+            ImprovedVfhParams(**wrong)
+
+
+def test_paper_literal_changes_every_key_it_names():
+    default = ImprovedVfhParams()
+    literal = ImprovedVfhParams(**paper_literal())
+    assert all(getattr(default, key) != getattr(literal, key) for key in paper_literal())

@@ -1,10 +1,11 @@
-"""What a world is made of: the ground truth a simulator moves a robot through. Plugins other than a Platform never see it."""
+"""What a world is made of: the ground truth a simulator moves a robot through. Only a Platform ever sees it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +129,7 @@ def position_at(waypoints: Sequence[Waypoint], loops: bool, time: float) -> tupl
         time = math.fmod(time, last[0])
     if time <= first[0]:
         return first[1], first[2]
-    for (t0, x0, y0), (t1, x1, y1) in zip(waypoints, waypoints[1:], strict=False):
+    for (t0, x0, y0), (t1, x1, y1) in pairwise(waypoints):
         if time <= t1:
             share = (time - t0) / (t1 - t0)
             return x0 + share * (x1 - x0), y0 + share * (y1 - y0)

@@ -1,0 +1,106 @@
+"""The robot's outline: a convex polygon round the base frame's origin."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["FootprintError", "circumscribed_radius", "inscribed_radius", "polygon", "rectangle"]
+
+Floats = NDArray[np.float64]
+
+_MAX_CORNERS = 64
+
+
+class FootprintError(ValueError):
+    """A footprint that no robot can have: the text says what was given and what was expected."""
+
+
+def rectangle(length: float, width: float) -> Floats:
+    """Corners of a rectangle centred on the base frame's origin.
+
+    Args:
+        length, width: Extent along x and along y, m, > 0.
+
+    Returns:
+        (4, 2) m, base frame, counter-clockwise from the front left corner.
+
+    Raises:
+        FootprintError: A side is not a positive number.
+    """
+    for name, value in (("length", length), ("width", width)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise FootprintError(f"footprint {name} = {value}: expected a length > 0 in metres")
+    x, y = 0.5 * length, 0.5 * width
+    return np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
+
+
+def polygon(corners: ArrayLike) -> Floats:
+    """A checked copy of a footprint's corners.
+
+    Args:
+        corners: (n, 2) m, base frame: convex, counter-clockwise, round the origin, 3 to 64 corners.
+
+    Returns:
+        (n, 2) float64, read-only.
+
+    Raises:
+        FootprintError: Anything else, naming the corner.
+    """
+    try:
+        outline = np.array(corners, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise FootprintError(f"footprint {corners!r}: expected corners as [[x, y], ...] in metres") from None
+    if outline.ndim != 2 or outline.shape[1] != 2 or not 3 <= len(outline) <= _MAX_CORNERS:
+        raise FootprintError(
+            f"footprint of shape {outline.shape}: expected 3 to {_MAX_CORNERS} corners as [[x, y], ...] in metres"
+        )
+    if not np.isfinite(outline).all():
+        raise FootprintError(f"footprint corner {_first(~np.all(np.isfinite(outline), axis=1))} is not finite")
+    _check_turns(outline)
+    if _edge_distances(outline).min() <= 0.0:
+        raise FootprintError(
+            f"footprint {outline.tolist()} does not contain the base frame's origin (0, 0): shift it round the axle"
+        )
+    outline.flags.writeable = False
+    return outline
+
+
+def _check_turns(outline: Floats) -> None:
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    if not lengths.all():
+        raise FootprintError(f"footprint corner {_first(lengths == 0.0)} is there twice: leave the second out")
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    forward = (edges * following).sum(axis=1)
+    total = np.arctan2(turns, forward).sum()
+    if (turns < 0.0).all() and np.isclose(total, -2.0 * np.pi):
+        raise FootprintError("footprint is clockwise: expected counter-clockwise corners; reverse their order")
+    # An outline that turns left everywhere but goes round twice is a star, not convex.
+    if (turns <= 0.0).any() or not np.isclose(total, 2.0 * np.pi):
+        place = (_first(turns <= 0.0) + 1) % len(outline) if (turns <= 0.0).any() else 0
+        raise FootprintError(
+            f"footprint is not convex at corner {place} {outline[place].tolist()}: "
+            "expected a left turn at every corner; give the convex hull"
+        )
+
+
+def _first(wrong: NDArray[np.bool_]) -> int:
+    return int(np.argmax(wrong))
+
+
+def _edge_distances(outline: Floats) -> Floats:
+    """(n,) signed distance of the origin from each edge's line, m, positive on the inside."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    return (outline[:, 0] * edges[:, 1] - outline[:, 1] * edges[:, 0]) / np.hypot(edges[:, 0], edges[:, 1])
+
+
+def inscribed_radius(footprint: Floats) -> float:
+    """Radius of the largest disc round the origin within the footprint, m. `footprint`: as `polygon` gives it."""
+    return float(_edge_distances(footprint).min())
+
+
+def circumscribed_radius(footprint: Floats) -> float:
+    """Radius of the smallest disc round the origin that covers the footprint, m. `footprint`: as of `polygon`."""
+    return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())

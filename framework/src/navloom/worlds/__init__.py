@@ -1,0 +1,56 @@
+"""The worlds that ship with the framework, and the schemes that read worlds from files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from navloom.geometry.world import World
+from navloom.plugins.hooks import hookimpl
+from navloom.plugins.registry import Registry
+from navloom.worlds.barn import barn_world
+from navloom.worlds.errors import WorldError
+from navloom.worlds.movingai import movingai_world
+from navloom.worlds.paper import (
+    paper_gates,
+    paper_gates_blocked_b,
+    paper_gates_blocked_bc,
+    paper_gates_obstacle,
+    paper_gates_open_a,
+)
+from navloom.worlds.rosmap import rosmap_world
+from navloom.worlds.small import clutter_world, corridor, doorway, empty, u_trap
+from navloom.worlds.tomlfile import toml_world
+
+__all__ = ["SCHEMES", "WORLDS", "WorldError", "navloom_register"]
+
+WORLDS: dict[str, Callable[[], World]] = {
+    make.__name__: make
+    for make in (
+        paper_gates,
+        paper_gates_open_a,
+        paper_gates_blocked_b,
+        paper_gates_blocked_bc,
+        paper_gates_obstacle,
+        empty,
+        corridor,
+        doorway,
+        u_trap,
+    )
+}
+SCHEMES: dict[str, Callable[[str, Path], World]] = {
+    "barn": barn_world,
+    "clutter": clutter_world,
+    "movingai": movingai_world,
+    "rosmap": rosmap_world,
+    "toml": toml_world,
+}
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add every named world and scheme."""
+    for name, make in WORLDS.items():
+        registry.world(name, make)
+    for scheme, load in SCHEMES.items():
+        registry.world_scheme(scheme, load)

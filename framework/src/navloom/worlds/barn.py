@@ -1,0 +1,116 @@
+"""Worlds of the BARN data set (Perille et al. 2020), many in one `.npz` file.
+
+The file holds: `world` (n,) the worlds' numbers; `cyl` (k, 3) x, y, radius of all cylinders, m, those of the i-th world
+from `cyl_off[i]` up to `cyl_off[i + 1]`; `start` (3,) x, y, heading; `goal` (2,); `goal_tol`, m; `time_limit`, s.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from navloom.geometry.world import Cylinder, Place, World
+from navloom.worlds.errors import WorldError, did_you_mean, file_of, read_bytes
+
+__all__ = ["barn_world"]
+
+_MAX_FILE = 200_000_000
+_MAX_NUMBERS = 10_000_000
+_MARGIN = 1.0
+Floats = NDArray[np.float64]
+
+
+def barn_world(argument: str, base: Path) -> World:
+    """World scheme `barn:F.npz#17`: world number 17 of a file.
+
+    Raises:
+        WorldError: The file is missing or damaged, an array is missing or has a wrong shape, or there is no such world.
+    """
+    name, sharp, number = argument.partition("#")
+    if not sharp or not number.isascii() or not number.isdigit():
+        raise WorldError(f"barn:{argument}: {number!r} after '#', expected a world's number, as in barn:{name}#17")
+    path = file_of(name, base)
+    arrays = _Arrays(path)
+    offsets = arrays.read("cyl_off", (-1,)).astype(np.int64)
+    if not offsets.size:
+        raise WorldError(f"{path}: array 'cyl_off' is empty, expected one number more than there are worlds")
+    numbers = arrays.read("world", (len(offsets) - 1,)).astype(np.int64)
+    matches = np.flatnonzero(numbers == int(number)) if len(number) < 10 else np.zeros(0, dtype=np.int64)
+    if not matches.size:
+        there = ", ".join(str(n) for n in numbers.tolist()[:400])
+        raise WorldError(f"{path}: there is no world {number}; the file has {there}")
+    cylinders = arrays.read("cyl", (-1, 3))
+    first, last = offsets[matches[0] : matches[0] + 2].tolist()
+    if not 0 <= first <= last <= len(cylinders):
+        raise WorldError(f"{path}: cylinders {first} to {last} of world {number}, expected 0 to {len(cylinders)}")
+    return _world(f"barn:{argument}", cylinders[first:last], arrays)
+
+
+def _world(name: str, cylinders: Floats, arrays: _Arrays) -> World:
+    start = arrays.read("start", (3,))
+    goal = arrays.read("goal", (2,))
+    if cylinders.size and cylinders[:, 2].min() <= 0.0:
+        raise WorldError(f"{arrays.path}: a cylinder of radius {cylinders[:, 2].min()}, expected > 0")
+    places = np.concatenate([cylinders[:, :2], start[None, :2], goal[None]])
+    low, high = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
+    return World(
+        name,
+        tuple(Cylinder(f"cylinder {k}", x, y, r) for k, (x, y, r) in enumerate(cylinders.tolist(), start=1)),
+        start=Place(*start.tolist()),
+        goal=Place(*goal.tolist()),
+        bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+        goal_tolerance=float(arrays.read("goal_tol", ())),
+        time_limit=float(arrays.read("time_limit", ())),
+    )
+
+
+class _Arrays:
+    """Arrays of an `.npz` file: each one's size is checked before anything is allocated for it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._content = read_bytes(path, _MAX_FILE)
+
+    def read(self, name: str, shape: tuple[int, ...]) -> Floats:
+        """One array as float64; -1 in `shape` is any length.
+
+        Raises:
+            WorldError: The array is missing, damaged, of another shape, or has anything but finite numbers.
+        """
+        array = self._load(name)
+        fits = len(array.shape) == len(shape) and all(w in (-1, g) for w, g in zip(shape, array.shape, strict=True))
+        if not fits or array.dtype.kind not in "iuf":
+            raise WorldError(f"{self.path}: array {name!r} of {array.dtype} {array.shape}, expected numbers {shape}")
+        numbers = array.astype(np.float64)
+        if not (np.abs(numbers) <= 1e7).all():
+            raise WorldError(f"{self.path}: array {name!r} has a value beyond ±1e7, expected metres and seconds")
+        return numbers
+
+    def _load(self, name: str) -> NDArray[np.generic]:
+        try:
+            with zipfile.ZipFile(io.BytesIO(self._content)) as archive:
+                members = [m.removesuffix(".npy") for m in archive.namelist()]
+                if name not in members:
+                    raise WorldError(f"{self.path}: array {name!r} is missing; {did_you_mean(name, members)}")
+                with archive.open(f"{name}.npy") as file:
+                    version = npy.read_magic(file)
+                    header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+                    shape, column_first, dtype = header(file)
+                    count = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
+                    if dtype.hasobject or not 0 <= count <= _MAX_NUMBERS or dtype.itemsize > 16:
+                        raise WorldError(f"{self.path}: array {name!r} of {dtype} {shape}, expected numbers")
+                    values = np.frombuffer(file.read(count * dtype.itemsize), dtype=dtype, count=count)
+                    return values.reshape(shape, order="F" if column_first else "C")
+        except WorldError:
+            raise
+        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, KeyError, NotImplementedError) as error:
+            raise WorldError(f"{self.path}: damaged .npz file at {name!r}: {error}; copy the file again") from None
+        except (RuntimeError, TypeError, SyntaxError, OverflowError, IndexError, MemoryError) as error:
+            # RuntimeError: an encrypted member; the others: array headers that numpy's parser trips over.
+            raise WorldError(f"{self.path}: damaged .npz file at {name!r}: {error}; copy the file again") from None

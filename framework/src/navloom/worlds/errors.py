@@ -1,0 +1,82 @@
+"""What goes wrong with worlds and their files, and how files are read so that only this goes wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+from urllib.parse import parse_qsl
+
+__all__ = ["WorldError", "did_you_mean", "file_of", "options_of", "read_bytes"]
+
+
+class WorldError(ValueError):
+    """A world cannot be made: the text names the file and place, what was given and what was expected."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`did you mean 'x'?` for the known name closest to a wrong one, or the list of them where none is close."""
+    names = sorted(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"known are {', '.join(names)}" if names else "none is known"
+
+
+def file_of(text: str, base: Path) -> Path:
+    """The file a reference names, relative to a base folder.
+
+    Raises:
+        WorldError: The text is empty or no file name.
+    """
+    if not text.strip() or "\0" in text:
+        raise WorldError(f"file name {text!r}: expected the name of a file")
+    return base / text
+
+
+def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, str]]:
+    """Split `file?key=value&key=value` into the file and its options.
+
+    Args:
+        argument: What follows the scheme's colon.
+        defaults: The options there are, with their defaults.
+
+    Raises:
+        WorldError: An unknown option, or one without a value.
+    """
+    name, question, query = argument.partition("?")
+    options = dict(defaults)
+    if question:
+        try:
+            pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True)
+        except ValueError:
+            raise WorldError(f"{argument!r}: expected options as ?key=value&key=value after the file name") from None
+        for key, value in pairs:
+            if key not in defaults:
+                raise WorldError(f"{argument!r}: option {key!r} does not exist; {did_you_mean(key, defaults)}")
+            options[key] = value
+    return name, options
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """All of a file.
+
+    Raises:
+        WorldError: The file is missing, unreadable or larger than `limit`, bytes.
+    """
+    try:
+        if path.stat().st_size > limit:
+            raise WorldError(f"{path}: {path.stat().st_size} bytes, expected at most {limit}")
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise WorldError(f"{path}: there is no such file; {_others(path)}") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, WorldError):
+            raise
+        raise WorldError(f"{path}: cannot be read: {error}") from None
+
+
+def _others(path: Path) -> str:
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent} either"
+    return did_you_mean(path.name, [p.name for p in path.parent.iterdir() if p.suffix == path.suffix])

@@ -1,0 +1,123 @@
+"""Reading the image of a ROS map: PGM (P2, P5) by hand, PNG through Pillow, as map_server takes their pixels."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.grid import MAX_CELLS
+from navloom.worlds.errors import WorldError, read_bytes
+
+__all__ = ["Shades", "read_image"]
+
+_MAX_FILE = 512_000_000
+_PGM = re.compile(
+    rb"P([25])((?:\s+|#[^\n\r]*[\n\r])+)(\d{1,9})((?:\s+|#[^\n\r]*[\n\r])+)(\d{1,9})((?:\s+|#[^\n\r]*[\n\r])+)(\d{1,9})"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Shades:
+    """How bright the pixels of an image are.
+
+    Attributes:
+        levels: (rows, cols) unsigned integers, row 0 at the top; `top` is white.
+        top: Level of white.
+        opaque: (rows, cols) bool, or None where the image has no transparency.
+        with_alpha: (rows, cols) brightness of the colours and the opacity together, `top_with_alpha` is opaque white;
+            None where the image has no transparency.
+        top_with_alpha: See `with_alpha`.
+    """
+
+    levels: NDArray[np.integer]
+    top: int
+    opaque: NDArray[np.bool_] | None = None
+    with_alpha: NDArray[np.integer] | None = None
+    top_with_alpha: int = 0
+
+
+def read_image(path: Path) -> Shades:
+    """The pixels of a PGM or PNG file.
+
+    Raises:
+        WorldError: The file is missing, of another format, damaged, truncated, or larger than a map can be.
+    """
+    content = read_bytes(path, _MAX_FILE)
+    if content[:2] in (b"P2", b"P5"):
+        return _pgm(content, path)
+    if content[:8] == b"\x89PNG\r\n\x1a\n":
+        return _png(content, path)
+    raise WorldError(f"{path}: starts with {content[:8]!r}, expected a PGM (P2 or P5) or PNG image")
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if width < 1 or height < 1 or width * height > MAX_CELLS:
+        raise WorldError(f"{path}: {width} x {height} pixels, expected 1 to {MAX_CELLS} pixels")
+
+
+def _pgm(content: bytes, path: Path) -> Shades:
+    header = _PGM.match(content)
+    if header is None:
+        raise WorldError(f"{path}: PGM header {content[:24]!r}, expected P2 or P5, width, height and highest value")
+    width, height, top = int(header[3]), int(header[5]), int(header[7])
+    _check_size(path, width, height)
+    if not 1 <= top <= 65535:
+        raise WorldError(f"{path}: highest value {top} in the PGM header, expected 1 to 65535")
+    read = _plain_values if header[1] == b"2" else _raw_values
+    values = read(content, header.end(), width * height, top, path)
+    if values.max() > top:
+        raise WorldError(f"{path}: a pixel of {values.max()}, expected at most the {top} of the PGM header")
+    return Shades(values.reshape(height, width), top)
+
+
+def _plain_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
+    body = re.sub(rb"#[^\n\r]*", b"", content[start:])
+    wrong = re.search(rb"[^0-9\s]|[0-9]{7}", body)
+    if wrong is not None:
+        raise WorldError(f"{path}: {body[wrong.start() : wrong.start() + 8]!r} among the pixels, expected numbers")
+    values = np.fromstring(body.decode("ascii"), dtype=np.int64, sep=" ") if body.strip() else np.zeros(0, np.int64)
+    if values.size < count:
+        raise WorldError(f"{path}: truncated: {values.size} pixels, expected {count}; copy the file again")
+    return values[:count]
+
+
+def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
+    kind = np.dtype(np.uint8) if top < 256 else np.dtype(">u2")
+    # Exactly one white space parts the header from the pixels.
+    present = len(content) - start - 1
+    if present < count * kind.itemsize:
+        raise WorldError(
+            f"{path}: truncated: {max(present, 0)} bytes of pixels, expected {count * kind.itemsize}; copy it again"
+        )
+    return np.frombuffer(content, dtype=kind, count=count, offset=start + 1).astype(kind.newbyteorder("="))
+
+
+def _png(content: bytes, path: Path) -> Shades:
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            # Pillow's own warning of large images: the check below is the stricter one.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(content), formats=["PNG"])
+        _check_size(path, *image.size)
+        image.load()
+        if image.mode.startswith("I"):
+            return Shades(np.clip(np.asarray(image), 0, 65535).astype(np.uint16), 65535)
+        transparent = "A" in image.getbands() or "transparency" in image.info
+        pixels = np.asarray(image.convert("RGBA" if transparent else "RGB"), dtype=np.uint16)
+    except WorldError:
+        raise
+    except Exception as error:
+        # Pillow gives no list of what it raises on damaged files: OSError, SyntaxError, ValueError, struct.error, ...
+        raise WorldError(f"{path}: damaged PNG: {error}; copy the file again") from error
+    if not transparent:
+        return Shades(pixels.sum(axis=2, dtype=np.uint16), 3 * 255)
+    colours = pixels[..., :3].sum(axis=2, dtype=np.uint16)
+    return Shades(colours, 3 * 255, pixels[..., 3] == 255, colours + pixels[..., 3], 4 * 255)

@@ -1,0 +1,70 @@
+"""The world of the experiment of Hoang et al. 2013, Figs. 8 to 11: two gates under girders, and a corridor.
+
+Gate A (x -1.4..1.0) is closed by a girder below the robot's top, gate B (x 1.4..3.8) is open below a higher girder,
+corridor C (x 4.2..6.8) runs along the right wall. The figures do not survive in the paper's text; the sizes are ours,
+chosen so that the printed counts and routes come out.
+"""
+
+from __future__ import annotations
+
+import math
+
+from navloom.geometry.world import Box, Obstacle, Place, World
+
+__all__ = [
+    "paper_gates",
+    "paper_gates_blocked_b",
+    "paper_gates_blocked_bc",
+    "paper_gates_obstacle",
+    "paper_gates_open_a",
+]
+
+_GIRDER_A = Box("girder A", (-1.4, 1.0), (5.2, 5.4), (0.90, 1.10))
+_OBSTACLES = (
+    Box("back wall", (-4.6, 7.2), (9.2, 9.4)),
+    Box("left wall", (-4.4, -4.2), (-1.0, 9.4)),
+    Box("right wall", (6.8, 7.0), (-1.0, 9.4)),
+    Box("gate wall left", (-4.4, -1.4), (5.2, 5.4)),
+    _GIRDER_A,
+    Box("post A/B", (1.0, 1.4), (5.2, 5.4)),
+    Box("girder B", (1.4, 3.8), (5.2, 5.4), (1.40, 1.60)),
+    Box("partition", (3.8, 4.2), (5.2, 6.8)),
+)
+_DOOR_B = Box("door B", (1.4, 3.8), (5.2, 5.4))
+_DOOR_C = Box("door C", (4.2, 6.8), (5.2, 5.4))
+_OBSTACLE_O = Box("obstacle O", (1.05, 1.35), (2.45, 2.75), (0.0, 0.5), appears_after_sweep=True)
+
+
+def _gates(name: str, obstacles: tuple[Obstacle, ...]) -> World:
+    return World(
+        name,
+        obstacles,
+        start=Place(0.0, 0.0, 0.5 * math.pi),
+        goal=Place(0.0, 7.6),
+        bounds=(-4.6, -2.0, 7.2, 9.6),
+    )
+
+
+def paper_gates() -> World:
+    """As described: the way leads through gate B."""
+    return _gates("paper_gates", _OBSTACLES)
+
+
+def paper_gates_open_a() -> World:
+    """Without girder A: the way leads straight through gate A."""
+    return _gates("paper_gates_open_a", tuple(o for o in _OBSTACLES if o is not _GIRDER_A))
+
+
+def paper_gates_blocked_b() -> World:
+    """A door, floor to 2.4 m, fills the opening of gate B in the plane of the gate wall: only corridor C is left."""
+    return _gates("paper_gates_blocked_b", (*_OBSTACLES, _DOOR_B))
+
+
+def paper_gates_blocked_bc() -> World:
+    """A second door closes corridor C in the same plane: no way is left."""
+    return _gates("paper_gates_blocked_bc", (*_OBSTACLES, _DOOR_B, _DOOR_C))
+
+
+def paper_gates_obstacle() -> World:
+    """With the obstacle of Fig. 11, below the laser's view, on the way to gate B after the sweep has ended."""
+    return _gates("paper_gates_obstacle", (*_OBSTACLES, _OBSTACLE_O))

@@ -1,0 +1,241 @@
+"""Maps of the ROS map_server (a YAML file and an image): read as nav2_map_server reads them, and saved alike.
+
+A pixel's occupancy is p = 1 - shade (p = shade with `negate`), the image's top row has the highest y. Modes:
+
+- trinary: 100 where p > occupied_thresh, 0 where p < free_thresh, -1 between. Transparency counts as a fourth colour.
+- scale: as trinary, but 0 to 100 in proportion between the thresholds, and -1 where not opaque.
+- raw: the level of 0 to 255 itself, -1 above 100.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
+from navloom.geometry.world import Interval, Place, Raster, World
+from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of, read_bytes
+from navloom.worlds.images import Shades, read_image
+from navloom.worlds.rasters import raster_bounds, wall_height
+
+__all__ = ["load_raster", "read_rosmap", "rosmap_world", "save_rosmap"]
+
+_MAX_YAML = 100_000
+_MODES = ("trinary", "scale", "raw")
+_UNKNOWNS = ("occupied", "free")
+_BLACK, _GREY, _WHITE = 0, 205, 254
+_OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.196
+
+
+@dataclass(frozen=True)
+class _Description:
+    """The YAML file of a map, checked."""
+
+    image: Path
+    resolution: float
+    origin: Place
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+    mode: str
+
+
+def rosmap_world(argument: str, base: Path) -> World:
+    """World scheme `rosmap:F.yaml`, with options `?unknown=free` and `?height=2.0`. See `load_raster`."""
+    name, options = options_of(argument, {"unknown": "occupied", "height": "2.4"})
+    z = wall_height(f"rosmap:{argument}", options["height"])
+    raster = load_raster(file_of(name, base), unknown=options["unknown"], z=z)
+    return World(f"rosmap:{argument}", raster=raster, bounds=raster_bounds(raster))
+
+
+def load_raster(path: Path, unknown: str = "occupied", z: Interval = (0.0, 2.4)) -> Raster:
+    """A map as ground truth.
+
+    A cell is an obstacle from 100 on, in a raw map from `occupied_thresh` on. Unknown cells are obstacles too, unless
+    `unknown` is "free": nobody has seen a floor there, and a shortest path must not leave the building through it.
+
+    Args:
+        path: The YAML file.
+        unknown: "occupied" or "free".
+        z: Height the walls cover, m.
+
+    Raises:
+        WorldError: See `read_rosmap`; or another word for `unknown`.
+    """
+    if unknown not in _UNKNOWNS:
+        raise WorldError(f"{path}: unknown={unknown}: expected occupied or free; {did_you_mean(unknown, _UNKNOWNS)}")
+    description = _describe(path)
+    grid = _grid(description)
+    least = math.ceil(100.0 * description.occupied_thresh) if description.mode == "raw" else OCCUPIED
+    occupied = grid.cells >= least
+    if unknown == "occupied":
+        occupied |= grid.cells == UNKNOWN
+    return Raster(path.name, occupied, grid.resolution, grid.origin, z)
+
+
+def read_rosmap(path: Path) -> GridMap:
+    """The occupancy grid of a map_server map, as map_server would publish it.
+
+    Args:
+        path: The YAML file; the image is relative to its folder.
+
+    Raises:
+        WorldError: A file is missing, damaged or truncated, or a key is missing or has a wrong value.
+    """
+    return _grid(_describe(path))
+
+
+def _grid(description: _Description) -> GridMap:
+    shades = read_image(description.image)
+    cells = np.ascontiguousarray(_cells(shades, description)[::-1])
+    return GridMap(cells, description.resolution, description.origin)
+
+
+def _cells(shades: Shades, description: _Description) -> NDArray[np.int8]:
+    """(rows, cols) cells, row 0 at the top, by a table with one entry a level."""
+    levels, top = shades.levels, shades.top
+    if description.mode == "trinary" and shades.with_alpha is not None:
+        levels, top = shades.with_alpha, shades.top_with_alpha
+    shade = np.arange(top + 1) / top
+    p = shade if description.negate else 1.0 - shade
+    occupied, free = description.occupied_thresh, description.free_thresh
+    if description.mode == "raw":
+        level = np.floor(shade * 255.0 + 0.5)
+        table = np.where(level <= 100.0, level, UNKNOWN)
+    else:
+        between = np.rint(100.0 * (p - free) / (occupied - free)) if description.mode == "scale" else UNKNOWN
+        table = np.where(p > occupied, OCCUPIED, np.where(p < free, FREE, between))
+    cells: NDArray[np.int8] = table.astype(np.int8)[levels]
+    if description.mode == "scale" and shades.opaque is not None:
+        cells[~shades.opaque] = UNKNOWN
+    return cells
+
+
+def _describe(path: Path) -> _Description:
+    import yaml
+
+    try:
+        document = yaml.safe_load(read_bytes(path, _MAX_YAML))
+    except WorldError:
+        raise
+    except (
+        yaml.YAMLError,
+        ValueError,
+        TypeError,
+        LookupError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
+        # Beside its own errors, PyYAML lets those of the value types through (dates, integers, deep nesting).
+        first = str(error).strip().replace("\n", " ") or type(error).__name__
+        raise WorldError(f"{path}: not YAML: {first[:200]}") from None
+    if not isinstance(document, dict):
+        raise WorldError(f"{path}: expected the keys image, resolution, origin, negate, occupied_thresh, free_thresh")
+    return _checked(document, path)
+
+
+def _checked(document: dict[Any, Any], path: Path) -> _Description:
+    def value(key: str) -> Any:
+        if key not in document:
+            raise WorldError(f"{path}: key {key!r} is missing; {did_you_mean(key, [str(k) for k in document])}")
+        return document[key]
+
+    def number(key: str, given: Any, fits: Callable[[float], bool], expected: str) -> float:
+        try:
+            # A YAML 1.1 reader takes 5e-2 for a text; map_server's takes it for a number.
+            found = float(given) if isinstance(given, int | float | str) and not isinstance(given, bool) else math.nan
+        except (ValueError, OverflowError):
+            found = math.nan
+        if not (math.isfinite(found) and fits(found)):
+            raise WorldError(f"{path}: {key} = {_short(given)}: expected {expected}")
+        return found
+
+    def share(key: str) -> float:
+        return number(key, value(key), lambda v: 0.0 <= v <= 1.0, "a number from 0 to 1")
+
+    image, origin, negate, mode = value("image"), value("origin"), value("negate"), document.get("mode", "trinary")
+    if not isinstance(image, str):
+        raise WorldError(f"{path}: image = {_short(image)}: expected the name of a PGM or PNG file")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise WorldError(f"{path}: origin = {_short(origin)}: expected [x, y, yaw] in metres and radians")
+    x, y, yaw = (number("origin", v, lambda v: abs(v) <= 1e7, "[x, y, yaw] in metres and radians") for v in origin)
+    if negate not in (0, 1):
+        raise WorldError(f"{path}: negate = {_short(negate)}: expected 0 or 1")
+    if mode not in _MODES:
+        raise WorldError(f"{path}: mode = {_short(mode)}: expected one of {', '.join(_MODES)}")
+    resolution = number(
+        "resolution", value("resolution"), lambda v: 1e-4 <= v <= 1e4, "metres a pixel, 0.0001 to 10000"
+    )
+    occupied, free = share("occupied_thresh"), share("free_thresh")
+    if not free < occupied:
+        raise WorldError(f"{path}: free_thresh = {free}: expected less than occupied_thresh = {occupied}")
+    return _Description(file_of(image, path.parent), resolution, Place(x, y, yaw), bool(negate), occupied, free, mode)
+
+
+def _short(given: Any) -> str:
+    text = repr(given)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "trinary") -> None:
+    """Save a grid as map_server's saver does: `path`, a `.yaml` file, and a `.pgm` file beside it.
+
+    Each file is written under another name first and then renamed, the image before the YAML file that names it, so
+    that no reader ever finds half a file.
+
+    Args:
+        grid: In trinary mode cells from 65 count as occupied, those up to 19 as free, all others as unknown; a grid of
+            -1, 0 and 100 comes back exactly. In raw mode every grid does.
+        path: The YAML file.
+        mode: "trinary" or "raw".
+
+    Raises:
+        WorldError: The name does not end in `.yaml` or `.yml`, or the files cannot be written.
+    """
+    import yaml
+
+    if path.suffix not in (".yaml", ".yml"):
+        raise WorldError(f"{path}: expected a name that ends in .yaml")
+    cells = grid.cells[::-1]
+    if mode == "raw":
+        levels = np.where(cells == UNKNOWN, 255, cells)
+    else:
+        known = np.where(
+            cells >= 100.0 * _OCCUPIED_THRESH, _BLACK, np.where(cells <= 100.0 * _FREE_THRESH, _WHITE, _GREY)
+        )
+        levels = np.where(cells == UNKNOWN, _GREY, known)
+    header = f"P5\n{cells.shape[1]} {cells.shape[0]}\n255\n".encode("ascii")
+    image = path.with_suffix(".pgm")
+    description = {
+        "image": image.name,
+        "mode": mode,
+        "resolution": float(grid.resolution),
+        "origin": [float(grid.origin.x), float(grid.origin.y), float(grid.origin.heading)],
+        "negate": 0,
+        "occupied_thresh": _OCCUPIED_THRESH,
+        "free_thresh": _FREE_THRESH,
+    }
+    _replace(image, header + levels.astype(np.uint8).tobytes())
+    _replace(path, yaml.safe_dump(description, sort_keys=False, default_flow_style=None).encode("utf-8"))
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise WorldError(f"{path}: cannot be written: {error}") from error

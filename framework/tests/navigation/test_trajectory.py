@@ -75,10 +75,6 @@ def test_a_straight_line():
 
 
 def test_a_right_angle_in_a_wide_corridor_is_taken_at_full_speed():
-    cells, resolution = corridor()
-    path = np.array([[0.5, 1.5], [8.5, 1.5], [8.5, 9.5]])
-    cells[6:, :33] = False  # the inner corner at (8.25, 1.5): nothing is pruned
-    made = make_trajectory(path, LIMITS, cells, resolution, ORIGIN)
     cells, resolution = corridor(width=2.5)
     made = make_trajectory(np.array([[0.5, 0.5], [9.5, 0.5], [9.5, 9.5]]), LIMITS, cells, resolution, ORIGIN)
     assert made.radii[1] == pytest.approx(0.4 / TURN_RATE)
@@ -108,9 +104,11 @@ def check_consistency(made, limits=LIMITS):
     chord = np.hypot(np.diff(x), np.diff(y))
     assert chord.max() <= step + 1e-9
     if bend * step < 0.3:  # fillets the samples resolve
-        assert wrap(np.diff(heading)) / step == pytest.approx(0.5 * (curvature[1:] + curvature[:-1]), abs=0.05 * bend)
+        # the curvature is piecewise linear: over one kink the trapezoid is off by a quarter of the steepest step
+        kink = np.abs(np.diff(curvature)).max() + 1e-9
+        assert wrap(np.diff(heading)) / step == pytest.approx(0.5 * (curvature[1:] + curvature[:-1]), abs=0.3 * kink)
         middle = heading[:-1] + 0.5 * wrap(np.diff(heading))
-        assert np.abs(wrap(np.arctan2(np.diff(y), np.diff(x)) - middle)).max() < 0.02 * bend * step + 1e-9
+        assert np.abs(wrap(np.arctan2(np.diff(y), np.diff(x)) - middle)).max() < 0.1 * kink * step + 1e-9
     assert (heading >= -math.pi).all()
     assert (heading < math.pi).all()
     assert np.abs(curvature).max() <= bend * (1.0 + 1e-9)
@@ -155,8 +153,8 @@ def test_a_corner_is_moved_outwards_where_a_wall_is_on_its_inside():
 
 
 def test_a_one_cell_corridor_gets_the_tightest_fillet_and_its_speed():
-    cells, resolution = corridor(width=0.2, resolution=0.2)
-    made = make_trajectory(np.array([[0.1, 0.1], [9.9, 0.1], [9.9, 9.9]]), LIMITS, cells, resolution, ORIGIN)
+    cells, resolution = corridor(width=0.1, resolution=0.1)
+    made = make_trajectory(np.array([[0.05, 0.05], [9.95, 0.05], [9.95, 9.95]]), LIMITS, cells, resolution, ORIGIN)
     assert free_samples(made.samples, cells, resolution, ORIGIN)
     assert 0.115 < made.radii[1] < 0.458
     assert made.slow_places.tolist() == [made.corners[1].tolist()]
@@ -209,7 +207,7 @@ def test_the_speed_of_a_long_bend():
     speed = speed_profile(0.01, curvature, LIMITS)
     assert speed[0] == 0.2
     assert speed[6] == pytest.approx(math.sqrt(0.04 + 2.0 * 0.5 * 0.06)), "v² = v0² + 2 a s"
-    assert speed[12:390] == pytest.approx(0.4)
+    assert speed[12:380] == pytest.approx(0.4)
     assert speed[400:600] == pytest.approx(TURN_RATE / 2.0)
     assert speed[-1] == 0.2
 

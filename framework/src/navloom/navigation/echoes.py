@@ -43,10 +43,9 @@ class EchoMemory:
         """Distance, m, along the strip from base to (x, y) in the map of the nearest echo in it; inf where it is free.
 
         The strip starts at base, goes past its end by its half width, and counts echoes heard since `time - keep`.
+        Scans must have been added in order of time.
         """
-        return float(
-            _nearest(self._points, self._cursor[1], base.x, base.y, x, y, half_width, time - self.keep)
-        )
+        return float(_nearest(self._points, self._cursor, base.x, base.y, x, y, half_width, time - self.keep))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -78,16 +77,25 @@ def _add(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _nearest(
-    points: Floats, count: int, x0: float, y0: float, x1: float, y1: float, half_width: float, since: float
+    points: Floats,
+    cursor: NDArray[np.int64],
+    x0: float,
+    y0: float,
+    x1: float,
+    y1: float,
+    half_width: float,
+    since: float,
 ) -> float:
     length = math.hypot(x1 - x0, y1 - y0)
     if length == 0.0:
         return math.inf
     ux, uy = (x1 - x0) / length, (y1 - y0) / length
     best = math.inf
-    for row in range(count):
+    capacity = points.shape[0]
+    for age in range(1, cursor[1] + 1):
+        row = (cursor[0] - age) % capacity
         if points[row, 2] < since:
-            continue
+            break
         rx, ry = points[row, 0] - x0, points[row, 1] - y0
         along = rx * ux + ry * uy
         if 0.0 < along < length + half_width and abs(ry * ux - rx * uy) < half_width and along < best:

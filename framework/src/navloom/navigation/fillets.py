@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from navloom.navigation.sight import is_segment_free
 
-__all__ = ["fillet_point", "fillet_shape", "fit_fillets", "move_corners", "turn_at", "warm_up"]
+__all__ = ["fillet_point", "fillet_shape", "fit_fillets", "move_corners", "stations", "turn_at", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +28,8 @@ _SHARES = (1.0, 0.6, 0.3)
 _SHRINK = 0.88
 _SMALLEST = 1e-4
 """Radius, m, at which the search for a free fillet gives up."""
+_BLOCKED = 0.01
+"""How far a corner is cut, m, that lies in blocked cells itself: the planner vouches for it, the grid does not."""
 _STRAIGHT = 1e-7
 """Turns up to this, rad, are none."""
 _SHORTEST = 0.30
@@ -172,6 +174,10 @@ def _fit(corners, i, cells, frame, slow, fast, beside):  # type: ignore[no-untyp
             best, best_share = radius, share
         if best >= slow:
             break
+    if best == 0.0:
+        best_share = _SHARES[-1]
+        reach, aside = fillet_shape(abs(turn), best_share)
+        best = min(room / reach, _BLOCKED / aside)
     return best, best_share
 
 
@@ -187,7 +193,7 @@ def fit_fillets(corners, cells, frame, slow, fast, beside):  # type: ignore[no-u
         beside: How far from its corner the middle of a fillet may be, m; infinite with a grid.
 
     Returns:
-        (n,) smallest radius, m, infinite where there is no turn, 0 where no fillet is free; (n,) share.
+        (n,) smallest radius, m, infinite where there is no turn, 0 where the path reverses; (n,) share.
     """
     count = corners.shape[0]
     radii, shares = np.full(count, np.inf), np.ones(count)
@@ -243,8 +249,25 @@ def move_corners(corners, cells, frame, slow, fast, sweeps):  # type: ignore[no-
     return moved
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def stations(corners, radii, shares):  # type: ignore[no-untyped-def]
+    """(m, 3) of each corner: arc length at which its fillet begins and ends, m, and its reach along the segments, m."""
+    places = np.zeros((corners.shape[0], 3))
+    for i in range(1, corners.shape[0]):
+        turn = abs(turn_at(corners, i))
+        reach = length = 0.0
+        if 0.0 < radii[i] < np.inf and turn > 0.0:
+            reach = radii[i] * fillet_shape(turn, shares[i])[0]
+            length = radii[i] * turn * (1.0 + shares[i])
+        dx, dy = corners[i, 0] - corners[i - 1, 0], corners[i, 1] - corners[i - 1, 1]
+        start = places[i - 1, 1] + max(0.0, math.sqrt(dx * dx + dy * dy) - places[i - 1, 2] - reach)
+        places[i, 0], places[i, 1], places[i, 2] = start, start + length, reach
+    return places
+
+
 def warm_up() -> None:
     """Compile the kernels."""
     corners, frame = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.array([1.0, 0.0, 0.0])
     cells = np.ones((3, 3), np.bool_)
-    fit_fillets(move_corners(corners, cells, frame, 0.46, 0.92, 1), cells, frame, 0.46, 0.92, np.inf)
+    radii, shares = fit_fillets(move_corners(corners, cells, frame, 0.46, 0.92, 1), cells, frame, 0.46, 0.92, np.inf)
+    stations(corners, radii, shares)

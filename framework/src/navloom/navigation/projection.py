@@ -138,7 +138,7 @@ def _project(samples, x, y, heading, progress, look_ahead, back, ahead):  # type
     step, end = _step(samples), samples.shape[0] - 1
     lowest = min(max((progress - back) / step, 0.0), float(end))
     highest = min(max((progress + ahead) / step, lowest), float(end))
-    k = _nearest(samples, x, y, heading, int(math.floor(lowest)), int(math.ceil(highest)))
+    k = _nearest(samples, x, y, heading, math.floor(lowest), math.ceil(highest))
     place = min(max(_foot(samples, k, x, y), lowest), highest)
     k = max(0, min(int(place), end - 1))
     share, after = place - k, min(k + 1, end)
@@ -147,6 +147,9 @@ def _project(samples, x, y, heading, progress, look_ahead, back, ahead):  # type
     heading_ref = _wrap(samples[k, 3] + share * _wrap(samples[after, 3] - samples[k, 3]))
     bend = samples[k, 4] + share * (samples[after, 4] - samples[k, 4])
     speed = samples[k, 5] + share * (samples[after, 5] - samples[k, 5])
+    most = max(abs(samples[k, 4] * samples[k, 5]), abs(samples[after, 4] * samples[after, 5]))
+    if abs(bend) * speed > most:
+        speed = most / abs(bend)  # interpolated apart, both may ask for more turn rate than the samples allow
     cross = math.cos(heading_ref) * (y - y_ref) - math.sin(heading_ref) * (x - x_ref)
     x_target, y_target = _point_at(samples, place * step + look_ahead)
     return place * step, x_ref, y_ref, heading_ref, bend, speed, bend * speed, cross, x_target, y_target

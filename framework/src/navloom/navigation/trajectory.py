@@ -115,9 +115,8 @@ def make_trajectory(
         samples = np.array([[0.0, *corners[0], wrapped, 0.0, limits.slowest]])
         return _read_only(samples, corners, np.full(1, np.inf), np.zeros((0, 2)))
     radii, shares = fillets.fit_fillets(corners, cells, frame, slow, fast, beside)
-    samples = np.empty((0, 6))
     samples = sample_path(corners, radii, shares, _spacing(corners, radii, shares, spacing))
-    samples[:, 5] = speed_profile(samples[1, 0], samples[:, 4], limits)
+    samples[:, 5] = speed_profile(samples[1, 0], _bend(samples), limits)
     return _read_only(samples, corners, radii, corners[radii < slow])
 
 
@@ -136,7 +135,7 @@ def speed_profile(step: float, curvature: Floats, limits: Limits, start: float |
         (n,) speed, m/s, > 0; the last one is at most the lowest speed of the limits.
     """
     bend = np.maximum(np.abs(curvature), 1e-9)
-    speed = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
+    speed: Floats = np.minimum(limits.fastest, np.sqrt(limits.lateral / bend)).clip(limits.slowest, limits.fastest)
     speed = np.minimum(speed, limits.turn_rate / bend)
     speed[0] = min(speed[0], limits.slowest if start is None else max(start, limits.slowest))
     speed[-1] = min(speed[-1], limits.slowest)
@@ -155,11 +154,12 @@ def sample_path(corners: Floats, radii: Floats, shares: Floats, spacing: float) 
     Returns:
         (n, 6) arc length, x, y, heading in [-π, π), curvature, and 0 for the speed.
     """
-    return _sample(corners, radii, shares, spacing)
+    samples: Floats = _sample(corners, radii, shares, spacing)
+    return samples
 
 
 def free_samples(samples: Floats, traversable: Cells, resolution: float, origin: tuple[float, float]) -> bool:
-    """Whether all chords between samples (n, 6) touch free cells only: for checking a trajectory against a newer grid."""
+    """Whether all chords between samples (n, 6) touch free cells only: to check a trajectory against a newer grid."""
     cells = np.ascontiguousarray(traversable, np.bool_)
     where = (cells, resolution, *origin)
     return all(sight.is_segment_free(*where, a[1], a[2], b[1], b[2]) for a, b in pairwise(samples))
@@ -173,10 +173,20 @@ def _read_only(samples: Floats, corners: Floats, radii: Floats, slow_places: Flo
 
 def _spacing(corners: Floats, radii: Floats, shares: Floats, spacing: float) -> float:
     """The step that gives the shortest fillet its samples, m."""
-    turns = np.array([abs(fillets.turn_at(corners, i)) for i in range(len(corners))])
-    rounded = np.isfinite(radii) & (radii > 0.0)
-    shortest = (radii * turns * (1.0 + shares))[rounded].min(initial=math.inf)
+    lengths = np.diff(fillets.stations(corners, radii, shares)[:, :2], axis=1)
+    shortest = lengths[lengths > 0.0].min(initial=math.inf)
     return float(min(spacing, max(_FINEST, shortest / _PER_FILLET)))
+
+
+def _bend(samples: Floats) -> Floats:
+    """Curvature (n,), 1/m, where a fillet too small to be seen by the samples counts as the turn between them."""
+    turns = (np.diff(samples[:, 3]) + math.pi) % (2.0 * math.pi) - math.pi
+    between = np.abs(turns) / samples[1, 0]
+    bend = np.abs(samples[:, 4])
+    between[between <= 1.1 * np.maximum(bend[:-1], bend[1:])] = 0.0
+    bend[:-1] = np.maximum(bend[:-1], between)
+    bend[1:] = np.maximum(bend[1:], between)
+    return bend
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -189,26 +199,10 @@ def _limit_acceleration(speed, gain, loss):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _stations(corners, radii, shares):  # type: ignore[no-untyped-def]
-    """(m, 3) of each corner: arc length at which its fillet begins and ends, m, and its reach along the segments, m."""
-    stations = np.zeros((corners.shape[0], 3))
-    for i in range(1, corners.shape[0]):
-        turn = abs(fillets.turn_at(corners, i))
-        reach = length = 0.0
-        if 0.0 < radii[i] < np.inf and turn > 0.0:
-            reach = radii[i] * fillets.fillet_shape(turn, shares[i])[0]
-            length = radii[i] * turn * (1.0 + shares[i])
-        dx, dy = corners[i, 0] - corners[i - 1, 0], corners[i, 1] - corners[i - 1, 1]
-        start = stations[i - 1, 1] + max(0.0, math.sqrt(dx * dx + dy * dy) - stations[i - 1, 2] - reach)
-        stations[i, 0], stations[i, 1], stations[i, 2] = start, start + length, reach
-    return stations
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _sample(corners, radii, shares, spacing):  # type: ignore[no-untyped-def]
-    stations = _stations(corners, radii, shares)
+    stations = fillets.stations(corners, radii, shares)
     total = stations[-1, 1]
-    count = int(math.ceil(total / spacing - 1e-9)) + 1
+    count = math.ceil(total / spacing - 1e-9) + 1
     samples = np.zeros((max(2, count), 6))
     step, i = total / (samples.shape[0] - 1), 1
     for k in range(samples.shape[0]):

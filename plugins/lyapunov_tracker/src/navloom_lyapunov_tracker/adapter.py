@@ -1,0 +1,39 @@
+"""Law (6) as a navloom controller."""
+
+from __future__ import annotations
+
+import math
+
+from navloom import Context, Controller, ControllerInput, TrackingCommand, Twist2D
+
+from navloom_lyapunov_tracker.law import tracking_command, tracking_error, turn_direction
+from navloom_lyapunov_tracker.params import LyapunovTrackerParams
+
+__all__ = ["LyapunovTracker"]
+
+
+class LyapunovTracker(Controller):
+    """Follows the re-projected reference with the law of Hoang et al. 2013, eq. (6)."""
+
+    name = "lyapunov_tracker"
+    Params = LyapunovTrackerParams
+
+    def __init__(self, params: LyapunovTrackerParams, context: Context) -> None:
+        super().__init__(params, context)
+        self._above = math.radians(params.turn_in_place_above_deg)
+        self._until = math.radians(params.turn_in_place_until_deg)
+        self._turning = 0
+
+    def reset(self) -> None:
+        self._turning = 0
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        pose, reference = given.estimate.pose, given.reference
+        target = reference.pose
+        error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
+        self._turning = turn_direction(error.e3, self._turning, self._above, self._until)
+        if self._turning:
+            v, w = 0.0, self._turning * self.context.robot.max_angular
+        else:
+            v, w = tracking_command(error, reference.speed, reference.turn_rate, self.params.k1, self.params.k3)
+        return TrackingCommand(Twist2D(v, 0.0, w), *error)

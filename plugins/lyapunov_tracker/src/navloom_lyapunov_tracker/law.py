@@ -1,0 +1,87 @@
+"""Tracking error and control law of Hoang et al. 2013, equations (4), (6) and (7).
+
+It is Samson's law with a lateral gain of 1. The paper calls the robot's parameters "partially unknown"; the law does
+not estimate any: what it has is robustness, which the tests show for wrong wheel radii and tracks.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+__all__ = ["TrackingError", "energy", "sinc", "tracking_command", "tracking_error", "turn_direction", "wrap"]
+
+
+class TrackingError(NamedTuple):
+    """The reference seen from the robot: e1 ahead and e2 to the left, m, e3 heading, rad in [-π, π); base frame."""
+
+    e1: float
+    e2: float
+    e3: float
+
+
+def wrap(angle: float) -> float:
+    """The same angle, rad, in [-π, π)."""
+    wrapped = (angle + math.pi) % (2.0 * math.pi) - math.pi
+    return wrapped if wrapped < math.pi else -math.pi
+
+
+def sinc(angle: float) -> float:
+    """sin(angle) / angle, with 1 at 0: its series below 1e-4 rad, where that is exact to the last digit."""
+    if abs(angle) < 1e-4:
+        return 1.0 - angle * angle / 6.0
+    return math.sin(angle) / angle
+
+
+def tracking_error(x: float, y: float, heading: float, x_ref: float, y_ref: float, heading_ref: float) -> TrackingError:
+    """The reference pose in the frame of the robot: Hoang et al. 2013, eq. (4), e3 wrapped.
+
+    Args:
+        x, y, heading: Pose of the robot, m, rad, in any frame.
+        x_ref, y_ref, heading_ref: Reference pose, m, rad, in the same frame.
+    """
+    cos, sin, dx, dy = math.cos(heading), math.sin(heading), x_ref - x, y_ref - y
+    return TrackingError(cos * dx + sin * dy, cos * dy - sin * dx, wrap(heading_ref - heading))
+
+
+def tracking_command(error: TrackingError, v_ref: float, w_ref: float, k1: float, k3: float) -> tuple[float, float]:
+    """Velocity that makes the tracking error vanish: Hoang et al. 2013, eq. (6).
+
+    Args:
+        error: Longitudinal e1 and lateral e2, m, and heading e3, rad in [-π, π), in the base frame.
+        v_ref, w_ref: Reference speed, m/s (> 0), and turn rate, rad/s.
+        k1, k3: Gains, 1/s, > 0. Lateral poles: s² + k3 s + v_ref²; k3 = 2 v_ref is critical.
+
+    Returns:
+        Forward speed, m/s, and turn rate, rad/s, before the limits of the robot.
+    """
+    v = v_ref * math.cos(error.e3) + k1 * error.e1
+    w = w_ref + k3 * error.e3 + v_ref * error.e2 * sinc(error.e3)
+    return v, w
+
+
+def energy(error: TrackingError) -> float:
+    """Lyapunov function ½ (e1² + e2² + e3²): Hoang et al. 2013, eq. (7). Under eq. (6) it falls by k1 e1² + k3 e3²."""
+    return 0.5 * (error.e1 * error.e1 + error.e2 * error.e2 + error.e3 * error.e3)
+
+
+def turn_direction(e3: float, turning: int, above: float, until: float) -> int:
+    """Which way to turn in place before law (6) takes over (not the paper's).
+
+    Law (6) drives backwards where |e3| > 90°, and far from the path where it is not much smaller. Turning starts above
+    one heading error and ends below a smaller one. Near ±180°, where noise flips the sign of e3, the direction of a
+    turn that is under way is kept.
+
+    Args:
+        e3: Heading error, rad in [-π, π).
+        turning: The last answer; 0 at first.
+        above, until: Heading errors, rad >= 0, at which turning starts and ends; above >= π: never.
+
+    Returns:
+        1 to turn left, -1 right, 0 to follow the law.
+    """
+    if above >= math.pi or abs(e3) <= (until if turning else above):
+        return 0
+    if turning and abs(e3) > math.radians(150.0):
+        return turning
+    return 1 if e3 > 0.0 else -1

@@ -55,7 +55,8 @@ def path(request_id: int) -> Path:
 
 
 def reference(path_id: int, remaining: float) -> Reference:
-    return Reference(path_id, 4.0 - remaining, remaining, Pose2D(0.0, 0.0, 0.0), 0.4, 0.0, 0.0, Point2D(1.0, 0.0), 0.5)
+    return Reference(path_id, 4.0 - remaining, remaining, Pose2D(0.0, 0.0, 0.0), 0.4, 0.0, 0.0, Point2D(1.0, 0.0),
+                     np.zeros((1, 2)), 0.5)  # fmt: skip
 
 
 def status(word: str) -> AvoiderStatus:

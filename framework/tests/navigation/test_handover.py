@@ -7,12 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from navloom.messages import Point2D, Pose2D, RangeScan
+from navloom.messages import Pose2D, RangeScan
 from navloom.navigation.echoes import EchoMemory
 from navloom.navigation.handover import HandOverRule
 
 BASE = Pose2D(0.0, 0.0, 0.0)
-TARGET = Point2D(2.0, 0.0)
+WAY = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+
+
+def straight(base: Pose2D, x: float, y: float) -> np.ndarray:
+    return np.array([(base.x, base.y), (x, y)])
 
 
 def scan(bearing: float, distance: float, half_angle: float = 0.0) -> RangeScan:
@@ -22,45 +26,45 @@ def scan(bearing: float, distance: float, half_angle: float = 0.0) -> RangeScan:
     )
 
 
-def test_an_echo_in_the_corridor_is_measured_along_it() -> None:
+def test_an_echo_in_the_corridor_is_measured_from_the_robot() -> None:
     memory = EchoMemory(keep=0.5, spread=0.0)
     memory.add(scan(math.atan2(0.3, 1.2), math.hypot(0.3, 1.2)), BASE, 0.0)
-    assert memory.nearest(BASE, 2.0, 0.0, 0.4, 0.0) == pytest.approx(1.2)
-    assert memory.nearest(BASE, 2.0, 0.0, 0.29, 0.0) == math.inf
+    assert memory.nearest(BASE, straight(BASE, 2.0, 0.0), 0.4, 0.0) == pytest.approx(math.hypot(0.3, 1.2))
+    assert memory.nearest(BASE, straight(BASE, 2.0, 0.0), 0.29, 0.0) == math.inf
 
 
 def test_the_corridor_ends_half_a_width_past_the_target() -> None:
     memory = EchoMemory(keep=0.5, spread=0.0)
     memory.add(scan(0.0, 2.3), BASE, 0.0)
-    assert memory.nearest(BASE, 2.0, 0.0, 0.4, 0.0) == pytest.approx(2.3)
-    assert memory.nearest(BASE, 1.8, 0.0, 0.4, 0.0) == math.inf
+    assert memory.nearest(BASE, straight(BASE, 2.0, 0.0), 0.4, 0.0) == pytest.approx(2.3)
+    assert memory.nearest(BASE, straight(BASE, 1.8, 0.0), 0.4, 0.0) == math.inf
 
 
 def test_an_echo_is_remembered_where_it_was_in_the_map() -> None:
     memory = EchoMemory(keep=0.5, spread=0.0)
     memory.add(scan(0.0, 1.0), Pose2D(1.0, 2.0, math.pi / 2), 0.0)
-    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0, 0.1, 0.4) == pytest.approx(0.5)
-    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0, 0.1, 0.6) == math.inf
+    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), straight(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0), 0.1, 0.4) == pytest.approx(0.5)
+    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), straight(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0), 0.1, 0.6) == math.inf
 
 
 def test_a_cone_counts_its_arc_up_to_the_spread() -> None:
     wide = EchoMemory(keep=0.5, spread=1.0)
     wide.add(scan(math.radians(30.0), 2.0, math.radians(15.0)), BASE, 0.0)
-    assert wide.nearest(BASE, 2.0, 0.0, 0.6, 0.0) == pytest.approx(2.0 * math.cos(math.radians(15.0)))
+    assert wide.nearest(BASE, straight(BASE, 2.0, 0.0), 0.6, 0.0) == pytest.approx(2.0)
     axis = EchoMemory(keep=0.5, spread=0.0)
     axis.add(scan(math.radians(30.0), 2.0, math.radians(15.0)), BASE, 0.0)
-    assert axis.nearest(BASE, 2.0, 0.0, 0.6, 0.0) == math.inf
+    assert axis.nearest(BASE, straight(BASE, 2.0, 0.0), 0.6, 0.0) == math.inf
 
 
 def test_no_echo_blocks_nothing() -> None:
     rule = HandOverRule("when_blocked", release=0.5)
-    assert not rule.step(0.0, [scan(0.0, math.inf)], BASE, TARGET, 0.5).engaged
+    assert not rule.step(0.0, [scan(0.0, math.inf)], BASE, WAY, 0.5).engaged
 
 
 def test_it_engages_at_once_and_releases_after_the_delay() -> None:
     rule = HandOverRule("when_blocked", release=0.5, keep=0.1)
-    assert rule.step(0.0, [scan(0.0, 1.5)], BASE, TARGET, 0.5).engaged
-    engaged = {step: rule.step(step / 20, [], BASE, TARGET, 0.5).engaged for step in range(1, 14)}
+    assert rule.step(0.0, [scan(0.0, 1.5)], BASE, WAY, 0.5).engaged
+    engaged = {step: rule.step(step / 20, [], BASE, WAY, 0.5).engaged for step in range(1, 14)}
     # The echo counts until 0.1 s, and half a second after that the controller drives again.
     assert engaged[11] and not engaged[12]
 
@@ -68,12 +72,27 @@ def test_it_engages_at_once_and_releases_after_the_delay() -> None:
 @pytest.mark.parametrize(("mode", "engaged"), [("always", True), ("never", False)])
 def test_a_fixed_mode_is_fixed(mode: str, engaged: bool) -> None:
     rule = HandOverRule(mode, release=0.5)  # type: ignore[arg-type]
-    assert rule.step(0.0, [scan(0.0, 1.0)], BASE, TARGET, 0.5).engaged is engaged
-    assert rule.step(9.0, [], BASE, TARGET, 0.5).engaged is engaged
+    assert rule.step(0.0, [scan(0.0, 1.0)], BASE, WAY, 0.5).engaged is engaged
+    assert rule.step(9.0, [], BASE, WAY, 0.5).engaged is engaged
 
 
 def test_the_memory_overwrites_its_oldest_echoes() -> None:
     memory = EchoMemory(keep=9.0, spread=0.0, capacity=2)
     for distance in (1.0, 1.5, 1.8):
         memory.add(scan(0.0, distance), BASE, 0.0)
-    assert memory.nearest(BASE, 2.0, 0.0, 0.4, 0.0) == pytest.approx(1.5)
+    assert memory.nearest(BASE, straight(BASE, 2.0, 0.0), 0.4, 0.0) == pytest.approx(1.5)
+
+
+def test_the_strip_follows_the_bend_of_the_way() -> None:
+    bend = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+    memory = EchoMemory(keep=0.5, spread=0.0)
+    memory.add(scan(math.radians(60.0), 0.8), BASE, 0.0)
+    # (0.4, 0.69) is 0.6 m from the bent way, but only 0.21 m from the straight line to its end.
+    assert memory.nearest(BASE, bend, 0.35, 0.0) == math.inf
+    assert memory.nearest(BASE, straight(BASE, 1.0, 1.0), 0.35, 0.0) == pytest.approx(0.8)
+
+
+def test_what_lies_behind_is_not_in_the_way() -> None:
+    memory = EchoMemory(keep=0.5, spread=0.0)
+    memory.add(scan(math.pi, 0.2), BASE, 0.0)
+    assert memory.nearest(BASE, WAY, 0.5, 0.0) == math.inf

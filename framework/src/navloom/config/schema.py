@@ -214,6 +214,17 @@ class PluginsTable(Table):
     blocked: list[str] = Field(default_factory=list, description="role.name, treated as not installed")
 
 
+DEFAULT_PLUGINS: dict[str, str] = {
+    "platform": "sensors_sim",
+    "localizer": "odometry",
+    "mapper": "ipabd",
+    "planner": "astar",
+    "controller": "lyapunov_tracker",
+    "avoider": "improved_vfh",
+    "recovery": "wait_and_replan",
+}
+
+
 class Config(Table):
     """The whole file."""
 
@@ -222,19 +233,32 @@ class Config(Table):
     plugins: PluginsTable = PluginsTable()
     world: WorldTable | None = None
     map: MapTable | None = None
-    platform: RoleTable = RoleTable(plugin="sensors_sim")
-    localizer: RoleTable = RoleTable(plugin="odometry")
-    mapper: RoleTable = RoleTable(plugin="ipabd")
-    planner: RoleTable = RoleTable(plugin="astar")
-    controller: RoleTable = RoleTable(plugin="lyapunov_tracker")
-    avoider: RoleTable = RoleTable(plugin="improved_vfh")
-    recovery: RoleTable = RoleTable(plugin="wait_and_replan")
+    platform: RoleTable
+    localizer: RoleTable
+    mapper: RoleTable
+    planner: RoleTable
+    controller: RoleTable
+    avoider: RoleTable
+    recovery: RoleTable
     sensor: list[SensorTable] = Field(default_factory=list)
     alternative: list[AlternativeTable] = Field(default_factory=list)
     navigation: NavigationTable = NavigationTable()
     gate: GateTable = GateTable()
     event: list[EventTable] = Field(default_factory=list)
     live: LiveTable = LiveTable()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _roles_have_plugins(cls, given: Any) -> Any:
+        """A role without a table, or with one that names no plugin, gets the default one."""
+        if not isinstance(given, dict):
+            return given
+        roles = {role: given.get(role, {}) for role in ROLE_TABLES}
+        filled = {
+            role: {"plugin": DEFAULT_PLUGINS[role], **table} if isinstance(table, dict) else table
+            for role, table in roles.items()
+        }
+        return {**given, **filled}
 
     @model_validator(mode="after")
     def _names_fit(self) -> Config:

@@ -147,7 +147,7 @@ class AvoiderNode:
             tick.time_ns, scans, estimate, reference.target, reference.corridor, given["desired"].twist, ahead
         )
         answer = self.plugin.avoid(seen)
-        handover = self.rule.step(tick.time, scans, estimate.pose, reference.target, reference.corridor)
+        handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor)
         return [
             ("command", Command(answer.twist)),
             ("status", AvoiderStatus(answer.status, answer.diagnostics)),

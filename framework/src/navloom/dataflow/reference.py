@@ -11,7 +11,7 @@ from navloom.config.schema import Config
 from navloom.dataflow.nodes import Inputs, Outputs, Tick
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
-from navloom.navigation.projection import project
+from navloom.navigation.projection import project, way_ahead
 from navloom.navigation.trajectory import Limits, make_trajectory
 from navloom.roles import RobotSpec
 
@@ -94,6 +94,7 @@ class ReferenceNode:
             at.turn_rate,
             at.cross_track,
             Point2D(at.target_x, at.target_y),
+            way_ahead(samples, at.progress, self.look_ahead),
             self.corridor,
             drive.turn_to if drive.stop_here else None,
         )

@@ -9,7 +9,7 @@ from navloom.messages.behaviour import (
     RecoveryStep,
 )
 from navloom.messages.envelope import Envelope, StepRecord
-from navloom.messages.goals import OUTCOMES, Feedback, Goal, GoalResult, OperatorRequest, Outcome
+from navloom.messages.goals import OUTCOMES, Drive, Feedback, Goal, GoalResult, OperatorRequest, Outcome
 from navloom.messages.mapping import (
     ClearRequest,
     Count,
@@ -49,6 +49,7 @@ __all__ = [
     "Command",
     "Contact",
     "Count",
+    "Drive",
     "Envelope",
     "Feedback",
     "GateStatus",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navloom.messages.motion import Twist2D
 from navloom.messages.schema import Array, Message, Unbounded, message
 
-__all__ = ["AvoiderDiagnostics", "AvoiderStatus", "Avoidance", "HandOver", "RecoveryRequest", "RecoveryStep"]
+__all__ = ["Avoidance", "AvoiderDiagnostics", "AvoiderStatus", "HandOver", "RecoveryRequest", "RecoveryStep"]
 
 Floats = NDArray[np.float64]
 

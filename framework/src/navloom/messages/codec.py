@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import struct
+import threading
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import msgpack
@@ -20,22 +20,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages.envelope import Envelope
-from navloom.messages.schema import SCHEMAS, Kind, Message, MessageError
+from navloom.messages.kinds import DTYPES, MAX_ITEMS, Kind, Message, MessageError, brief
+from navloom.messages.schema import SCHEMAS
 
 __all__ = ["CodecError", "decode", "encode", "schema_label"]
 
 ALIGNMENT = 64
 MAX_ARRAYS = 256
-DTYPES = frozenset({"<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1"})
 _LENGTH = struct.Struct("<I")
 _PAD = [bytes(n) for n in range(ALIGNMENT)]
 
-Write = Callable[[Any, list[NDArray[Any]]], Any]
-Read = Callable[[str, Any, list[NDArray[Any]]], Any]
+Write = Callable[[Any, list[NDArray[Any]]], dict[str, Any]]
+Read = Callable[[Any, list[NDArray[Any]]], Any]
 
 
 class CodecError(ValueError):
     """Bytes that are not the message they claim to be; the text names the place, the value and the expectation."""
+
+
+class _Packer(threading.local):
+    """One packer for each thread: making one costs more than packing a message."""
+
+    def __init__(self) -> None:
+        self.pack: Callable[[Any], bytes] = msgpack.Packer().pack
+
+
+_PACKER = _Packer()
+_WRITERS: dict[type[Message], Write] = {}
+_READERS: dict[type[Message], Read] = {}
 
 
 def schema_label(cls: type[Message]) -> str:
@@ -44,49 +56,62 @@ def schema_label(cls: type[Message]) -> str:
 
 
 def encode(message: Message, envelope: Envelope) -> bytes:
-    """Bytes of a message in its envelope. Equal messages in equal envelopes give equal bytes."""
+    """Bytes of a message in its envelope. The same contents, bit for bit, give the same bytes."""
+    cls = type(message)
+    write = _WRITERS.get(cls)
+    if write is None:
+        write = _WRITERS[cls] = _writer(cls)
     arrays: list[NDArray[Any]] = []
-    body = {"envelope": envelope, "fields": _writer(type(message))(message, arrays)}
+    body: dict[str, Any] = {"envelope": envelope, "fields": write(message, arrays), "arrays": arrays}
     if not arrays:
-        body["arrays"] = arrays
-        header = msgpack.packb(body)
+        header = _PACKER.pack(body)
         return _LENGTH.pack(len(header)) + header
+    if len(arrays) > MAX_ARRAYS:
+        raise CodecError(f"{schema_label(cls)}: holds {len(arrays)} arrays, expected at most {MAX_ARRAYS}")
     table = []
-    blocks: list[bytes] = []
-    offset = 0
+    blocks: list[Any] = []
+    end = 0
     for array in arrays:
-        table.append((array.dtype.str, array.shape, offset))
-        raw = array.tobytes()
-        pad = -len(raw) % ALIGNMENT
-        blocks += (raw, _PAD[pad])
-        offset += len(raw) + pad
+        pad = -end % ALIGNMENT
+        size = array.nbytes
+        table.append((array.dtype.str, array.shape, end + pad if size else 0))
+        if size:
+            blocks += (_PAD[pad], array)
+            end += pad + size
     body["arrays"] = table
-    header = msgpack.packb(body)
-    return b"".join((_LENGTH.pack(len(header)), header, _PAD[-(4 + len(header)) % ALIGNMENT], *blocks))
+    header = _PACKER.pack(body)
+    if blocks:
+        blocks[0] = _PAD[-(4 + len(header)) % ALIGNMENT]
+    return b"".join((_LENGTH.pack(len(header)), header, *blocks))
 
 
 def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
-    """Message and envelope from bytes; arrays are views of the bytes. Unknown fields are passed over.
+    """Message and envelope from bytes, which must not change afterwards: arrays are views of them.
+
+    Unknown fields are passed over. Only where the bytes lie at an odd address are arrays copied.
 
     Raises:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
     """
     cls = _class_of(label)
-    view = memoryview(data).cast("B") if not isinstance(data, bytes) else memoryview(data)
+    view = memoryview(data).cast("B").toreadonly()
     if len(view) < 4:
         raise CodecError(f"{label}: got {len(view)} bytes, expected a header of at least 4")
-    end = 4 + _LENGTH.unpack(view[:4])[0]
+    end = 4 + _LENGTH.unpack_from(view)[0]
     if end > len(view):
         raise CodecError(f"{label}: the header claims {end - 4} bytes, {len(view) - 4} are there")
     try:
-        header = msgpack.unpackb(view[4:end], raw=False, strict_map_key=True)
+        header = msgpack.unpackb(view[4:end], max_array_len=min(end, MAX_ITEMS))
     except Exception as error:
-        raise CodecError(f"{label}: the header is not MessagePack: {error}") from None
+        raise CodecError(f"{label}: the header is not MessagePack: {brief(error)}") from None
     if not isinstance(header, dict):
         raise CodecError(f"{label}: the header is {type(header).__name__}, expected a map")
-    arrays = _arrays(label, header.get("arrays"), view, end + -end % ALIGNMENT)
-    message = _reader(cls)(label, header.get("fields"), arrays)
-    return message, _envelope(label, header.get("envelope"))
+    try:
+        arrays = _arrays(header.get("arrays"), view, end + -end % ALIGNMENT)
+        message = _reader(cls)(header.get("fields"), arrays)
+        return message, _envelope(header.get("envelope"))
+    except (CodecError, MessageError) as error:
+        raise CodecError(f"{label}: {error}") from None
 
 
 def _class_of(label: str) -> type[Message]:
@@ -99,127 +124,136 @@ def _class_of(label: str) -> type[Message]:
     return cls
 
 
-def _envelope(label: str, value: Any) -> Envelope:
+def _envelope(value: Any) -> Envelope:
     if not isinstance(value, list) or len(value) < 6:
-        raise CodecError(f"{label}: envelope is {value!r}, expected key, sequence, tick, stamp, cause and epoch")
-    if not isinstance(value[0], str) or not all(type(number) is int for number in value[1:6]):
-        raise CodecError(f"{label}: envelope is {value!r}, expected one string and five whole numbers")
+        raise CodecError(f"envelope is {brief(value)}, expected key, sequence, tick, stamp, cause and epoch")
+    if type(value[0]) is not str or not all(type(number) is int and 0 <= number < 2**63 for number in value[1:6]):
+        raise CodecError(f"envelope is {brief(value)}, expected one string and five whole numbers >= 0")
     return Envelope(*value[:6])
 
 
-def _arrays(label: str, table: Any, view: memoryview, start: int) -> list[NDArray[Any]]:
-    """Views of the arrays a header lists, each checked to lie inside the bytes."""
+def _arrays(table: Any, view: memoryview, start: int) -> list[NDArray[Any]]:
+    """Views of the arrays a header lists, each checked to lie inside the bytes, at a multiple of 64."""
     if not isinstance(table, list) or len(table) > MAX_ARRAYS:
-        raise CodecError(f"{label}: arrays is not a list of at most {MAX_ARRAYS}")
+        raise CodecError(f"arrays is {type(table).__name__}, expected a list of at most {MAX_ARRAYS}")
+    memory = np.frombuffer(view, np.uint8)
     arrays = []
     for number, entry in enumerate(table):
-        if not isinstance(entry, list) or len(entry) != 3 or entry[0] not in DTYPES:
-            raise CodecError(f"{label}: array {number} is {entry!r}, expected dtype, shape and offset")
-        dtype, shape, offset = np.dtype(entry[0]), entry[1], entry[2]
-        whole = [offset, *shape] if isinstance(shape, list) and len(shape) <= 8 else [None]
-        if not all(type(size) is int and 0 <= size < 2**40 for size in whole):
-            raise CodecError(f"{label}: array {number} has shape {shape!r} at {offset!r}, expected whole numbers")
-        count = math.prod(shape)
-        if start + offset + count * dtype.itemsize > len(view):
-            raise CodecError(f"{label}: array {number} ({dtype}, {shape}) reaches beyond the {len(view)} bytes given")
-        flat = np.frombuffer(view, dtype, count, start + offset) if count else np.empty(0, dtype)
-        array = flat.reshape(shape)
-        array.flags.writeable = False
+        try:
+            name, shape, offset = entry
+            dtype = DTYPES[name]
+            for size in (offset, *shape):
+                if type(size) is not int or size < 0:
+                    raise TypeError
+            count = math.prod(shape)
+            if offset % ALIGNMENT or len(shape) > 8 or (count and start + offset + count * dtype.itemsize > len(view)):
+                raise ValueError
+            array: NDArray[Any] = np.ndarray(shape, dtype, memory, start + offset if count else 0)
+        except (TypeError, KeyError):
+            raise CodecError(f"array {number} is {brief(entry)}, expected dtype, shape and offset") from None
+        except ValueError:
+            raise CodecError(
+                f"array {number} is {brief(entry)}, expected it to lie at a multiple of {ALIGNMENT} "
+                f"within the {len(view)} bytes given"
+            ) from None
+        if not array.flags.aligned:  # compiled code is made for aligned arrays, and would be compiled anew
+            array = array.copy()
+            array.flags.writeable = False
         arrays.append(array)
     return arrays
 
 
-@cache
 def _writer(cls: type[Message]) -> Write:
-    names = tuple(cls.kinds)
-    read = cls.read_fields
-    special = [(name, write) for name, kind in cls.kinds.items() if (write := _value_writer(kind)) is not None]
+    """A function made from source: a dict display is the fastest way from a message to what MessagePack takes.
 
-    def write_message(message: Any, arrays: list[NDArray[Any]]) -> dict[str, Any]:
-        values = dict(zip(names, read(message), strict=True))
-        for name, write in special:
-            values[name] = write(values[name], arrays)
-        return values
-
-    return write_message
+    The source is made of the class's declaration alone; nothing that was sent or configured gets into it.
+    """
+    made: Write = eval(f"lambda message, arrays: {_fields_source(cls, 'message')}", {"__builtins__": {"len": len}})
+    return made
 
 
-def _value_writer(kind: Kind) -> Write | None:
-    """How a value of this kind is written; None where MessagePack takes it as it is."""
-    inner: Write
+def _fields_source(cls: type[Message], value: str) -> str:
+    written = [f"{name!r}: {_value_source(kind, f'{value}.{name}', 0)}" for name, kind in cls.kinds.items()]
+    return f"{{{', '.join(written)}}}"
+
+
+def _value_source(kind: Kind, value: str, depth: int) -> str:
+    """Expression that turns a value of this kind into what MessagePack takes."""
     if kind.form == "array":
-
-        def inner(value: Any, arrays: list[NDArray[Any]]) -> Any:
-            arrays.append(value)
-            return len(arrays) - 1
-
+        source = f"(arrays.append({value}) or len(arrays) - 1)"
     elif kind.form == "message":
         assert kind.message is not None
-        inner = _writer(kind.message)
+        source = _fields_source(kind.message, value)
     elif kind.form == "tuple":
         assert kind.item is not None
-        item = _value_writer(kind.item)
-        if item is None:
-            return None
-        each = item
-
-        def inner(value: Any, arrays: list[NDArray[Any]]) -> Any:
-            return [each(entry, arrays) for entry in value]
-
+        item = f"item{depth}"
+        source = f"[{_value_source(kind.item, item, depth + 1)} for {item} in {value}]"
+        if source == f"[{item} for {item} in {value}]":
+            source = value
     else:
-        return None
-    if not kind.optional:
-        return inner
-    return lambda value, arrays: None if value is None else inner(value, arrays)
+        return value
+    return f"(None if {value} is None else {source})" if kind.optional else source
 
 
-@cache
 def _reader(cls: type[Message]) -> Read:
-    readers = [(name, _value_reader(kind), kind.optional) for name, kind in cls.kinds.items()]
+    read = _READERS.get(cls)
+    if read is None:
+        read = _READERS[cls] = _make_reader(cls)
+    return read
 
-    def read_message(place: str, values: Any, arrays: list[NDArray[Any]]) -> Message:
+
+def _make_reader(cls: type[Message]) -> Read:
+    names = tuple(cls.kinds)
+    special = [
+        (place, name, read, kind.optional)
+        for place, (name, kind) in enumerate(cls.kinds.items())
+        if (read := _value_reader(kind)) is not None
+    ]
+
+    def read_message(values: Any, arrays: list[NDArray[Any]]) -> Message:
         if not isinstance(values, dict):
-            raise CodecError(f"{place}: got {type(values).__name__}, expected a map of fields")
-        made = {}
-        for name, read, optional in readers:
-            if name not in values:
-                raise CodecError(f"{place}: field {name!r} is missing; got {', '.join(map(str, values)) or 'none'}")
-            value = values[name]
-            made[name] = None if optional and value is None else read(f"{place}.{name}", value, arrays)
+            raise CodecError(f"got {type(values).__name__}, expected a map of fields")
         try:
-            return cls(**made)
-        except MessageError as error:
-            raise CodecError(f"{place}: {error}") from None
+            given = [values[name] for name in names]
+        except KeyError as missing:
+            raise CodecError(f"field {missing} is missing; got {brief(list(values))}") from None
+        for place, name, read, optional in special:
+            value = given[place]
+            if value is None and optional:
+                continue
+            try:
+                given[place] = read(value, arrays)
+            except (CodecError, MessageError) as error:
+                raise CodecError(f"{name}: {error}") from None
+        return cls(*given)
 
     return read_message
 
 
-def _value_reader(kind: Kind) -> Read:
+def _value_reader(kind: Kind) -> Read | None:
+    """How a value of this kind is read; None where the message's own check is enough."""
     if kind.form == "array":
-
-        def read_array(place: str, value: Any, arrays: list[NDArray[Any]]) -> Any:
-            if type(value) is not int or not 0 <= value < len(arrays):
-                raise CodecError(f"{place}: got {value!r}, expected the number of one of {len(arrays)} arrays")
-            return arrays[value]
-
-        return read_array
+        return _read_array
     if kind.form == "message":
         assert kind.message is not None
         return _reader(kind.message)
     if kind.form == "tuple":
         assert kind.item is not None
-        item = _value_reader(kind.item)
+        item, optional = _value_reader(kind.item), kind.item.optional
+        if item is None:
+            return None
+        each = item
 
-        def read_tuple(place: str, value: Any, arrays: list[NDArray[Any]]) -> Any:
+        def read_tuple(value: Any, arrays: list[NDArray[Any]]) -> Any:
             if not isinstance(value, list):
-                raise CodecError(f"{place}: got {type(value).__name__}, expected a list")
-            return tuple(item(f"{place}[{number}]", entry, arrays) for number, entry in enumerate(value))
+                raise CodecError(f"got {type(value).__name__}, expected a list")
+            return tuple([None if entry is None and optional else each(entry, arrays) for entry in value])
 
         return read_tuple
+    return None
 
-    def read_plain(place: str, value: Any, arrays: list[NDArray[Any]]) -> Any:
-        if kind.form == "float" and type(value) is not float:
-            raise CodecError(f"{place}: got {value!r}, expected a number")
-        return value
 
-    return read_plain
+def _read_array(value: Any, arrays: list[NDArray[Any]]) -> NDArray[Any]:
+    if type(value) is not int or not 0 <= value < len(arrays):
+        raise CodecError(f"got {brief(value)}, expected the number of one of {len(arrays)} arrays")
+    return arrays[value]

@@ -7,11 +7,9 @@ from typing import Literal
 from navloom.messages.motion import Point2D
 from navloom.messages.schema import Message, message
 
-__all__ = ["Feedback", "Goal", "GoalResult", "OUTCOMES", "OperatorRequest", "Outcome"]
+__all__ = ["OUTCOMES", "Drive", "Feedback", "Goal", "GoalResult", "OperatorRequest", "Outcome"]
 
-Outcome = Literal[
-    "succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"
-]
+Outcome = Literal["succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"]
 OUTCOMES: tuple[str, ...] = (
     "succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"
 )  # fmt: skip
@@ -54,6 +52,23 @@ class OperatorRequest(Message):
 
 
 @message()
+class Drive(Message):
+    """Which trajectory may be driven: the goal's word, without which the reference publishes nothing.
+
+    Attributes:
+        goal_id: The goal it serves.
+        path_id: The plan to follow; 0 for none.
+        turn_to: Heading, rad, to turn to in place once the end of the plan is reached, or None.
+        stop_here: The end has been reached in position: turn only.
+    """
+
+    goal_id: int
+    path_id: int
+    turn_to: float | None
+    stop_here: bool
+
+
+@message()
 class Feedback(Message):
     """How a goal goes.
 
@@ -67,7 +82,7 @@ class Feedback(Message):
     """
 
     goal_id: int
-    state: Literal["idle", "mapping", "planning", "driving", "recovering", "stopping"]
+    state: Literal["idle", "mapping", "planning", "driving", "recovering"]
     distance: float
     time_left: float
     cross_track: float

@@ -138,7 +138,9 @@ class Reference(Message):
         turn_rate: ω_r = κ v_r, rad/s.
         cross_track: Signed distance of the robot to the left of the trajectory, m.
         target: Point of the trajectory one look-ahead distance further on, map frame.
-        corridor: Half width of the strip from the robot to the target that must be free, m.
+        way: (k, 2) the trajectory from the reference point to the target, m, map frame, in steps of about 0.2 m.
+        corridor: Half width of the strip along `way` that must be free, m.
+        turn_to: The end has been reached: turn in place to this heading, rad; None while driving.
     """
 
     path_id: int
@@ -149,7 +151,9 @@ class Reference(Message):
     turn_rate: float
     cross_track: float
     target: Point2D
+    way: Annotated[Floats, Array("float64", ("k", 2))]
     corridor: float
+    turn_to: float | None = None
 
 
 @message()

@@ -39,13 +39,16 @@ class EchoMemory:
         _add(self._points, self._cursor, scan.origins, scan.bearings, scan.half_angles, scan.ranges,
              scan.range_max, base.x, base.y, base.heading, self.spread, time)  # fmt: skip
 
-    def nearest(self, base: Pose2D, x: float, y: float, half_width: float, time: float) -> float:
-        """Distance, m, along the strip from base to (x, y) in the map of the nearest echo in it; inf where it is free.
+    def nearest(self, base: Pose2D, way: Floats, half_width: float, time: float) -> float:
+        """Distance from base, m, of the nearest echo within the strip along a way; infinite where it is free.
 
-        The strip starts at base, goes past its end by its half width, and counts echoes heard since `time - keep`.
-        Scans must have been added in order of time.
+        Args:
+            base: Robot in the map.
+            way: (k, 2) points, m, map frame. What lies behind the line across its first point is not in the way.
+            half_width: Of the strip, m; it goes on past the last point by as much.
+            time: Run time, s; echoes heard since `time - keep` count. Scans must have been added in order of time.
         """
-        return float(_nearest(self._points, self._cursor, base.x, base.y, x, y, half_width, time - self.keep))
+        return float(_nearest(self._points, self._cursor, base.x, base.y, way, half_width, time - self.keep))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -75,32 +78,36 @@ def _add(
             cursor[1] = min(cursor[1] + 1, capacity)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _nearest(
-    points: Floats,
-    cursor: NDArray[np.int64],
-    x0: float,
-    y0: float,
-    x1: float,
-    y1: float,
-    half_width: float,
-    since: float,
+    points: Floats, cursor: NDArray[np.int64], x: float, y: float, way: Floats, half_width: float, since: float
 ) -> float:
-    length = math.hypot(x1 - x0, y1 - y0)
-    if length == 0.0:
-        return math.inf
-    ux, uy = (x1 - x0) / length, (y1 - y0) / length
     best = math.inf
     capacity = points.shape[0]
     for age in range(1, cursor[1] + 1):
         row = (cursor[0] - age) % capacity
         if points[row, 2] < since:
             break
-        rx, ry = points[row, 0] - x0, points[row, 1] - y0
-        along = rx * ux + ry * uy
-        if 0.0 < along < length + half_width and abs(ry * ux - rx * uy) < half_width and along < best:
-            best = along
+        distance = math.hypot(points[row, 0] - x, points[row, 1] - y)
+        if distance < best and _is_within(points[row, 0], points[row, 1], way, half_width):
+            best = distance
     return best
+
+
+@njit(cache=True, nogil=True)
+def _is_within(x: float, y: float, way: Floats, half_width: float) -> bool:
+    """Whether a point is nearer to a polyline than half a width, and not behind its first segment."""
+    for k in range(way.shape[0] - 1):
+        ux, uy = way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1]
+        rx, ry = x - way[k, 0], y - way[k, 1]
+        square = ux * ux + uy * uy
+        share = (rx * ux + ry * uy) / square if square > 0.0 else 0.0
+        if k == 0 and share < 0.0:
+            continue
+        share = min(max(share, 0.0), 1.0)
+        if math.hypot(rx - share * ux, ry - share * uy) < half_width:
+            return True
+    return False
 
 
 def warm_up() -> None:
@@ -110,4 +117,7 @@ def warm_up() -> None:
         array.flags.writeable = False
     memory = EchoMemory(1.0, 0.5, capacity=4)
     memory.add(RangeScan(0, two, one, one, one, one, 0.1, 4.0), Pose2D(0.0, 0.0, 0.0), 0.0)
-    memory.nearest(Pose2D(0.0, 0.0, 0.0), 1.0, 0.0, 0.5, 0.0)
+    way = np.zeros((2, 2))
+    for _ in range(2):
+        memory.nearest(Pose2D(0.0, 0.0, 0.0), way, 0.5, 0.0)
+        way.flags.writeable = False

@@ -6,14 +6,19 @@ import math
 from collections.abc import Iterable
 from typing import Literal
 
-from navloom.messages import HandOver, Point2D, Pose2D, RangeScan
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages import HandOver, Pose2D, RangeScan
 from navloom.navigation.echoes import EchoMemory
 
 __all__ = ["HandOverRule"]
 
+Floats = NDArray[np.float64]
+
 
 class HandOverRule:
-    """Engages the avoider when something sensed lies in the corridor to the look-ahead point; releases with delay.
+    """Engages the avoider when something sensed lies on the way to the look-ahead point; releases with delay.
 
     Args:
         mode: "when_blocked", or "always"/"never" to fix it.
@@ -35,13 +40,25 @@ class HandOverRule:
         self.engaged = self.mode == "always"
         self._memory.clear()
 
-    def step(self, time: float, scans: Iterable[RangeScan], base: Pose2D, target: Point2D, width: float) -> HandOver:
-        """Whether the avoider drives in this tick: run time, s; base and target in the map; the corridor's half width, m."""
+    def step(self, time: float, scans: Iterable[RangeScan], base: Pose2D, way: Floats, width: float) -> HandOver:
+        """Whether the avoider drives in this tick.
+
+        It engages when the strip along the trajectory is blocked. It releases when that and the straight strip to the
+        target have been free for a while, since the robot may by then be beside the trajectory.
+
+        Args:
+            time: Run time, s.
+            scans: Of this tick.
+            base: Robot in the map.
+            way: (k, 2) the trajectory from the reference point to the target, m, map frame.
+            width: Half width of the strip, m.
+        """
         for scan in scans:
             self._memory.add(scan, base, time)
-        nearest = self._memory.nearest(base, target.x, target.y, width, time)
+        nearest = self._memory.nearest(base, way, width, time)
         if self.mode == "when_blocked":
-            if math.isfinite(nearest):
+            straight = np.array([(base.x, base.y), way[-1]]) if self.engaged else way
+            if math.isfinite(nearest) or (self.engaged and math.isfinite(self._memory.nearest(base, straight, width, time))):
                 self.engaged, self._blocked_at = True, time
             elif self.engaged and time - self._blocked_at >= self.release:
                 self.engaged = False

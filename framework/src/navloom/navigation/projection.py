@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Projection", "point_at", "project", "warm_up"]
+__all__ = ["Projection", "point_at", "project", "warm_up", "way_ahead"]
 
 Floats = NDArray[np.float64]
 
@@ -72,6 +72,27 @@ def point_at(samples: Floats, progress: float) -> tuple[float, float]:
     """x, y, m, of a trajectory (n, 6) at an arc length, m, held at its ends."""
     point: tuple[float, float] = _point_at(samples, progress)
     return point
+
+
+def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2) -> Floats:
+    """(k, 2) points of a trajectory (n, 6) from one arc length on, m: about `step` apart, the last one `length` further.
+
+    Read-only. At the end of the trajectory fewer are left, but always one.
+    """
+    points: Floats = _way_ahead(samples, progress, length, step)
+    points.flags.writeable = False
+    return points
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _way_ahead(samples, progress, length, step):  # type: ignore[no-untyped-def]
+    end = min(progress + length, samples[-1, 0])
+    count = max(1, int(math.ceil((end - progress) / step - 1e-9)) + 1) if end > progress else 1
+    points = np.empty((count, 2))
+    for k in range(count):
+        s = progress if count == 1 else progress + (end - progress) * k / (count - 1)
+        points[k, 0], points[k, 1] = _point_at(samples, s)
+    return points
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -161,4 +182,5 @@ def warm_up() -> None:
     for _ in range(2):
         project(samples, 0.5, 0.1, 0.0, 0.0, 1.0)
         point_at(samples, 0.5)
+        way_ahead(samples, 0.0, 1.0)
         samples.flags.writeable = False

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pluggy
 
@@ -18,6 +18,7 @@ from navloom.roles import ROLES, Role
 __all__ = ["GROUP", "Discovery", "PluginInfo"]
 
 GROUP = "navloom"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,6 @@ class Discovery:
         self.blocked = frozenset(blocked)
         points = entry_points(group=GROUP) if found is None else found
         self._points = sorted((p for p in points if p.name not in self.blocked), key=lambda p: p.name)
-        self._hooks = pluggy.PluginManager(GROUP)
-        self._hooks.add_hookspecs(HookSpecs)
         self._loaded: dict[str, Registry] = {}
 
     def infos(self) -> list[PluginInfo]:
@@ -59,9 +58,7 @@ class Discovery:
         for point in self._points:
             role, _, name = point.name.partition(".")
             dist: Any = point.dist
-            listed.append(
-                PluginInfo(role, name, dist.name if dist else "", dist.version if dist else "", point.value)
-            )
+            listed.append(PluginInfo(role, name, dist.name if dist else "", dist.version if dist else "", point.value))
         return listed
 
     def names(self, role: str) -> list[str]:
@@ -76,12 +73,7 @@ class Discovery:
         """
         if role not in ROLES:
             raise PluginError(f"role {role!r} does not exist{nearest(role, list(ROLES))}")
-        registry = self._load(role, name)
-        try:
-            return registry.roles[(role, name)]
-        except KeyError:
-            given = ", ".join(f"{r}.{n}" for r, n in registry.roles) or "nothing"
-            raise PluginError(f"the entry point {role}.{name} registers {given}, expected {role}.{name}") from None
+        return self._given(role, name, {n: cls for (r, n), cls in self._load(role, name).roles.items() if r == role})
 
     def world(self, reference: str, base: Path) -> World:
         """The world of a reference: a name, `scheme:argument`, or a `.toml` file, relative to a base folder.
@@ -91,45 +83,57 @@ class Discovery:
             ValueError: From the scheme, for a file it cannot use.
         """
         scheme, colon, argument = reference.partition(":")
+        if not colon and reference.endswith(".toml"):
+            scheme, colon, argument = "toml", ":", reference
         if colon:
             schemes = self.names("scheme")
-            if scheme not in schemes:
+            if scheme not in schemes and f"scheme.{scheme}" not in self.blocked:
                 raise PluginError(f"world {reference!r}: unknown scheme {scheme!r}{nearest(scheme, schemes)}")
-            return self._load("scheme", scheme).schemes[scheme](argument, base)
-        if reference.endswith(".toml"):
-            return self._load("scheme", "toml").schemes["toml"](reference, base)
+            return self._given("scheme", scheme, self._load("scheme", scheme).schemes)(argument, base)
         worlds = self.names("world")
-        if reference not in worlds:
+        if reference not in worlds and f"world.{reference}" not in self.blocked:
             raise PluginError(f"world {reference!r} does not exist{nearest(reference, worlds)}")
-        return self._load("world", reference).worlds[reference]()
+        return self._given("world", reference, self._load("world", reference).worlds)()
+
+    def _given(self, role: str, name: str, registered: Mapping[str, T]) -> T:
+        """What an entry point registered under its own name."""
+        if name not in registered:
+            given = ", ".join(f"{role}.{other}" for other in sorted(registered)) or f"no {role}"
+            raise PluginError(f"the entry point {role}.{name} registers {given}, expected {role}.{name}")
+        return registered[name]
 
     def _load(self, role: str, name: str) -> Registry:
         key = f"{role}.{name}"
         if key not in self._loaded:
-            self._loaded[key] = self._register(key, role, name)
+            self._loaded[key] = _register(self._point(key, role, name))
         return self._loaded[key]
 
-    def _register(self, key: str, role: str, name: str) -> Registry:
+    def _point(self, key: str, role: str, name: str) -> EntryPoint:
         matches = [p for p in self._points if p.name == key]
         if not matches:
             hint = f"; {key} is blocked" if key in self.blocked else nearest(name, self.names(role))
             raise PluginError(f"no plugin {key!r} is installed{hint}")
         if len(matches) > 1:
-            owners = " and ".join(p.dist.name if p.dist else p.value for p in matches)
+            owners = " and ".join(sorted(p.dist.name if p.dist else p.value for p in matches))
             raise PluginError(f"two plugins are named {key!r}, from {owners}: uninstall or rename one of them")
-        point = matches[0]
-        try:
-            module = point.load()
-            registry = Registry()
-            if not self._hooks.is_registered(module):
-                self._hooks.register(module, name=point.value)
-            others = [p for p in self._hooks.get_plugins() if p is not module]
-            self._hooks.subset_hook_caller("navloom_register", others)(registry=registry)
-        except PluginError as error:
-            raise PluginError(f"plugin {key!r} from {point.value}: {error}") from error
-        except Exception as error:
-            cause = f"{type(error).__name__}: {error}"
-            raise PluginError(
-                f"plugin {key!r} from {point.value} fails on import: {cause}; repair it, or block it if it is not needed"
-            ) from error
-        return registry
+        return matches[0]
+
+
+def _register(point: EntryPoint) -> Registry:
+    """Import one entry point's module and let it register, alone: what another one did cannot spoil it."""
+    registry = Registry()
+    hooks = pluggy.PluginManager(GROUP)
+    hooks.add_hookspecs(HookSpecs)
+    try:
+        hooks.register(point.load(), name=point.value)
+        hooks.check_pending()
+        hooks.hook.navloom_register(registry=registry)
+    except PluginError as error:
+        raise PluginError(f"plugin {point.name!r} from {point.value}: {error}") from error
+    except (Exception, SystemExit) as error:
+        cause = f"{type(error).__name__}: {error}"
+        raise PluginError(
+            f"plugin {point.name!r} from {point.value} fails on import: {cause}; "
+            f"repair it, or block it if it is not needed"
+        ) from error
+    return registry

@@ -36,16 +36,20 @@ class Registry:
         """Add a role's implementation.
 
         Raises:
-            PluginError: Not a role's class, without a name, built for another version of the role, or named twice.
+            PluginError: Not a role's class, without a name, without its role's verb, named twice, or built for another
+                version of the role.
         """
-        if not (isinstance(plugin, type) and issubclass(plugin, Role) and plugin.__dict__.get("name")):
-            raise PluginError(f"{plugin!r}: expected a subclass of a role with a `name`")
+        if not (isinstance(plugin, type) and issubclass(plugin, tuple(ROLES.values())) and plugin.__dict__.get("name")):
+            raise PluginError(f"{plugin!r}: expected a subclass of a role ({', '.join(ROLES)}) with a `name`")
         key = (plugin.role, plugin.name)
         if plugin.role not in ROLES or plugin.api != ROLE_API[plugin.role]:
             raise PluginError(
                 f"{plugin.role}.{plugin.name} is built for version {plugin.api} of the role {plugin.role}, "
                 f"this framework speaks version {ROLE_API.get(plugin.role)}; install a matching release of it"
             )
+        if plugin.__abstractmethods__:
+            missing = ", ".join(sorted(plugin.__abstractmethods__))
+            raise PluginError(f"{plugin.role}.{plugin.name} does not implement {missing}")
         if key in self.roles and self.roles[key] is not plugin:
             raise PluginError(f"{plugin.role}.{plugin.name} is registered twice: rename one of them")
         self.roles[key] = plugin

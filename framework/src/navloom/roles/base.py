@@ -100,6 +100,7 @@ class Role(ABC):
         name: Name of the plugin, the one of its entry point.
         api: Major version of the role it is built for.
         accepts: Sensor messages its node is wired to, unless the config names `sensors`.
+        needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
         Params: Its parameters.
     """
 
@@ -107,15 +108,20 @@ class Role(ABC):
     name: ClassVar[str]
     api: ClassVar[int] = 1
     accepts: ClassVar[tuple[type[Message], ...]] = (RangeScan,)
+    needs_map: ClassVar[bool] = False
     Params: ClassVar[type[Params]] = Params
 
     def __init__(self, params: Any, context: Context) -> None:
         self.params = params
         self.context = context
 
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027  (nothing to forget is the usual case)
         """Forget everything learnt since construction. A plugin without memory leaves it as it is."""
 
-    @classmethod
+    def configure(self, params: Any) -> None:
+        """Take checked new parameters between two ticks. Forgets what was learnt, unless a plugin overrides it."""
+        self.__init__(params, self.context)  # type: ignore[misc]
+
+    @classmethod  # noqa: B027  (nothing to compile is the usual case)
     def warm_up(cls) -> None:
         """Compile what has to be compiled. Called once before the first tick; a plugin without kernels leaves it."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from navloom.messages import Contact, Message, Odometry, RangeScan, Sweep, SweepRequest, Truth, Twist2D
-from navloom.roles.base import Role
+from navloom.roles.base import Params, Role, SensorSpec
 
 __all__ = ["Platform", "PlatformInput", "PlatformOutput"]
 
@@ -50,12 +50,19 @@ class Platform(Role):
 
     Class attributes:
         sensor_kinds: The kinds of sensor it provides and the message each gives.
+        sensor_settings: By kind, what a sensor's table may hold beside its name and kind, so that it is checked early.
         is_simulated: Simulated time may be used; a real platform refuses it.
     """
 
     role = "platform"
     sensor_kinds: ClassVar[Mapping[str, type[Message]]] = {}
+    sensor_settings: ClassVar[Mapping[str, type[Params]]] = {}
     is_simulated: ClassVar[bool] = False
+
+    @classmethod
+    def scans_on_request(cls, sensor: SensorSpec) -> bool:
+        """Whether a sensor measures only when a SweepRequest asks for it."""
+        return False
 
     @abstractmethod
     def advance(self, given: PlatformInput) -> PlatformOutput:

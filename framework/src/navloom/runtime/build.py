@@ -25,6 +25,7 @@ from navloom.messages import OccupancyGrid, Pose2D
 from navloom.navigation import echoes, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
+from navloom.plugins.registry import nearest
 from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
 
 __all__ = ["System", "assemble", "make_plugins", "robot_spec"]
@@ -256,12 +257,12 @@ def _sensors(config: Config, platform: type[Platform]) -> tuple[SensorSpec, ...]
     specs = []
     for number, table in enumerate(config.sensor):
         if table.kind not in platform.sensor_kinds:
-            from navloom.plugins.registry import nearest
-
             hint = nearest(table.kind, list(platform.sensor_kinds))
             raise ConfigError(f"sensor.{number}.kind: {platform.name} has no sensor of kind {table.kind!r}{hint}")
         if table.name in ("odometry", "contact", "truth"):
             raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port every platform has; choose another name")
+        if table.kind in platform.sensor_settings:
+            check_params(platform.sensor_settings[table.kind], table.params, f"sensor.{number}")
         specs.append(SensorSpec(table.name, table.kind, table.params))
     return tuple(specs)
 

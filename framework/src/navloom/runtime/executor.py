@@ -85,12 +85,7 @@ def _instances(system: System, spec: NodeSpec, own: dict[str, Node], nodes: dict
 
 def _wire(instance: Instance, active: dict[str, Instance]) -> None:
     for given in instance.spec.inputs:
-        wire = Wire(given, active[given.role].slots[given.port])
-        instance.wires.append(wire)
-        if given.triggers:
-            instance.triggers.append(wire)
-        if given.name == instance.spec.cause:
-            instance.cause = wire
+        instance.connect(Wire(given, active[given.role].slots[given.port]))
 
 
 def _goal_rules(system: System) -> GoalRules:

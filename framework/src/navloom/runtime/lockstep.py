@@ -159,7 +159,11 @@ class Lockstep:
             if self._step_observers
             else ()
         )
-        given = {wire.input.name: wire.read(number, since) for wire in instance.wires}
+        given = instance.given
+        for name, wire in instance.latest:
+            given[name] = wire.slot.message
+        for name, wire in instance.others:
+            given[name] = wire.read(number, since)
         cause_wire = instance.cause
         before = perf_counter_ns()
         try:
@@ -188,10 +192,10 @@ class Lockstep:
     ) -> None:
         for port, message in outputs:
             slot = instance.slots[port]
-            at = slot.put(message, number, made.number, made.time_ns, cause, made.epoch)
+            slot.put(message, number, made.number, made.time_ns, cause, made.epoch)
             if instance.active:
-                data = encode(message, at._replace(sequence=0))
-                self.trace.add(slot.label(type(message)), data)
+                at = Envelope(slot.key, 0, made.number, made.time_ns, cause, made.epoch)
+                self.trace.add(slot.label(type(message)), encode(message, at))
 
     def _fault(self, instance: Instance, error: Exception) -> None:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""

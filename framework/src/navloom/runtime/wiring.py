@@ -36,7 +36,7 @@ class Slot:
         self.watchers: list[Watcher] = []
         self.labels: dict[type[Message], bytes] = {}
 
-    def put(self, message: Message, tick: int, made: int, stamp_ns: int, cause_ns: int, epoch: int) -> Envelope:
+    def put(self, message: Message, tick: int, made: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
         """Publish in a tick what was made in an earlier or the same tick."""
         if self.tick < tick:
             self.older = (self.message, self.envelope, self.tick)
@@ -47,7 +47,6 @@ class Slot:
             queue.append((tick, message, self.sequence))
         for watcher in self.watchers:
             watcher(message, envelope)
-        return envelope
 
     def label(self, cls: type[Message]) -> bytes:
         """What a trace calls a message of this port."""
@@ -135,8 +134,11 @@ class Instance:
         stride: Ticks between steps.
         delay: Ticks its outputs are delayed by.
         slots: By port.
-        wires: Its inputs.
+        wires: Its inputs; `latest` are those that read the newest message of this tick, `others` the rest.
+        triggers: Inputs that make it step.
+        cause: Input its outputs derive from.
         stepped: Tick of its last step.
+        given: What it reads, by name, filled anew for each step.
     """
 
     spec: NodeSpec
@@ -151,3 +153,17 @@ class Instance:
     stepped: int = -1
     cause: Wire | None = None
     triggers: list[Wire] = field(default_factory=list)
+    latest: list[tuple[str, Wire]] = field(default_factory=list)
+    others: list[tuple[str, Wire]] = field(default_factory=list)
+    given: dict[str, Any] = field(default_factory=dict)
+
+    def connect(self, wire: Wire) -> None:
+        """Add an input. Plain ones, which are most, are read without a call."""
+        given = wire.input
+        self.wires.append(wire)
+        plain = given.reading == "latest" and not given.delayed
+        (self.latest if plain else self.others).append((given.name, wire))
+        if given.triggers:
+            self.triggers.append(wire)
+        if given.name == self.spec.cause:
+            self.cause = wire

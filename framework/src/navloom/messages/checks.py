@@ -1,0 +1,182 @@
+"""The checks of message fields: each takes a value, and gives it back as the message will hold it.
+
+The constructor made in `schema` passes what already fits without a call, so that most of these see only arrays, tuples
+and values that need converting.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages.kinds import MAX_ITEMS, Array, Kind, MessageError, brief
+
+__all__ = ["Check", "checker"]
+
+Check = Callable[[str, Any, dict[str, int]], Any]
+"""Name of the field, value given, sizes seen so far in the message -> value to hold."""
+
+
+def checker(cls: str, kind: Kind) -> Check:
+    """The function that checks and normalises a value of this kind; `cls` is for the error texts."""
+    check = _CHECKERS[kind.form](cls, kind)
+    if not kind.optional:
+        return check
+    return lambda name, value, sizes: None if value is None else check(name, value, sizes)
+
+
+def _float_checker(cls: str, kind: Kind) -> Check:
+    wanted = "a number or +inf" if kind.infinite else "a finite number"
+
+    def check(name: str, value: Any, sizes: dict[str, int]) -> float:
+        if not isinstance(value, Real) or isinstance(value, bool):
+            raise MessageError(f"{cls}.{name}: got {brief(value)}, expected a number")
+        try:
+            number = float(value)
+        except OverflowError:
+            raise MessageError(f"{cls}.{name}: got {brief(value)}, expected a number below 1.8e308") from None
+        if not math.isfinite(number) and not (kind.infinite and number == math.inf):
+            raise MessageError(f"{cls}.{name}: got {number}, expected {wanted}")
+        return number
+
+    return check
+
+
+def _int_checker(cls: str, kind: Kind) -> Check:
+    def check(name: str, value: Any, sizes: dict[str, int]) -> int:
+        if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
+            raise MessageError(f"{cls}.{name}: got {brief(value)}, expected int")
+        number = int(value)
+        if not -(2**63) <= number < 2**63:
+            raise MessageError(f"{cls}.{name}: got {brief(number)}, expected a number of 64 bits with sign")
+        return number
+
+    return check
+
+
+def _bool_checker(cls: str, kind: Kind) -> Check:
+    def check(name: str, value: Any, sizes: dict[str, int]) -> bool:
+        if not isinstance(value, (bool, np.bool_)):
+            raise MessageError(f"{cls}.{name}: got {brief(value)}, expected bool")
+        return bool(value)
+
+    return check
+
+
+def _str_checker(cls: str, kind: Kind) -> Check:
+    def check(name: str, value: Any, sizes: dict[str, int]) -> str:
+        if not isinstance(value, str):
+            raise MessageError(f"{cls}.{name}: got {brief(value)}, expected str")
+        text = str(value)
+        if kind.choices and text not in kind.choices:
+            raise MessageError(f"{cls}.{name}: got {brief(text)}, expected one of {', '.join(kind.choices)}")
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise MessageError(f"{cls}.{name}: got {brief(text)}, expected text without lone surrogates") from None
+        return text
+
+    return check
+
+
+def _message_checker(cls: str, kind: Kind) -> Check:
+    wanted = kind.message
+    assert wanted is not None
+
+    def check(name: str, value: Any, sizes: dict[str, int]) -> Any:
+        if not isinstance(value, wanted):
+            raise MessageError(f"{cls}.{name}: got {type(value).__name__}, expected {wanted.__name__}")
+        return value
+
+    return check
+
+
+def _tuple_checker(cls: str, kind: Kind) -> Check:
+    assert kind.item is not None
+    item = checker(cls, kind.item)
+
+    def check(name: str, value: Any, sizes: dict[str, int]) -> Any:
+        if not isinstance(value, (tuple, list)):
+            raise MessageError(f"{cls}.{name}: got {type(value).__name__}, expected a tuple")
+        if len(value) > MAX_ITEMS:
+            raise MessageError(f"{cls}.{name}: got {len(value)} items, expected at most {MAX_ITEMS}; use an array")
+        return tuple([item(f"{name}[{i}]", entry, {}) for i, entry in enumerate(value)])
+
+    return check
+
+
+def _array_checker(cls: str, kind: Kind) -> Check:
+    spec = kind.array
+    assert spec is not None
+    dtype = np.dtype(spec.dtype)
+    named = tuple(enumerate(spec.shape))
+    is_float = dtype.kind == "f"
+
+    def check(name: str, value: Any, sizes: dict[str, int]) -> NDArray[Any]:
+        if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != len(named):
+            raise MessageError(f"{cls}.{name}: got {_describe(value)}, expected {spec.dtype} of shape {spec.shape}")
+        shape = value.shape
+        for axis, size in named:
+            wanted = sizes.setdefault(size, shape[axis]) if isinstance(size, str) else size
+            if shape[axis] != wanted:
+                raise MessageError(f"{cls}.{name}: got shape {shape}, expected {spec.shape}, with {size} = {wanted}")
+        held: NDArray[Any] = value
+        if not _is_frozen(held):
+            held = held.copy()
+            held.flags.writeable = False
+        if is_float and held.size:
+            _refuse_bad_numbers(cls, name, held, spec)
+        return held
+
+    return check
+
+
+def _is_frozen(value: NDArray[Any]) -> bool:
+    """Whether nobody can write to the elements, neither here nor through the array or bytes this is a view of."""
+    flags = value.flags
+    if flags.writeable or not flags.c_contiguous:
+        return False
+    base: object = value.base
+    while type(base) is np.ndarray:
+        if base.flags.writeable:
+            return False
+        base = base.base
+    return base is None or type(base) is bytes or (type(base) is memoryview and base.readonly)
+
+
+_BY_DOT = 4096
+"""Up to this many elements a dot product, one call, is the fastest look; beyond it BLAS may start threads."""
+
+
+def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
+    """NaN always, infinity unless the field allows +inf, and what lies below the smallest allowed value."""
+    if spec.at_least is not None and not np.minimum.reduce(value, axis=None) >= spec.at_least:
+        bad = value[~(value >= spec.at_least)].flat[0]
+        raise MessageError(f"{cls}.{name}: holds {bad}, expected values >= {spec.at_least:g}, without NaN")
+    if spec.infinite:
+        if spec.at_least is None and not (value > -math.inf).all():
+            raise MessageError(f"{cls}.{name}: holds NaN or -inf, expected numbers or +inf")
+    elif value.size > _BY_DOT or not math.isfinite(np.vdot(value, value)):  # squares may overflow: then look at each
+        finite = np.isfinite(value)
+        if not finite.all():
+            raise MessageError(f"{cls}.{name}: holds {value[~finite].flat[0]}, expected finite numbers")
+
+
+def _describe(value: Any) -> str:
+    return f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
+_CHECKERS: dict[str, Callable[[str, Kind], Check]] = {
+    "float": _float_checker,
+    "int": _int_checker,
+    "bool": _bool_checker,
+    "str": _str_checker,
+    "message": _message_checker,
+    "tuple": _tuple_checker,
+    "array": _array_checker,
+}

@@ -1,0 +1,134 @@
+"""What a message field may hold, read from its annotation when the class is declared."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+
+import numpy as np
+
+__all__ = ["DTYPES", "MAX_ITEMS", "Array", "Kind", "Message", "MessageError", "Unbounded", "brief", "holds_array",
+           "kind_of"]  # fmt: skip
+
+DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")}
+"""Element types of arrays, by the name they have in the bytes."""
+
+MAX_ITEMS = 4096
+"""Most items a tuple field holds: what a decoder may set aside for a claimed length before it has seen the items."""
+
+
+class MessageError(ValueError):
+    """A field does not fit its declaration; the text names the field, what was given and what was expected."""
+
+
+@dataclass(frozen=True)
+class Array:
+    """Shape and element type of an array field.
+
+    Attributes:
+        dtype: Element type by numpy name.
+        shape: Sizes; a name stands for any size, the same one for every field of the message that uses it.
+        infinite: `+inf` is a value (no echo). NaN and `-inf` never are.
+        at_least: Smallest element allowed, or None.
+    """
+
+    dtype: str
+    shape: tuple[int | str, ...]
+    infinite: bool = False
+    at_least: float | None = None
+
+
+Unbounded = Annotated[float, "infinite"]
+"""A float that may be `+inf` (the clearance in an empty world); never NaN or `-inf`."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What one field holds, resolved from its annotation: exactly one of the forms below.
+
+    Attributes:
+        form: "float", "int", "bool", "str", "array", "message" or "tuple".
+        optional: None is a value.
+        array: Declaration of an array field.
+        choices: Allowed strings of a Literal field; empty where any will do.
+        item: Kind of a tuple's items.
+        message: Class of a nested message.
+        infinite: A float that may be infinite.
+    """
+
+    form: str
+    optional: bool = False
+    array: Array | None = None
+    choices: tuple[str, ...] = ()
+    item: Kind | None = None
+    message: type[Message] | None = None
+    infinite: bool = False
+
+
+class Message:
+    """Base of everything that flows. Made with the `message` decorator only."""
+
+    __slots__ = ()
+    schema_name: ClassVar[str] = ""
+    schema_version: ClassVar[int] = 0
+    kinds: ClassVar[dict[str, Kind]] = {}
+    read_fields: ClassVar[Callable[[Any], tuple[Any, ...]]]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy from another process is checked and its arrays are read-only too.
+        return type(self), self.read_fields()
+
+
+def kind_of(hint: Any) -> Kind:
+    """The kind an annotation stands for.
+
+    Raises:
+        TypeError: Not an annotation a field can have.
+    """
+    origin, args = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        inner = [arg for arg in args if arg is not type(None)]
+        if len(inner) == 1:
+            return Kind(**{**kind_of(inner[0]).__dict__, "optional": True})
+    elif origin is Annotated:
+        base, mark = args[:2]
+        if not isinstance(mark, Array):
+            return Kind("float", infinite=mark == "infinite") if base is float else kind_of(base)
+        if np.dtype(mark.dtype).str in DTYPES:
+            return Kind("array", array=mark)
+    elif origin is Literal:
+        if all(type(choice) is str for choice in args):
+            return Kind("str", choices=args)
+    elif origin is tuple:
+        if len(args) == 2 and args[1] is Ellipsis:
+            return Kind("tuple", item=kind_of(args[0]))
+    elif isinstance(hint, type) and issubclass(hint, Message):
+        return Kind("message", message=hint)
+    elif hint in (float, int, bool, str):
+        return Kind(hint.__name__)
+    raise TypeError(f"a message field cannot be annotated {hint!r}")
+
+
+def holds_array(kind: Kind) -> bool:
+    """Whether there is an array in a field of this kind, at any depth."""
+    if kind.form == "array":
+        return True
+    if kind.message is not None:
+        return any(holds_array(inner) for inner in kind.message.kinds.values())
+    return kind.item is not None and holds_array(kind.item)
+
+
+_REPR = reprlib.Repr()
+_REPR.maxlevel = 2
+_REPR.maxstring = _REPR.maxother = 80
+
+
+def brief(value: Any) -> str:
+    """A value for an error text: short, whatever was sent, and never an error of its own."""
+    try:
+        return _REPR.repr(value)
+    except (ValueError, RecursionError):  # a number of thousands of digits
+        return f"a {type(value).__name__}"

@@ -1,0 +1,97 @@
+"""What may register, and the words with which the rest is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from navloom.geometry.world import World
+from navloom.messages import PlanFailure, Point2D
+from navloom.plugins import PluginError, Registry
+from navloom.plugins.registry import nearest
+from navloom.roles import ROLE_API, ROLES, Planner, PlannerInput, Role
+
+
+class Nowhere(Planner):
+    name = "nowhere"
+
+    def plan(self, given: PlannerInput) -> PlanFailure:
+        return PlanFailure(given.request.request_id, "no_path", Point2D(0.0, 0.0), "never")
+
+
+def test_a_class_is_kept_by_its_role_and_name() -> None:
+    registry = Registry()
+    registry.add(Nowhere)
+    registry.add(Nowhere)
+    assert registry.roles == {("planner", "nowhere"): Nowhere}
+
+
+def test_every_role_has_a_version_and_its_own_name() -> None:
+    assert list(ROLES) == ["platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery"]
+    assert dict.fromkeys(ROLES, 1) == ROLE_API
+
+
+def test_another_version_of_the_role_is_refused_by_name_with_both_versions() -> None:
+    newer = type("Newer", (Nowhere,), {"name": "newer", "api": 2})
+    with pytest.raises(PluginError, match=r"planner\.newer is built for version 2 of the role planner, .* version 1"):
+        Registry().add(newer)
+
+
+class Rootless(Role):
+    name = "rootless"
+
+
+class Silent(Planner):
+    name = "silent"
+
+
+def nameless() -> type[Role]:
+    return type("Nameless", (Nowhere,), {})
+
+
+@pytest.mark.parametrize("given", [Nowhere.plan, "Nowhere", None, int, Rootless, Role, Planner, nameless()], ids=repr)
+def test_what_is_not_a_named_class_of_a_role_is_refused(given: Any) -> None:
+    with pytest.raises(PluginError, match="expected a subclass of a role"):
+        Registry().add(given)
+
+
+def test_a_class_without_the_verb_of_its_role_is_refused() -> None:
+    with pytest.raises(PluginError, match=r"planner\.silent does not implement plan$"):
+        Registry().add(Silent)
+
+
+def test_two_classes_of_one_name_are_refused() -> None:
+    registry = Registry()
+    registry.add(Nowhere)
+    with pytest.raises(PluginError, match=r"planner\.nowhere is registered twice"):
+        registry.add(type("Other", (Nowhere,), {"name": "nowhere"}))
+
+
+def test_worlds_and_schemes_of_one_name_are_refused() -> None:
+    def make() -> World:
+        return World("hall")
+
+    def load(argument: str, base: Path) -> World:
+        return World(argument)
+
+    registry = Registry()
+    registry.world("hall", make)
+    registry.world_scheme("file", load)
+    with pytest.raises(PluginError, match="world 'hall' is registered twice"):
+        registry.world("hall", make)
+    with pytest.raises(PluginError, match="world scheme 'file' is registered twice"):
+        registry.world_scheme("file", load)
+    assert (registry.worlds, registry.schemes) == ({"hall": make}, {"file": load})
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "expected"),
+    [
+        ("atsar", ["astar", "jps"], "; did you mean 'astar'?"),
+        ("xyz", ["jps", "astar"], "; known are astar, jps"),
+        ("xyz", [], "; none is installed"),
+    ],
+)
+def test_the_nearest_name_is_offered_or_all_of_them(name: str, known: list[str], expected: str) -> None:
+    assert nearest(name, known) == expected

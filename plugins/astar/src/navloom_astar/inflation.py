@@ -1,0 +1,108 @@
+"""Growing obstacles by the size of the robot, so that planning is for a point (configuration space of a disc or square).
+
+Any shape works that is symmetric and narrows away from its middle row: it is given by how far it reaches to either side
+in the row itself, the next one, and so on. Two passes down and up find each cell's distance to the nearest obstacle in
+its column, two along the rows spread that by the reach at that distance: four steps a cell, whatever the size.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["circumscribed_radius", "disc_reach", "grow", "inscribed_radius", "square_reach", "warm_up"]
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Reach = NDArray[np.int32]
+
+_TOUCH = 1e-9
+"""A robot may come this much nearer than its radius, in cells: touching is not a collision, whatever the rounding."""
+
+
+def square_reach(cells: int) -> Reach:
+    """(cells + 1,) reach of a square of 2 cells + 1 to a side: the dilation of Hoang et al. 2013, III.A, by 2 cells."""
+    return np.full(cells + 1, cells, dtype=np.int32)
+
+
+def disc_reach(radius: float) -> Reach:
+    """Reach of a disc round a cell's centre that must not meet any point of an obstacle's cell.
+
+    This is exact, as the distance of the centre from the cell's nearest edge or corner is compared, and on the safe
+    side for obstacles, which may lie anywhere in their cells. The centre of the robot is taken to be at cell centres.
+
+    Args:
+        radius: Cells, >= 0.
+
+    Returns:
+        (n,) how many cells to either side are too near, by rows from the obstacle's; at least its own cell.
+    """
+    reach = [0]
+    if radius - _TOUCH > 0.5:
+        reach = [math.ceil(radius + 0.5 - _TOUCH) - 1]
+    for row in range(1, math.ceil(radius + 0.5)):
+        across = (radius - _TOUCH) ** 2 - (row - 0.5) ** 2
+        if across <= 0.0:
+            break
+        reach.append(math.ceil(math.sqrt(across) + 0.5) - 1)
+    return np.array(reach, dtype=np.int32)
+
+
+def grow(occupied: Bools, reach: Reach) -> Bools:
+    """The cells that are within reach of an occupied one.
+
+    Args:
+        occupied: (rows, columns).
+        reach: (n,) half widths, not rising.
+    """
+    if len(reach) == 1 and reach[0] == 0:
+        return occupied.copy()
+    return _grow(np.ascontiguousarray(occupied), reach)
+
+
+def inscribed_radius(footprint: Floats) -> float:
+    """Largest disc round the origin within a convex outline. `footprint`: (n, 2) m, base frame, counter-clockwise."""
+    edges = np.roll(footprint, -1, axis=0) - footprint
+    across = footprint[:, 0] * edges[:, 1] - footprint[:, 1] * edges[:, 0]
+    return float((across / np.hypot(edges[:, 0], edges[:, 1])).min())
+
+
+def circumscribed_radius(footprint: Floats) -> float:
+    """Smallest disc round the origin that covers an outline. `footprint`: (n, 2) m, base frame."""
+    return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+
+
+@njit(cache=True, nogil=True)
+def _grow(occupied, reach):  # type: ignore[no-untyped-def]
+    rows, columns = occupied.shape
+    far = len(reach)
+    away = np.empty((rows, columns), np.int32)  # rows to the nearest obstacle of the column, at most `far`
+    for column in range(columns):
+        away[0, column] = 0 if occupied[0, column] else far
+    for row in range(1, rows):
+        for column in range(columns):
+            away[row, column] = 0 if occupied[row, column] else min(away[row - 1, column] + 1, far)
+    for row in range(rows - 2, -1, -1):
+        for column in range(columns):
+            away[row, column] = min(away[row, column], away[row + 1, column] + 1)
+    grown = np.empty((rows, columns), np.bool_)
+    spread = np.empty(far + 1, np.int32)
+    spread[:far], spread[far] = reach, -1
+    for row in range(rows):
+        left = -1
+        for column in range(columns):
+            left = max(left - 1, spread[away[row, column]])
+            grown[row, column] = left >= 0
+        left = -1
+        for column in range(columns - 1, -1, -1):
+            left = max(left - 1, spread[away[row, column]])
+            grown[row, column] |= left >= 0
+    return grown
+
+
+def warm_up() -> None:
+    """Compile all kernels."""
+    grow(np.zeros((2, 2), dtype=np.bool_), square_reach(1))

@@ -1,0 +1,77 @@
+"""Parameters of the astar planner, as a config file gives them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from navloom import Params
+from numpy.typing import NDArray
+from pydantic import Field
+
+from navloom_astar.inflation import circumscribed_radius, inscribed_radius
+from navloom_astar.planning import Settings
+from navloom_astar.raster import RasterMethod
+
+__all__ = ["AstarParams"]
+
+
+class AstarParams(Params):
+    """Lengths in m. The README tells where each default comes from."""
+
+    source: Literal["auto", "segments", "cells"] = Field(
+        "auto", description="plan on outlines or on the map's own cells; auto: outlines where there are any"
+    )
+    cell: Annotated[float, Field(gt=0.0)] | Literal["third_of_chassis"] = Field(
+        0.40, description="edge of a cell of the grid that outlines are drawn on, m"
+    )
+    raster: RasterMethod = Field("distance", description="which cells an outline occupies")
+    paper_raster_t: float | None = Field(
+        None, gt=0.0, description="T of the printed slope test, cells; default: the robot's size"
+    )
+    margin: float = Field(0.0, ge=0.0, description="round all that the grid of outlines must hold, m")
+    occupied_from: int = Field(50, ge=1, le=100, description="cells of at least this are obstacles, percent")
+    unknown: Literal["free", "blocked", "cost"] = Field("free", description="what the unknown counts as")
+    unknown_cost: float = Field(
+        1.0, ge=0.0, le=31.0, description="extra per metre of unknown ground, no unit, in eighths; for unknown = cost"
+    )
+    inflation: Literal["auto", "cells", "metres", "none"] = Field(
+        "auto", description="how obstacles are grown; auto: by cells on outlines, by metres on the map's cells"
+    )
+    dilation_cells: int = Field(2, ge=0, le=1000, description="half width of the square, cells")
+    inflation_radius: Annotated[float, Field(ge=0.0)] | Literal["inscribed", "circumscribed"] = Field(
+        "circumscribed", description="radius of the disc, m, or that of the footprint"
+    )
+    inflation_margin: float = Field(0.0, ge=0.0, description="added to the radius, m")
+    escape_start: float | None = Field(
+        None, ge=0.0, description="longest way out of the inflation, m; default: as far as it reaches and a cell"
+    )
+
+    def settings(self, footprint: NDArray[np.float64]) -> Settings:
+        """The same for the pure modules.
+
+        Args:
+            footprint: (n, 2) corners of the robot, m, base frame, convex, counter-clockwise.
+        """
+        size = float(np.ptp(footprint, axis=0).max())
+        cell = size / 3.0 if self.cell == "third_of_chassis" else self.cell
+        if self.inflation_radius == "inscribed":
+            radius = inscribed_radius(footprint)
+        elif self.inflation_radius == "circumscribed":
+            radius = circumscribed_radius(footprint)
+        else:
+            radius = self.inflation_radius
+        return Settings(
+            source=self.source,
+            cell=cell,
+            raster=self.raster,
+            paper_t=size / cell if self.paper_raster_t is None else self.paper_raster_t,
+            margin=self.margin,
+            occupied_from=self.occupied_from,
+            inflation=self.inflation,
+            dilation_cells=self.dilation_cells,
+            radius=radius + self.inflation_margin,
+            unknown=self.unknown,
+            unknown_cost=self.unknown_cost,
+            escape=self.escape_start,
+        )

@@ -1,0 +1,215 @@
+"""From a map, a start and a goal to a path, or the reason why there is none and where."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_astar import inflation, raster, search
+from navloom_astar.escape import way_out
+from navloom_astar.grids import PlanningGrid, RasterMap, Spot, grid_of_cells, grid_of_segments
+from navloom_astar.raster import RasterMethod
+from navloom_astar.search import EXTRA_UNIT, Cell, Closed, GridSearch
+
+__all__ = ["Failure", "Found", "GoalOccupied", "GridPlanner", "NoPath", "OutsideMap", "Settings", "StartOccupied",
+           "warm_up"]  # fmt: skip
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+FailureKind = Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How maps become grids, and grids are searched.
+
+    Attributes:
+        source: What is planned on; "auto": segments where there are any, else the map's own cells.
+        cell: Edge of a cell of the grid that segments are drawn on, m.
+        raster, paper_t: As of `raster.draw_segments`.
+        margin: Round everything the grid of segments must hold, m.
+        occupied_from: Cells of at least this value are obstacles, percent.
+        inflation: "auto": "cells" on segments, "metres" on the map's cells.
+        dilation_cells: Half width of the square of "cells".
+        radius: Of the disc of "metres", m.
+        unknown: What is not known is free, an obstacle, or costs `unknown_cost` times its length on top.
+        unknown_cost: No unit; rounded to eighths, up to 31.
+        escape: Longest way out of the inflation from the start, m; None: as far as the inflation reaches, and a cell.
+    """
+
+    source: Literal["auto", "segments", "cells"] = "auto"
+    cell: float = 0.40
+    raster: RasterMethod = "distance"
+    paper_t: float = 2.0
+    margin: float = 0.0
+    occupied_from: int = 50
+    inflation: Literal["auto", "cells", "metres", "none"] = "auto"
+    dilation_cells: int = 2
+    radius: float = 0.0
+    unknown: Literal["free", "blocked", "cost"] = "free"
+    unknown_cost: float = 1.0
+    escape: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A path.
+
+    Attributes:
+        points: (n, 2) start, centres of the cells between, goal; m, map frame; n >= 2.
+        length: Of that polyline, m.
+        traversable: (rows, columns) of the grid: where the centre of the robot may be.
+        grid: What was searched.
+    """
+
+    points: Floats
+    length: float
+    traversable: Bools
+    grid: PlanningGrid
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no path: `place` is where, m, map frame; `detail` one sentence for people."""
+
+    kind: ClassVar[FailureKind]
+    place: Spot
+    detail: str
+
+
+class StartOccupied(Failure):
+    """The start is in an obstacle, or deeper in the inflation than `Settings.escape`."""
+
+    kind = "start_occupied"
+
+
+class GoalOccupied(Failure):
+    """The goal is in an obstacle or its inflation."""
+
+    kind = "goal_occupied"
+
+
+class OutsideMap(Failure):
+    """Start or goal is not on the map, or too far away to make one."""
+
+    kind = "outside_map"
+
+
+class NoPath(Failure):
+    """Start and goal are not connected; the place is where the search came nearest to the goal."""
+
+    kind = "no_path"
+
+
+class GridPlanner:
+    """Plans on any number of maps; keeps the work arrays of the last grid size.
+
+    Args:
+        settings: See there.
+        anchor: Where a cell centre of the grid of segments lies.
+    """
+
+    def __init__(self, settings: Settings, anchor: Spot) -> None:
+        self.settings = settings
+        self.anchor = anchor
+        self._search: GridSearch | None = None
+
+    def plan(self, start: Spot, goal: Spot, segments: Floats, given: RasterMap) -> Found | Failure:
+        """A shortest path on the grid.
+
+        Args:
+            start, goal: m, map frame.
+            segments: (n, 4) x1, y1, x2, y2 of outlines, m, map frame.
+            given: The raster map.
+        """
+        use = self.settings
+        on_segments = use.source == "segments" or (use.source == "auto" and len(segments) > 0)
+        grid: PlanningGrid | None
+        if on_segments:
+            grid = grid_of_segments(segments, given, use.cell, self.anchor, (start, goal), use.margin, use.raster,
+                                    use.paper_t)  # fmt: skip
+            if grid is None:
+                return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for cells of {use.cell:g} m")
+        else:
+            grid = grid_of_cells(given, use.occupied_from)
+        reach = self._reach(grid.resolution, on_segments)
+        occupied = grid.occupied | grid.unknown if use.unknown == "blocked" else grid.occupied
+        traversable = ~inflation.grow(occupied, reach)
+        ends = _ends(grid, start, goal)
+        if isinstance(ends, Failure):
+            return ends
+        if not traversable[ends[1]]:
+            return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(occupied, ends[1])}")
+        way = [ends[0]]
+        if not traversable[ends[0]]:
+            away = (float(reach[0]) + 1.0) * grid.resolution if use.escape is None else use.escape
+            found = None if occupied[ends[0]] else way_out(occupied, traversable, *ends, away / grid.resolution)
+            if found is None:
+                return StartOccupied(start, f"the start {_at(start)} is {_where(occupied, ends[0])}")
+            way = found
+        return self._connect(grid, traversable, way, ends[1], (start, goal))
+
+    def _reach(self, resolution: float, on_segments: bool) -> NDArray[np.int32]:
+        use = self.settings
+        chosen = ("cells" if on_segments else "metres") if use.inflation == "auto" else use.inflation
+        if chosen == "cells":
+            return inflation.square_reach(use.dilation_cells)
+        return inflation.disc_reach(use.radius / resolution if chosen == "metres" else 0.0)
+
+    def _connect(
+        self, grid: PlanningGrid, traversable: Bools, way: list[Cell], goal: Cell, ends: tuple[Spot, Spot]
+    ) -> Found | Failure:
+        """The search from the last cell of a way out of the inflation."""
+        if self._search is None or self._search.shape != traversable.shape:
+            self._search = GridSearch(traversable.shape)
+        extra = None
+        if self.settings.unknown == "cost" and grid.unknown.any():
+            units = min(255, round(self.settings.unknown_cost * EXTRA_UNIT))
+            extra = np.where(grid.unknown, np.uint8(units), np.uint8(0))
+        answer = self._search.shortest(traversable, way[-1], goal, extra)
+        if isinstance(answer, Closed):
+            x, y = grid.centres(np.array([answer.nearest]))[0].tolist()
+            gap = math.dist((x, y), ends[1])
+            return NoPath((x, y), f"closed: the nearest the start is connected with is {_at((x, y))}, {gap:.2f} m "
+                          f"from the goal {_at(ends[1])}")  # fmt: skip
+        _open_way(traversable, way)
+        cells = np.concatenate([np.array(way[:-1], dtype=np.int64).reshape(-1, 2), answer.cells])
+        points = np.concatenate([grid.centres(cells[:1]), grid.centres(cells)])[-max(2, len(cells)) :]
+        points[0], points[-1] = ends
+        return Found(points, float(np.hypot(*np.diff(points, axis=0).T).sum()), traversable, grid)
+
+
+def _ends(grid: PlanningGrid, start: Spot, goal: Spot) -> tuple[Cell, Cell] | Failure:
+    first, last = grid.cell_at(start), grid.cell_at(goal)
+    if first is None:
+        return OutsideMap(start, f"the start {_at(start)} is outside the map")
+    if last is None:
+        return OutsideMap(goal, f"the goal {_at(goal)} is outside the map")
+    return first, last
+
+
+def _open_way(traversable: Bools, way: list[Cell]) -> None:
+    """Mark a way out of the inflation as traversable, with the cells beside its diagonal steps, in place."""
+    for step in pairwise(way):
+        (low, left), (high, right) = np.min(step, axis=0), np.max(step, axis=0)
+        traversable[low : high + 1, left : right + 1] = True
+
+
+def _where(occupied: Bools, cell: Cell) -> str:
+    return "in an obstacle" if occupied[cell] else "too near to an obstacle for the robot"
+
+
+def _at(spot: Spot) -> str:
+    return f"({spot[0]:.2f}, {spot[1]:.2f})"
+
+
+def warm_up() -> None:
+    """Compile all kernels."""
+    search.warm_up()
+    inflation.warm_up()
+    raster.warm_up()

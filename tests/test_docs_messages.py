@@ -1,0 +1,73 @@
+"""The message reference names every message, field, type and port: what is added or renamed must be written there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import navloom.messages
+import pytest
+from navloom.dataflow.table import node_table
+from navloom.messages import SCHEMAS, Envelope, Message
+from navloom.messages.schema import Kind
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "messages.md").read_text("utf-8")
+CLASSES = sorted(
+    (cls for cls in SCHEMAS.values() if cls.__module__.startswith(navloom.messages.__name__)), key=lambda c: c.__name__
+)
+
+
+def section(title: str) -> str:
+    found = re.search(rf"^(#+) {re.escape(title)}\n(.*?)(?=^#|\Z)", PAGE, re.MULTILINE | re.DOTALL)
+    assert found, f"docs/messages.md has no section {title!r}"
+    return found.group(2)
+
+
+def rows(title: str) -> list[list[str]]:
+    """Cells of a section's table, without its two header lines."""
+    lines = [line for line in section(title).splitlines() if line.startswith("|")]
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def written(kind: Kind) -> str:
+    """A kind as the page writes it."""
+    if kind.array is not None:
+        text = f"{kind.array.dtype} ({', '.join(map(str, kind.array.shape))})"
+        text += ", +inf allowed" if kind.array.infinite else ""
+        text += "" if kind.array.at_least is None else f", >= {kind.array.at_least:g}"
+    elif kind.message is not None:
+        text = kind.message.__name__
+    elif kind.item is not None:
+        text = f"tuple of {written(kind.item)}"
+    elif kind.choices:
+        text = " / ".join(kind.choices)
+    else:
+        text = kind.form + (", +inf allowed" if kind.infinite else "")
+    return f"{text} or None" if kind.optional else text
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_every_field_is_there_with_its_type_and_a_meaning(cls: type[Message]) -> None:
+    table = rows(cls.__name__)
+    assert [row[:2] for row in table] == [[name, written(kind)] for name, kind in cls.kinds.items()]
+    assert all(len(row) == 3 and row[2] for row in table)
+
+
+def test_the_page_names_no_message_that_does_not_exist() -> None:
+    assert sorted(re.findall(r"^### (\w+)$", PAGE, re.MULTILINE)) == [cls.__name__ for cls in CLASSES]
+
+
+def test_the_envelope_is_there_field_by_field() -> None:
+    assert [row[0] for row in rows("Envelope")] == list(Envelope._fields)
+
+
+def test_every_port_is_there_with_messages_that_exist() -> None:
+    ports = [(spec.role, port) for spec in node_table(["a sensor's name"], {}) for port in spec.outputs]
+    table = rows("Keys")
+    assert [(role, port) for role, port, _ in table] == ports
+    names = {cls.__name__ for cls in CLASSES}
+    assert all(set(messages.split(", ")) <= names for _, _, messages in table)
+
+
+def test_the_form_of_a_key_is_there() -> None:
+    assert "`<realm>/<robot>/<role>/<instance>/<port>`" in section("Keys")

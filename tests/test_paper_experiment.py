@@ -64,7 +64,9 @@ def test_obstacle_o_is_passed_with_clearance_and_the_trajectory_met_again() -> N
 def test_without_the_obstacle_nobody_takes_over(paper: Run) -> None:
     episode = paper("world.ref=paper_gates")
     assert episode.result.outcome == "succeeded"
-    assert episode.summary()["cross_track_max_m"] < 0.1
+    assert [engaged for _, engaged in episode.recorder.engaged] == [False]
+    # The robot starts 28° off the first segment and swings onto it; from the third metre on it is on the trajectory.
+    assert max(map(abs, episode.recorder.cross_tracks[200:])) < 0.05
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ class ResultFolder:
         from navloom.geometry.grid import GridMap
         from navloom.geometry.world import Place
         from navloom.study.picture import draw_run
-        from navloom.worlds import save_rosmap
+        from navloom.worlds.rosmap import save_rosmap
 
         self.trace.close()
         self._draft("result.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")

@@ -96,21 +96,23 @@ def grid_of_segments(
     method: RasterMethod = "distance",
     paper_t: float = 2.0,
 ) -> PlanningGrid | None:
-    """A grid drawn from outlines (Hoang et al. 2013, III.A).
+    """A grid drawn from outlines (Hoang et al. 2013, III.A). It holds them, the raster map and the places to include.
 
     Args:
         segments: (n, 4) x1, y1, x2, y2, m, map frame.
-        given: Tells what is unknown: the cells whose centre is unknown on it, or outside.
+        given: The raster map. It tells what is unknown: cells whose centre is so there, or outside of it.
         cell: Edge of a cell, m.
         anchor: A cell centre: the start S.
-        include: Further places the grid must hold: start and goal.
-        margin: Added on all sides of what it must hold, m.
+        include: Further places it must hold: start and goal.
+        margin: Added on all sides, m.
         method, paper_t: As of `raster.draw_segments`.
 
     Returns:
         The smallest such grid, or None where that is larger than `MAX_CELLS`.
     """
-    ends = np.concatenate([segments.reshape(-1, 2), np.array(include, dtype=np.float64).reshape(-1, 2)])
+    ends = np.concatenate(
+        [segments.reshape(-1, 2), np.array(include, dtype=np.float64).reshape(-1, 2), _corners(given)]
+    )
     low = np.floor((ends.min(axis=0) - margin - anchor) / cell + 0.5 + _EDGE)
     high = np.floor((ends.max(axis=0) + margin - anchor) / cell + 0.5 - _EDGE)
     columns, rows = np.maximum(high - low, 0.0) + 1.0
@@ -122,6 +124,19 @@ def grid_of_segments(
     draw_segments(occupied, in_cells.reshape(-1, 4), method, paper_t)
     blank = PlanningGrid(occupied, np.ones_like(occupied), cell, (float(corner[0]), float(corner[1]), 0.0))
     return PlanningGrid(occupied, _unknown_on(given, blank), cell, blank.origin)
+
+
+def _corners(given: RasterMap) -> Floats:
+    """(4, 2) m, map frame; (0, 2) of a map without cells."""
+    if given.cells.size == 0:
+        return np.empty((0, 2))
+    x, y, heading = given.origin
+    high, wide = (count * given.resolution for count in given.cells.shape)
+    along, across = (
+        np.array((math.cos(heading), math.sin(heading))),
+        np.array((-math.sin(heading), math.cos(heading))),
+    )
+    return np.array([(x, y) + a * along + b * across for a in (0.0, wide) for b in (0.0, high)])
 
 
 def _unknown_on(given: RasterMap, grid: PlanningGrid) -> Bools:

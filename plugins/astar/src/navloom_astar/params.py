@@ -44,7 +44,7 @@ class AstarParams(Params):
     )
     inflation_margin: float = Field(0.0, ge=0.0, description="added to the radius, m")
     escape_start: float | None = Field(
-        None, ge=0.0, description="longest way out of the inflation, m; default: as far as it reaches and a cell"
+        None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times its reach and a cell"
     )
 
     def settings(self, footprint: NDArray[np.float64]) -> Settings:

@@ -21,6 +21,8 @@ __all__ = ["Failure", "Found", "GoalOccupied", "GridPlanner", "NoPath", "Outside
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+_OUT_OF_A_CORNER = 1.5
+"""The way out of the inflation of a corner is sqrt(2) times as long as out of that of a wall, and cells are coarse."""
 FailureKind = Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
 
 
@@ -39,7 +41,7 @@ class Settings:
         radius: Of the disc of "metres", m.
         unknown: What is not known is free, an obstacle, or costs `unknown_cost` times its length on top.
         unknown_cost: No unit; rounded to eighths, up to 31.
-        escape: Longest way out of the inflation from the start, m; None: as far as the inflation reaches, and a cell.
+        escape: Longest way out of the inflation from the start, m; None: 1.5 times as far as the inflation reaches and a cell.
     """
 
     source: Literal["auto", "segments", "cells"] = "auto"
@@ -147,7 +149,7 @@ class GridPlanner:
             return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(occupied, ends[1])}")
         way = [ends[0]]
         if not traversable[ends[0]]:
-            away = (float(reach[0]) + 1.0) * grid.resolution if use.escape is None else use.escape
+            away = _OUT_OF_A_CORNER * (float(reach[0]) + 1.0) * grid.resolution if use.escape is None else use.escape
             found = None if occupied[ends[0]] else way_out(occupied, traversable, *ends, away / grid.resolution)
             if found is None:
                 return StartOccupied(start, f"the start {_at(start)} is {_where(occupied, ends[0])}")

@@ -1,0 +1,137 @@
+"""The plugin: messages in, messages out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from navloom import (
+    Context,
+    MapUpdate,
+    OccupancyGrid,
+    Path,
+    PlanFailure,
+    PlannerInput,
+    PlanRequest,
+    Pose2D,
+    Registry,
+    RobotSpec,
+)
+from navloom_astar import inflation, navloom_register, raster, search
+from navloom_astar.adapter import AStar
+from navloom_astar.params import AstarParams
+from pydantic import ValidationError
+
+BOX = np.array([(0.4, 0.4), (-0.4, 0.4), (-0.4, -0.4), (0.4, -0.4)])
+NOTHING = np.empty((0, 4))
+
+
+def make(footprint: np.ndarray = BOX, **params) -> AStar:
+    robot = RobotSpec(footprint, 1.2, 0.05, 0.3, 0.5, 0.4, 0.5, 1.0)
+    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
+    return AStar(AstarParams(**params), context)
+
+
+def asked(cells: np.ndarray, start, goal, resolution: float = 0.1, segments: np.ndarray = NOTHING) -> PlannerInput:
+    grid = OccupancyGrid(cells.astype(np.int8), resolution, Pose2D(0.0, 0.0, 0.0))
+    request = PlanRequest(7, Pose2D(*start, 0.3), Pose2D(*goal, 0.0))
+    return PlannerInput(request, MapUpdate(1, grid, segments, ()))
+
+
+def test_it_registers_as_astar() -> None:
+    registry = Registry()
+    navloom_register(registry)
+    assert registry.roles == {("planner", "astar"): AStar}
+
+
+def test_a_path_and_where_the_robot_may_be() -> None:
+    cells = np.zeros((40, 60))
+    cells[20, 30] = 100
+    path = make().plan(asked(cells, (1.05, 2.05), (4.95, 2.05)))
+    assert isinstance(path, Path) and path.request_id == 7
+    assert path.points[0].tolist() == [1.05, 2.05] and path.points[-1].tolist() == [4.95, 2.05]
+    # The circumscribed radius of 0.566 m is 5.66 cells: the centres of 6 rows beside the cell's own are too near.
+    assert (path.traversable.cells[:, 30] == 100).sum() == 13
+    assert set(np.unique(path.traversable.cells)) == {0, 100}
+    assert (path.traversable.resolution, path.traversable.origin) == (0.1, Pose2D(0.0, 0.0, 0.0))
+    # 7 cells up or down in 39: 14 diagonal steps.
+    assert path.length == pytest.approx(0.1 * (25 + 14 * math.sqrt(2.0)))
+
+
+def test_the_inscribed_radius_may_be_chosen_and_a_margin_added() -> None:
+    cells = np.zeros((40, 60))
+    cells[20, 30] = 100
+    given = asked(cells, (1.05, 2.05), (4.95, 2.05))
+    for params, rows in (
+        ({"inflation_radius": "inscribed"}, 9),  # 4 cells
+        ({"inflation_radius": "inscribed", "inflation_margin": 0.1}, 11),
+        ({"inflation_radius": 0.21}, 5),
+        ({"inflation": "cells"}, 5),
+        ({"inflation": "none"}, 1),
+    ):
+        traversable = make(**params).plan(given).traversable
+        assert (traversable.cells[:, 30] == 100).sum() == rows, params
+
+
+def test_failures_carry_kind_place_and_request() -> None:
+    cells = np.zeros((10, 10))
+    cells[:, 5] = 100
+    failure = make(inflation="none").plan(asked(cells, (0.25, 0.25), (0.95, 0.75)))
+    assert isinstance(failure, PlanFailure)
+    assert (failure.request_id, failure.kind) == (7, "no_path")
+    assert (failure.place.x, failure.place.y) == pytest.approx((0.45, 0.75))
+    failure = make(inflation="none").plan(asked(cells, (0.25, 0.25), (9.0, 0.75)))
+    assert (failure.kind, failure.place.x) == ("outside_map", 9.0)
+
+
+def test_the_cell_may_be_a_third_of_the_chassis() -> None:
+    wall = np.array([[1.0, -1.0, 1.0, 1.0]])
+    given = asked(np.full((1, 1), -1), (0.0, 0.0), (-1.0, 0.0), segments=wall)
+    assert make(cell="third_of_chassis").plan(given).traversable.resolution == pytest.approx(0.8 / 3)
+    assert make().plan(given).traversable.resolution == 0.40
+
+
+def test_segments_are_dilated_by_two_cells() -> None:
+    wall = np.array([[2.0, 0.0, 2.0, 0.0]])
+    path = make(cell=0.5).plan(asked(np.full((1, 1), -1), (0.0, 0.0), (0.5, 0.0), segments=wall))
+    assert path.traversable.cells.tolist() == [[0, 0, 100, 100, 100]]
+
+
+def test_a_point_robot_is_not_inflated() -> None:
+    """As `navloom plan` asks with size 0,0: a corridor one cell wide is free."""
+    cells = np.full((3, 9), 100)
+    cells[1] = 0
+    point = 0.5e-6 * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+    path = make(point).plan(asked(cells, (0.5, 1.5), (8.5, 1.5), resolution=1.0))
+    assert path.length == pytest.approx(8.0)
+
+
+def test_nothing_compiles_after_warm_up() -> None:
+    AStar.warm_up()
+    kernels = [search._search, search._trace, inflation._grow, raster._draw]
+    before = [len(kernel.signatures) for kernel in kernels]
+    cells = np.zeros((20, 20))
+    cells[5:15, 10] = 100
+    cells[0, 0] = -1
+    wall = np.array([[1.0, 0.5, 1.0, 1.5]])
+    for params in ({}, {"unknown": "cost"}, {"source": "segments", "raster": "supercover"}, {"inflation_radius": 0.3}):
+        make(**params).plan(asked(cells, (0.25, 0.25), (1.75, 1.75), segments=wall))
+        make(**params).plan(asked(cells, (0.25, 0.25), (1.75, 1.75)))
+    assert [len(kernel.signatures) for kernel in kernels] == before == [2, 1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"cell": 0.0},
+        {"cel": 0.4},
+        {"cell": "half"},
+        {"inflation": "metre"},
+        {"unknown_cost": 32.0},
+        {"escape_start": -1.0},
+    ],
+)
+def test_wrong_parameters_are_refused(params: dict) -> None:
+    with pytest.raises(ValidationError):
+        AstarParams(**params)

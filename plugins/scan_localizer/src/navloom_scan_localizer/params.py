@@ -1,0 +1,63 @@
+"""Parameters of the scan_matching localizer, as a config file gives them."""
+
+from __future__ import annotations
+
+import math
+
+from navloom import Params
+from pydantic import Field
+
+from navloom_scan_localizer.tracking import Settings
+
+__all__ = ["ScanMatchingParams"]
+
+
+class ScanMatchingParams(Params):
+    """Lengths in m. The README tells where each default comes from."""
+
+    occupied_from: int = Field(50, ge=1, le=100, description="Cells of at least this are walls, percent.")
+    unknown_is_wall: bool = Field(False, description="Cells nobody has seen are walls.")
+    start_sigma: float = Field(0.05, gt=0.0, le=1.0, description="Uncertainty of the start's x and y, m.")
+    start_sigma_deg: float = Field(2.0, gt=0.0, le=30.0, description="Uncertainty of the start's heading, degrees.")
+    way_noise: float = Field(0.02, gt=0.0, le=0.5, description="Spread of odometry after 1 m, m/sqrt(m).")
+    heading_per_way_deg: float = Field(
+        1.5, gt=0.0, le=30.0, description="Spread of its heading after 1 m, degrees/sqrt(m)."
+    )
+    heading_per_turn_deg: float = Field(
+        1.5, gt=0.0, le=30.0, description="Spread of its heading after a turn of 1 rad, degrees/sqrt(rad)."
+    )
+    rest_noise: float = Field(0.002, gt=0.0, le=0.1, description="Spread after 1 s at rest, m/sqrt(s).")
+    rest_noise_deg: float = Field(0.1, gt=0.0, le=5.0, description="Spread of heading after 1 s, degrees/sqrt(s).")
+    sigma: float = Field(0.02, gt=0.0, le=1.0, description="Standard deviation of a beam's end from its wall, m.")
+    redundancy: float = Field(10.0, ge=1.0, le=1000.0, description="Beams that together say as much as one.")
+    robust_scale: float = Field(0.08, gt=0.0, le=2.0, description="Misfit from which a beam counts little, m.")
+    reach: float = Field(0.5, gt=0.0, le=5.0, description="Farthest a wall is looked for from a beam's end, m.")
+    least_inliers: int = Field(20, ge=3, le=10_000, description="Beams that must fit the map, or a scan is left out.")
+    least_share: float = Field(0.3, ge=0.0, le=1.0, description="Share of its echoes that must fit, no unit.")
+    iterations: int = Field(8, ge=1, le=100, description="Most steps of a fit.")
+    max_shift: float = Field(0.03, gt=0.0, le=1.0, description="Highest correction of place a scan may make, m.")
+    max_turn_deg: float = Field(2.0, gt=0.0, le=45.0, description="Highest correction of heading, degrees.")
+    max_half_angle_deg: float = Field(1.0, ge=0.0, le=10.0, description="Wider beams are left out, degrees.")
+    limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
+    max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
+
+    def settings(self) -> Settings:
+        """The same for the pure modules."""
+        return Settings(
+            start_sigma=self.start_sigma,
+            start_turn_sigma=math.radians(self.start_sigma_deg),
+            way_noise=self.way_noise,
+            turn_per_way=math.radians(self.heading_per_way_deg),
+            turn_noise=math.radians(self.heading_per_turn_deg),
+            rest_noise=self.rest_noise,
+            rest_turn_noise=math.radians(self.rest_noise_deg),
+            sigma=self.sigma,
+            redundancy=self.redundancy,
+            robust_scale=self.robust_scale,
+            reach=self.reach,
+            least_inliers=self.least_inliers,
+            least_share=self.least_share,
+            iterations=self.iterations,
+            max_shift=self.max_shift,
+            max_turn=math.radians(self.max_turn_deg),
+        )

@@ -1,0 +1,144 @@
+"""Pose and covariance over time: odometry predicts, scans correct (an iterated extended Kalman filter)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_scan_localizer.field import DistanceField
+from navloom_scan_localizer.matching import fit_pose
+
+__all__ = ["PoseTracker", "Settings", "compose", "predicted_covariance", "relative"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Lengths in m, angles in rad; see the README for each.
+
+    Attributes:
+        start_sigma, start_turn_sigma: Uncertainty at the start, m and rad.
+        way_noise, turn_per_way: Odometry's spread after 1 m, m/sqrt(m) and rad/sqrt(m).
+        turn_noise: Spread of the heading after a turn of 1 rad, rad/sqrt(rad).
+        rest_noise, rest_turn_noise: Spread after 1 s at rest, m/sqrt(s) and rad/sqrt(s).
+        sigma: Standard deviation of an end point's distance to its wall, m.
+        redundancy: So many beams say as much as one: their errors, and the map's, are alike.
+        robust_scale: Misfit from which a beam counts little, m.
+        reach: Highest robust scale, and furthest search for the front of a wall, m.
+        least_inliers, least_share: What a scan must have, in beams and as share of its echoes.
+        iterations: Most steps of a fit.
+        max_shift, max_turn: Highest correction a scan may make, m and rad.
+    """
+
+    start_sigma: float = 0.05
+    start_turn_sigma: float = math.radians(2.0)
+    way_noise: float = 0.02
+    turn_per_way: float = math.radians(1.5)
+    turn_noise: float = math.radians(1.5)
+    rest_noise: float = 0.002
+    rest_turn_noise: float = math.radians(0.1)
+    sigma: float = 0.02
+    redundancy: float = 10.0
+    robust_scale: float = 0.08
+    reach: float = 0.5
+    least_inliers: int = 20
+    least_share: float = 0.3
+    iterations: int = 8
+    max_shift: float = 0.03
+    max_turn: float = math.radians(2.0)
+
+
+def compose(a: Floats, b: Floats) -> Floats:
+    """Pose b, given in the frame of pose a, in the frame of a: (3,) x, y, m, heading, rad in [-π, π)."""
+    c, s = math.cos(a[2]), math.sin(a[2])
+    turn = math.remainder(a[2] + b[2], math.tau)
+    return np.array([a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], -math.pi if turn == math.pi else turn])
+
+
+def relative(a: Floats, b: Floats) -> Floats:
+    """Pose b as seen from pose a: (3,) x, y, m, in the frame of a, heading, rad."""
+    c, s, x, y = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
+    return np.array([c * x + s * y, c * y - s * x, math.remainder(b[2] - a[2], math.tau)])
+
+
+def predicted_covariance(covariance: Floats, heading: float, step: Floats, time: float, s: Settings) -> Floats:
+    """Covariance after a step of odometry: F P F' + Q.
+
+    Args:
+        covariance: (3, 3) before, of x, y, heading in the map frame; m², m rad, rad².
+        heading: Before the step, rad, map frame.
+        step: (3,) x, y, m, base frame before the step; turn, rad.
+        time: Taken by the step, s.
+        s: Noise of odometry. Its spread grows with the root of the way; across it is a quarter of that along.
+    """
+    c, sn = math.cos(heading), math.sin(heading)
+    jacobian = np.array([[1.0, 0.0, -sn * step[0] - c * step[1]], [0.0, 1.0, c * step[0] - sn * step[1]], [0.0, 0.0, 1.0]])
+    way, rest = math.hypot(step[0], step[1]), s.rest_noise**2 * time
+    along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
+    turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(step[2]) + s.rest_turn_noise**2 * time
+    mixed = c * sn * (along - across)
+    noise = np.array([[c * c * along + sn * sn * across, mixed, 0.0], [mixed, sn * sn * along + c * c * across, 0.0], [0.0, 0.0, turn]])  # fmt: skip
+    result: Floats = jacobian @ covariance @ jacobian.T + noise
+    return result
+
+
+class PoseTracker:
+    """Where the robot is.
+
+    Attributes:
+        pose: (3,) x, y, m, heading, rad in [-π, π), map frame.
+        covariance: (3, 3) of it; m², m rad, rad².
+        inliers: Beams of the last scan that fit the map; 0 where it was not used.
+    """
+
+    def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
+        """Stands at the start, (3,) x, y, m, heading, rad, map frame, where odometry is (0, 0, 0)."""
+        self.settings, self.field, self.pose = settings, field, start.copy()
+        place, turn = settings.start_sigma**2, settings.start_turn_sigma**2
+        self.covariance: Floats = np.diag([place, place, turn])
+        self.inliers = 0
+        self._odometry = np.zeros(3)
+
+    def predict(self, odometry: Floats, time: float) -> None:
+        """Move as odometry did since the last call.
+
+        Args:
+            odometry: (3,) x, y, m, heading, rad, odometry frame.
+            time: Since the last call, s.
+        """
+        step = relative(self._odometry, odometry)
+        self.covariance = predicted_covariance(self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings)
+        self.pose, self._odometry, self.inliers = compose(self.pose, step), odometry.copy(), 0
+
+    def correct(self, beams: Floats) -> bool:
+        """Fit beams of this instant, (n, 4) end point, m, and direction, base frame; tells whether they were used."""
+        s, limit = self.settings, max(self.settings.least_inliers, self.settings.least_share * len(beams))
+        if len(beams) < limit:
+            return False
+        spread = math.sqrt(max(self.covariance[0, 0], self.covariance[1, 1]))
+        first = min(max(s.robust_scale, 2.0 * spread), max(s.reach, s.robust_scale))
+        options = np.array([s.sigma**2 * s.redundancy, first, s.robust_scale, 2.0 * s.robust_scale, s.reach])
+        information = np.linalg.inv(self.covariance)
+        pose, fused = np.empty(3), np.empty((3, 3))
+        field = self.field
+        inliers = fit_pose(
+            field.values, field.frame, beams, self.pose, information, options, s.iterations, pose, fused
+        )
+        if inliers < limit:
+            return False
+        self.inliers = inliers
+        self._move(pose - self.pose, np.linalg.inv(fused))
+        return True
+
+    def _move(self, shift: Floats, covariance: Floats) -> None:
+        """Take a correction, (3,) m, m, rad, or the share of it that the limits allow; the rest follows by and by."""
+        s = self.settings
+        share = min(1.0, s.max_shift / max(math.hypot(shift[0], shift[1]), 1e-12), s.max_turn / max(abs(shift[2]), 1e-12))
+        moved = self.pose + share * shift
+        self.pose = compose(np.array([moved[0], moved[1], 0.0]), np.array([0.0, 0.0, moved[2]]))
+        mixed = (1.0 - share) * self.covariance + share * covariance
+        self.covariance = 0.5 * (mixed + mixed.T)

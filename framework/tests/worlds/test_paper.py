@@ -41,14 +41,15 @@ def test_the_world_has_the_boxes_of_the_table() -> None:
 def test_the_variants_differ_in_one_thing_each() -> None:
     names = set(TABLE)
     assert set(boxes_of(paper_gates_open_a())) == names - {"girder A"}
-    assert set(boxes_of(paper_gates_blocked_b())) == names | {"door B"}
-    assert set(boxes_of(paper_gates_blocked_bc())) == names | {"door B", "door C"}
+    assert set(boxes_of(paper_gates_blocked_b())) == names | {"barrier B"}
+    assert set(boxes_of(paper_gates_blocked_bc())) == names | {"barrier B", "door C"}
     assert set(boxes_of(paper_gates_obstacle())) == names | {"obstacle O"}
 
 
-def test_the_doors_fill_their_openings() -> None:
+def test_the_barrier_leaves_less_than_the_robots_width_and_the_door_fills_the_corridor() -> None:
     boxes = boxes_of(paper_gates_blocked_bc())
-    assert (boxes["door B"].x, boxes["door B"].y) == (TABLE["girder B"][0], TABLE["girder B"][1])
+    gate, barrier = TABLE["girder B"][0], boxes["barrier B"].x
+    assert barrier[0] - gate[0] == pytest.approx(0.7) and gate[1] - barrier[1] == pytest.approx(0.7)
     assert boxes["door C"].x == (TABLE["partition"][0][1], TABLE["right wall"][0][0])
 
 

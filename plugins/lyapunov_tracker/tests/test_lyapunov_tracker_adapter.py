@@ -33,10 +33,11 @@ def make(**params):
     return LyapunovTracker(LyapunovTrackerParams(**params), context)
 
 
-def seen(x, y, heading, speed=0.3):
+def seen(x, y, heading, speed=0.3, turn_to=None):
     """The robot at a pose, its reference re-projected on the x axis."""
     twist, covariance = Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3))
-    reference = Reference(1, x, 9.0 - x, Pose2D(x, 0.0, 0.0), speed, 0.0, y, Point2D(x + 1.0, 0.0), 0.4)
+    reference = Reference(1, x, 9.0 - x, Pose2D(x, 0.0, 0.0), speed, 0.0, y, Point2D(x + 1.0, 0.0),
+                          np.array([[x, 0.0], [x + 1.0, 0.0]]), 0.4, turn_to)  # fmt: skip
     return ControllerInput(0, TRAJECTORY, reference, PoseEstimate(0, Pose2D(x, y, heading), twist, covariance))
 
 
@@ -105,3 +106,12 @@ def test_reset_forgets_the_turn():
 def test_parameters_out_of_bounds_are_refused(wrong):
     with pytest.raises(ValidationError):
         LyapunovTrackerParams(**wrong)
+
+
+def test_at_the_goal_it_turns_to_the_heading_asked_for_and_stands():
+    tracker = make()
+    left = tracker.control(seen(9.0, 0.0, 0.0, turn_to=1.0)).twist
+    assert (left.vx, left.wz) == (0.0, ROBOT.max_angular)
+    # 0.1 rad beyond it, back at twice the error a second.
+    back = tracker.control(seen(9.0, 0.0, 1.1, turn_to=1.0)).twist
+    assert (back.vx, back.wz) == (0.0, pytest.approx(-0.2))

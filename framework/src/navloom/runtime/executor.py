@@ -18,7 +18,7 @@ from navloom.runtime.lockstep import Lockstep, Observer
 from navloom.runtime.trace import TraceWriter
 from navloom.runtime.wiring import Instance, Slot, Wire
 
-__all__ = ["lockstep_of"]
+__all__ = ["gate_limits", "lockstep_of"]
 
 
 def lockstep_of(
@@ -38,7 +38,7 @@ def lockstep_of(
         "operator": OperatorNode(),
         "goal": GoalNode(GoalMachine(_goal_rules(system))),
         "reference": ReferenceNode.of(system.config, system.robot),
-        "gate": GateNode(CommandGate(_limits(system)), _selected(system), is_warm),
+        "gate": GateNode(CommandGate(gate_limits(system)), _selected(system), is_warm),
     }
     for spec in system.specs:
         by_role[spec.role] = _instances(system, spec, own, nodes)
@@ -103,7 +103,7 @@ def _goal_rules(system: System) -> GoalRules:
     )
 
 
-def _limits(system: System) -> Limits:
+def gate_limits(system: System) -> Limits:
     robot, gate = system.robot, system.config.gate
     return Limits(
         linear=robot.max_linear,

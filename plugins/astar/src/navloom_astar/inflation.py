@@ -1,4 +1,4 @@
-"""Growing obstacles by the size of the robot, so that planning is for a point (configuration space of a disc or square).
+"""Growing obstacles by the size of the robot, so that a point is planned for (configuration space of a disc or square).
 
 Any shape works that is symmetric and narrows away from its middle row: it is given by how far it reaches to either side
 in the row itself, the next one, and so on. Two passes down and up find each cell's distance to the nearest obstacle in

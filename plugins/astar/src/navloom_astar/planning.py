@@ -41,7 +41,8 @@ class Settings:
         radius: Of the disc of "metres", m.
         unknown: What is not known is free, an obstacle, or costs `unknown_cost` times its length on top.
         unknown_cost: No unit; rounded to eighths, up to 31.
-        escape: Longest way out of the inflation from the start, m; None: 1.5 times as far as the inflation reaches and a cell.
+        escape: Longest way out of the inflation from the start, m; None: 1.5 times the reach of the inflation and a
+            cell.
     """
 
     source: Literal["auto", "segments", "cells"] = "auto"

@@ -32,7 +32,7 @@ def draw_segments(occupied: Bools, segments: Floats, method: RasterMethod = "dis
         segments: (n, 4) x1, y1, x2, y2, cells. A point has both ends alike.
         method: "distance": the centre is at most half a cell from the segment, or the cell holds one of its ends. No
             straight step between free cells then crosses it: of two neighbouring centres with the segment between
-            them, one is within half a cell. "supercover": the segment touches the cell. "paper": the printed slope test.
+            them, one is within half a cell. "supercover": the segment touches the cell. "paper": the printed test.
         paper_t: T of the printed test, which the paper sets to the size of the robot.
     """
     ends = segments.astype(np.float64)
@@ -51,8 +51,8 @@ def draw_segments(occupied: Bools, segments: Floats, method: RasterMethod = "dis
 def _printed_test(shape: tuple[int, ...], segment: Floats, t: float) -> Bools:
     """|(m - x1)/(n - y1) - (x2 - x1)/(y2 - y1)| <= T, or m - x1 <= T where x1 = x2 (III.A), over cells (m, n).
 
-    It compares a slope with a length and does not end where the segment does. Repaired are divisions by zero only: where
-    y1 = y2, and in the row n = y1, the test is |n - y1| <= 1/2 and m between both ends; and |m - x1| for m - x1.
+    It compares a slope with a length and does not end where the segment does. Repaired are divisions by zero only:
+    where y1 = y2, and in the row n = y1, the test is |n - y1| <= 1/2 and m between both ends; and |m - x1| for m - x1.
     """
     x1, y1, x2, y2 = segment
     n, m = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
@@ -74,10 +74,10 @@ def _draw(occupied, segments, is_supercover):  # type: ignore[no-untyped-def]
     for i in range(segments.shape[0]):
         x1, y1, x2, y2 = segments[i, 0], segments[i, 1], segments[i, 2], segments[i, 3]
         for x, y in ((x1, y1), (x2, y2)):
-            row, column = int(math.floor(y + 0.5)), int(math.floor(x + 0.5))
+            row, column = math.floor(y + 0.5), math.floor(x + 0.5)
             if 0 <= row < rows and 0 <= column < columns:
                 occupied[row, column] = True
-        low, high = int(math.floor(min(y1, y2))), int(math.ceil(max(y1, y2)))
+        low, high = math.floor(min(y1, y2)), math.ceil(max(y1, y2))
         for row in range(max(0, low), min(rows - 1, high) + 1):
             # What of the segment is within a row of this one, and the columns beside it.
             enter, leave = 0.0, 1.0
@@ -85,7 +85,7 @@ def _draw(occupied, segments, is_supercover):  # type: ignore[no-untyped-def]
                 to_low, to_high = (row - 1.0 - y1) / (y2 - y1), (row + 1.0 - y1) / (y2 - y1)
                 enter, leave = max(0.0, min(to_low, to_high)), min(1.0, max(to_low, to_high))
             xa, xb = x1 + enter * (x2 - x1), x1 + leave * (x2 - x1)
-            left, right = int(math.floor(min(xa, xb))) - 1, int(math.ceil(max(xa, xb))) + 1
+            left, right = math.floor(min(xa, xb)) - 1, math.ceil(max(xa, xb)) + 1
             for column in range(max(0, left), min(columns - 1, right) + 1):
                 if is_supercover:
                     hit = _touches_cell(x1 - column, y1 - row, x2 - column, y2 - row)

@@ -3,18 +3,18 @@
 **Lengths** are a + b sqrt(2) cells, with a straight and b diagonal steps. They are compared as whole numbers q a + p b
 with p/q a convergent of sqrt(2). Two ways would be ranked wrongly, or different ones alike, only if the ratio of their
 differences in a and b lay at p/q or between p/q and sqrt(2). All fractions there have denominators of q or more, so
-their numbers of diagonal steps would differ by q or more. A shortest way enters no cell twice: its b is below the number
-of cells, and with q at least that the ranking is exact. `step_costs` takes the smallest such convergent. (1393/985,
-which suits 32 bits, is exact up to 985 diagonal steps, hence for grids of up to 985 cells, and near enough on others.)
+their numbers of diagonal steps would differ by q or more. A shortest way enters no cell twice: its b is below the
+number of cells, and with q above that the ranking is exact. `step_costs` takes the smallest such convergent. (1393/985,
+which suits 32 bits, is exact where no way has 985 diagonal steps, hence for certain on grids of up to 985 cells.)
 
 **Successors.** Coming to a cell from its parent, steps are left out that are longer than another way from the parent
 round the cell, and diagonal steps for which there is one as long that ends in a straight step (the neighbour pruning of
 Harabor & Grastien 2011, without their jumps). Straight steps are left out only when strictly longer, so every cell
 keeps a shortest way of which no step is left out. Extra costs break this: with them all eight successors are tried.
 
-**The open list** is a ring of buckets over f, some 0.1 to 0.2 cells wide, each last in first out. Cells are reopened when
-a shorter way to them turns up. The heuristic is consistent, so f never falls below the current bucket's bottom, and once
-that bottom is not below the cost of the goal, nothing open can improve on it.
+**The open list** is a ring of buckets over f, some 0.1 to 0.2 cells wide, each last in first out. Cells are reopened
+when a shorter way to them turns up. The heuristic is consistent, so f never falls below the current bucket's bottom,
+and once that bottom is not below the cost of the goal, nothing open can improve on it.
 """
 
 from __future__ import annotations

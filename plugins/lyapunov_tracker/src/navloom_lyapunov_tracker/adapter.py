@@ -6,7 +6,7 @@ import math
 
 from navloom import Context, Controller, ControllerInput, TrackingCommand, Twist2D
 
-from navloom_lyapunov_tracker.law import tracking_command, tracking_error, turn_direction
+from navloom_lyapunov_tracker.law import final_turn, tracking_command, tracking_error, turn_direction, wrap
 from navloom_lyapunov_tracker.params import LyapunovTrackerParams
 
 __all__ = ["LyapunovTracker"]
@@ -29,6 +29,9 @@ class LyapunovTracker(Controller):
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         pose, reference = given.estimate.pose, given.reference
+        if reference.turn_to is not None:
+            e3 = wrap(reference.turn_to - pose.heading)
+            return TrackingCommand(Twist2D(0.0, 0.0, final_turn(e3, self.context.robot.max_angular)), 0.0, 0.0, e3)
         target = reference.pose
         error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
         self._turning = turn_direction(error.e3, self._turning, self._above, self._until)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["TrackingError", "energy", "sinc", "tracking_command", "tracking_error", "turn_direction", "wrap"]
+__all__ = ["TrackingError", "energy", "final_turn", "sinc", "tracking_command", "tracking_error", "turn_direction", "wrap"]
 
 
 class TrackingError(NamedTuple):
@@ -85,3 +85,13 @@ def turn_direction(e3: float, turning: int, above: float, until: float) -> int:
     if turning and abs(e3) > math.radians(150.0):
         return turning
     return 1 if e3 > 0.0 else -1
+
+
+def final_turn(e3: float, w_max: float) -> float:
+    """Turn rate, rad/s, onto the heading asked for at the goal, where law (6) has no moving reference (not the paper's).
+
+    Args:
+        e3: Heading error, rad in [-π, π).
+        w_max: Largest turn rate, rad/s. Within half a second's worth of it the turn slows down in proportion.
+    """
+    return max(-w_max, min(w_max, 2.0 * e3))

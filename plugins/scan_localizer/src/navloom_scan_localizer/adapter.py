@@ -5,7 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom import Context, InputError, Localizer, LocalizerInput, OccupancyGrid, Odometry, Pose2D, PoseEstimate, RangeScan
+from navloom import (
+    Context,
+    InputError,
+    Localizer,
+    LocalizerInput,
+    OccupancyGrid,
+    Odometry,
+    Pose2D,
+    PoseEstimate,
+    RangeScan,
+)
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import beams, matching
@@ -72,7 +82,8 @@ class ScanMatching(Localizer):
         if grid is None:
             raise InputError('scan_matching: got no map, expected one; name it in [map], as in ref = "world"')
         if not 0 < grid.cells.size <= _MAX_CELLS or not grid.resolution > 0.0:
-            raise InputError(f"scan_matching: got a map of {grid.cells.shape} cells of {grid.resolution:g} m, expected cells, at most {_MAX_CELLS}")  # fmt: skip
+            given = f"a map of {grid.cells.shape} cells of {grid.resolution:g} m"
+            raise InputError(f"scan_matching: got {given}, expected 1 to {_MAX_CELLS} cells of more than 0 m")
         walls = grid.cells >= params.occupied_from
         if params.unknown_is_wall:
             walls |= grid.cells < 0

@@ -35,7 +35,9 @@ class DistanceField:
     frame: Floats
 
 
-def distance_field(occupied: Bools, resolution: float, origin: tuple[float, float, float], reach: float) -> DistanceField:
+def distance_field(
+    occupied: Bools, resolution: float, origin: tuple[float, float, float], reach: float
+) -> DistanceField:
     """The field of a raster.
 
     Args:
@@ -74,16 +76,17 @@ def sample(values, frame, x, y):  # type: ignore[no-untyped-def]
     Returns:
         Distance, gradient along x, gradient along y, and whether the point is within the raster (else all are 0).
     """
-    u = (frame[2] * (x - frame[0]) + frame[3] * (y - frame[1])) / frame[4]
-    v = (frame[2] * (y - frame[1]) - frame[3] * (x - frame[0])) / frame[4]
+    c, s, per_metre = frame[2], frame[3], 1.0 / frame[4]
+    x, y = (x - frame[0]) * per_metre, (y - frame[1]) * per_metre
+    u, v = c * x + s * y, c * y - s * x
     if not (0.0 <= u < values.shape[1] - 1.0 and 0.0 <= v < values.shape[0] - 1.0):
         return 0.0, 0.0, 0.0, False
-    column, row = int(u), int(v)
-    a, b = u - column, v - row
-    lower_left, lower_right = float(values[row, column]), float(values[row, column + 1])
-    upper_left, upper_right = float(values[row + 1, column]), float(values[row + 1, column + 1])
-    lower, upper = lower_left + a * (lower_right - lower_left), upper_left + a * (upper_right - upper_left)
-    along = ((1.0 - b) * (lower_right - lower_left) + b * (upper_right - upper_left)) / frame[4]
-    across = (upper - lower) / frame[4]
-    distance = lower + b * (upper - lower)
-    return distance, frame[2] * along - frame[3] * across, frame[3] * along + frame[2] * across, True
+    column, row = np.uint64(u), np.uint64(v)
+    a, b = u - np.float64(column), v - np.float64(row)
+    right, above = column + np.uint64(1), row + np.uint64(1)
+    corner, lower_right, upper_left = float(values[row, column]), float(values[row, right]), float(values[above, column])
+    along, across = lower_right - corner, upper_left - corner
+    twist = float(values[above, right]) - lower_right - across
+    distance = corner + a * along + b * (across + a * twist)
+    along, across = (along + b * twist) * per_metre, (across + a * twist) * per_metre
+    return distance, c * along - s * across, s * along + c * across, True

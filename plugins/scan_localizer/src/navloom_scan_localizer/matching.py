@@ -19,7 +19,7 @@ __all__ = ["fit_pose", "solve", "warm_up"]
 
 Floats = NDArray[np.float64]
 
-_SMALL_STEP = 1e-5
+_SMALL_STEP = 1e-4
 """Iterations end with a smaller step, m and rad."""
 _STEEP = 0.5
 """Least gradient of the field where a beam enters a wall; 1 is a plane face."""
@@ -90,7 +90,7 @@ def solve(matrix, right, solution):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, error_model="numpy")
 def _accumulate(values, frame, beams, pose, variance, scale, gate, walk, matrix, right):  # type: ignore[no-untyped-def]
     """Add J'WJ and -J'Wr of the beams at a pose to a matrix and a right side; gives how many are within the gate."""
-    c, s, inliers = math.cos(pose[2]), math.sin(pose[2]), 0
+    c, s, inliers, steepness = math.cos(pose[2]), math.sin(pose[2]), 0, 1.0 / (scale * scale)
     h00, h10, h11, h20, h21, h22, g0, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(beams.shape[0]):
         rx, ry = c * beams[i, 0] - s * beams[i, 1], s * beams[i, 0] + c * beams[i, 1]
@@ -100,7 +100,7 @@ def _accumulate(values, frame, beams, pose, variance, scale, gate, walk, matrix,
             continue
         if abs(r) < gate:
             inliers += 1
-        ratio = 1.0 + (r / scale) ** 2
+        ratio = 1.0 + steepness * r * r
         weight = 1.0 / (variance * ratio * ratio)
         turn = gy * rx - gx * ry
         h00, h10, h11 = h00 + weight * gx * gx, h10 + weight * gx * gy, h11 + weight * gy * gy

@@ -76,12 +76,14 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
         s: Noise of odometry. Its spread grows with the root of the way; across it is a quarter of that along.
     """
     c, sn = math.cos(heading), math.sin(heading)
-    jacobian = np.array([[1.0, 0.0, -sn * step[0] - c * step[1]], [0.0, 1.0, c * step[0] - sn * step[1]], [0.0, 0.0, 1.0]])
+    jacobian = np.array(
+        [[1.0, 0.0, -sn * step[0] - c * step[1]], [0.0, 1.0, c * step[0] - sn * step[1]], [0.0, 0.0, 1.0]]
+    )
     way, rest = math.hypot(step[0], step[1]), s.rest_noise**2 * time
     along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
     turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(step[2]) + s.rest_turn_noise**2 * time
-    mixed = c * sn * (along - across)
-    noise = np.array([[c * c * along + sn * sn * across, mixed, 0.0], [mixed, sn * sn * along + c * c * across, 0.0], [0.0, 0.0, turn]])  # fmt: skip
+    axes = np.array([[c, -sn, 0.0], [sn, c, 0.0], [0.0, 0.0, 1.0]])
+    noise = axes @ np.diag([along, across, turn]) @ axes.T
     result: Floats = jacobian @ covariance @ jacobian.T + noise
     return result
 
@@ -111,7 +113,9 @@ class PoseTracker:
             time: Since the last call, s.
         """
         step = relative(self._odometry, odometry)
-        self.covariance = predicted_covariance(self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings)
+        self.covariance = predicted_covariance(
+            self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings
+        )
         self.pose, self._odometry, self.inliers = compose(self.pose, step), odometry.copy(), 0
 
     def correct(self, beams: Floats) -> bool:
@@ -125,9 +129,7 @@ class PoseTracker:
         information = np.linalg.inv(self.covariance)
         pose, fused = np.empty(3), np.empty((3, 3))
         field = self.field
-        inliers = fit_pose(
-            field.values, field.frame, beams, self.pose, information, options, s.iterations, pose, fused
-        )
+        inliers = fit_pose(field.values, field.frame, beams, self.pose, information, options, s.iterations, pose, fused)
         if inliers < limit:
             return False
         self.inliers = inliers
@@ -137,7 +139,9 @@ class PoseTracker:
     def _move(self, shift: Floats, covariance: Floats) -> None:
         """Take a correction, (3,) m, m, rad, or the share of it that the limits allow; the rest follows by and by."""
         s = self.settings
-        share = min(1.0, s.max_shift / max(math.hypot(shift[0], shift[1]), 1e-12), s.max_turn / max(abs(shift[2]), 1e-12))
+        share = min(
+            1.0, s.max_shift / max(math.hypot(shift[0], shift[1]), 1e-12), s.max_turn / max(abs(shift[2]), 1e-12)
+        )
         moved = self.pose + share * shift
         self.pose = compose(np.array([moved[0], moved[1], 0.0]), np.array([0.0, 0.0, moved[2]]))
         mixed = (1.0 - share) * self.covariance + share * covariance

@@ -1,0 +1,182 @@
+"""Real input: a pitched laser's sweep, maps of real buildings, and the Moving AI benchmarks."""
+
+from __future__ import annotations
+
+import math
+import os
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import distance_transform_edt
+
+from navloom import MapperInput, PlanRequest, Pose2D, PoseTrack, Sweep
+from navloom import Path as PathFound
+from navloom.config import load_config
+from navloom.geometry.shortest import optimal_length
+from navloom.geometry.world import Place, World
+from navloom.roles import PlannerInput
+from navloom.runtime.build import assemble, grid_of, make_plugins
+from navloom.study.episode import run_episode
+from navloom.study.picture import Canvas
+from navloom.study.planning import map_update
+from navloom.worlds.movingai import scenario_place
+from navloom.worlds.rosmap import load_raster, rosmap_world
+
+CONFIG = """
+[run]
+seed = {seed}
+stop_after = 900.0
+[robot]
+footprint = {{ length = 0.5, width = 0.5 }}
+height = 0.6
+half_track = 0.2
+max_angular_deg = 60.0
+[world]
+ref = "rosmap:{map}"
+[[sensor]]
+name = "laser"
+kind = "laser_2d"
+beams = 271
+field_of_view_deg = 270.0
+range_max = 20.0
+[localizer]
+plugin = "{localizer}"
+[mapper]
+plugin = "known_map"
+[planner]
+plugin = "astar"
+inflation_margin = 0.05
+[navigation]
+start = {{ x = {x}, y = {y}, heading_deg = {heading} }}
+goal = {{ x = {gx}, y = {gy} }}
+"""
+BUILDINGS = {"willow_full_0.1.yaml": 30.0, "aws_small_house.yaml": 8.0}
+"""Maps and the least length of an optimal path, m."""
+
+
+def pairs(file: Path, least: float, seed: int, count: int) -> list[tuple[Place, Place]]:
+    """Seeded pairs of free places with an optimal way of the inscribed disc of at least a length, m."""
+    raster = load_raster(file)
+    gap = distance_transform_edt(~raster.occupied) * raster.resolution
+    cells = np.argwhere(gap > 0.45)
+    stream = np.random.default_rng(seed)
+    world = rosmap_world(str(file), Path())
+    found: list[tuple[Place, Place]] = []
+    while len(found) < count:
+        ends = [
+            (raster.origin.x + (col + 0.5) * raster.resolution, raster.origin.y + (row + 0.5) * raster.resolution)
+            for row, col in cells[stream.integers(len(cells), size=2)]
+        ]
+        start, goal = Place(*ends[0], float(stream.uniform(-math.pi, math.pi))), Place(*ends[1])
+        if math.dist(*ends) > 0.3 * least and is_long(world, start, goal, least):
+            found.append((start, goal))
+    return found
+
+
+def is_long(world: World, start: Place, goal: Place, least: float) -> bool:
+    length = optimal_length(world, start, goal, 0.25, 0.6)
+    return length is not None and length >= least
+
+
+def drive(file: Path, start: Place, goal: Place, seed: int, localizer: str, folder: Path) -> tuple[str, int, float]:
+    """Outcome, contacts and least clearance of one drive."""
+    heading = math.degrees(start.heading)
+    path = folder / f"{file.stem}-{seed}-{localizer}.toml"
+    path.write_text(
+        CONFIG.format(
+            seed=seed, map=file, localizer=localizer, x=start.x, y=start.y, heading=heading, gx=goal.x, gy=goal.y
+        ),
+        "utf-8",
+    )
+    summary = run_episode(load_config(str(path))).summary()
+    return summary["outcome"], summary["collisions"], summary["min_clearance_m"]
+
+
+def test_one_drive_through_a_real_house(data: Path, tmp_path: Path) -> None:
+    file = data / "rosmaps" / "aws_small_house.yaml"
+    ((start, goal),) = pairs(file, BUILDINGS[file.name], 3, 1)
+    outcome, contacts, _ = drive(file, start, goal, 3, "scan_matching", tmp_path)
+    assert (outcome, contacts) == ("succeeded", 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUILDINGS)
+def test_ten_drives_through_real_buildings(data: Path, tmp_path: Path, name: str) -> None:
+    file = data / "rosmaps" / name
+    tasks = pairs(file, BUILDINGS[name], 0, 10)
+    with ProcessPoolExecutor(2) as pool:
+        jobs = [
+            pool.submit(drive, file, start, goal, k, "scan_matching", tmp_path) for k, (start, goal) in enumerate(tasks)
+        ]
+        rows = [job.result() for job in jobs]
+    print(name, rows)
+    assert [row for row in rows if row[1]] == []
+    assert sum(row[0] == "succeeded" for row in rows) >= 9
+
+
+SCENARIOS = ["bg512__AR0011SR", "cities__Berlin_0_512", "dao__arena2", "dao__brc202d", "mazes__maze512-8-0",
+             "random__random512-25-0", "rooms__32room_000", "sc1__Aurora"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_moving_ai_scenarios_have_the_exact_optimal_length(data: Path, name: str) -> None:
+    reference = f"movingai:{data / 'movingai' / f'{name}.map.gz'}"
+    system = assemble(
+        load_config(
+            "paper", [f"world.ref={reference}", "planner.inflation=none", "navigation.start={x=1.5,y=1.5}"]
+        )
+    )
+    make_plugins(system)
+    planner = system.plugin("planner", "astar")
+    assert system.world is not None and system.world.raster is not None
+    rows = len(system.world.raster.occupied)
+    update = map_update(grid_of(system.world, 1.0, 1.2))
+    lines = (data / "movingai" / f"{name}.map.scen").read_text().splitlines()[1:]
+    worst = 0.0
+    for number, line in enumerate(lines, start=1):
+        x, y, gx, gy, length = line.split()[-5:]
+        start, goal = scenario_place(int(x), int(y), rows), scenario_place(int(gx), int(gy), rows)
+        request = PlanRequest(number, Pose2D(start.x, start.y, 0.0), Pose2D(goal.x, goal.y, 0.0))
+        answer = planner.plan(PlannerInput(request, update))  # type: ignore[attr-defined]
+        assert isinstance(answer, PathFound), answer
+        worst = max(worst, abs(answer.length - float(length)))
+    assert len(lines) == 50 and worst <= 0.01
+
+
+def real_sweep(data: Path) -> Sweep:
+    """The recorded sweep, in navloom's frames: bearings counter-clockwise, pitch up positive, 2.55° off as recorded."""
+    found = np.load(data / "scan3d" / "pitching_lms200_0.npz")
+    bearings = -np.radians(found["beam_deg"].astype(np.float64))
+    order = np.argsort(bearings)
+    bearings, ranges = bearings[order], found["ranges_m"].astype(np.float64)[:, order]
+    pitches = np.radians(found["pitch_deg"].astype(np.float64) + 2.55)
+    return Sweep(0, 1, ranges, pitches, np.linspace(0.0, 3.0, len(pitches)), bearings, "rigid_pitch",
+                 0.0, 0.0, 0.388, 0.3, float(ranges.max()))  # fmt: skip
+
+
+def test_a_real_sweep_is_mapped_without_its_floor(data: Path, tmp_path: Path) -> None:
+    sweep = real_sweep(data)
+    # The recorded pitch is off by 2.55° and the sensor stands 0.388 m high (both read off the floor); the floor
+    # scatters by some centimetres, so its tolerance is twice the default's.
+    overrides = ["mapper.floor_tolerance=0.12", "mapper.cell=0.1", "mapper.extent=[-6.0,-8.0,14.0,8.0]"]
+    system = assemble(load_config("paper", overrides))
+    make_plugins(system)
+    mapper = system.plugin("mapper", "ipabd")
+    track = PoseTrack(np.array([0, 4_000_000_000]), np.zeros((2, 3)))
+    update = mapper.update(MapperInput(4_000_000_000, (sweep,), (), track))  # type: ignore[attr-defined]
+    counts = {count.name: count.value for count in update.counts}
+    assert sum(counts.values()) == sweep.ranges.size == 226 * 360
+    assert counts["floor"] > 5000 and counts["beyond_max"] > 1000 and counts["below_min"] > 1000
+    # A corridor: walls on both sides, nothing on the floor between them for the first two metres.
+    middle = np.abs(update.segments.reshape(-1, 2)[:, 1]) < 0.5
+    ahead = update.segments.reshape(-1, 2)[:, 0]
+    assert not (middle & (ahead > 0.5) & (ahead < 2.0)).any()
+    canvas = Canvas((-6.0, -8.0, 14.0, 8.0))
+    for x1, y1, x2, y2 in update.segments:
+        canvas.line(np.array([(x1, y1), (x2, y2)]), (0, 0, 0), 2.0)
+    canvas.grid_lines()
+    picture = Path(os.environ.get("NAVLOOM_PICTURES", tmp_path)) / "real_sweep.png"
+    canvas.finished().save(picture)
+    assert picture.stat().st_size > 5000

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
 from navloom.config import load_config
 from navloom.study.episode import Episode, run_episode
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-
 from navloom import AvoiderInput, Box, Place, PlatformInput, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D, World
 from navloom.config import load_config
 from navloom.navigation.gate import CommandGate, Offer, Sensed

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from navloom import MapperInput, PoseTrack, Sweep
 from navloom.cli import main
 from navloom.roles import InputError
@@ -105,9 +104,7 @@ def fake_entry_points(monkeypatch: pytest.MonkeyPatch, *extra: EntryPoint) -> No
     monkeypatch.setattr(discovery, "entry_points", lambda group: [*real(group=group), *extra])
 
 
-def test_two_plugins_of_one_name_are_refused(
-    navloom: Navloom, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_plugins_of_one_name_are_refused(navloom: Navloom, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_entry_points(monkeypatch, EntryPoint("planner.astar", "somewhere_else", "navloom"))
     assert "two plugins are named 'planner.astar'" in refused(navloom, tmp_path, "paper")
 

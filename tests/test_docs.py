@@ -8,7 +8,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-
 from navloom.cli import main
 from navloom.config import load_config
 from navloom.plugins import Registry

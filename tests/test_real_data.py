@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_edt
-
 from navloom import MapperInput, PlanRequest, Pose2D, PoseTrack, Sweep
 from navloom import Path as PathFound
 from navloom.config import load_config
@@ -23,6 +21,7 @@ from navloom.study.picture import Canvas
 from navloom.study.planning import map_update
 from navloom.worlds.movingai import scenario_place
 from navloom.worlds.rosmap import load_raster, rosmap_world
+from scipy.ndimage import distance_transform_edt
 
 CONFIG = """
 [run]
@@ -124,9 +123,7 @@ SCENARIOS = ["bg512__AR0011SR", "cities__Berlin_0_512", "dao__arena2", "dao__brc
 def test_moving_ai_scenarios_have_the_exact_optimal_length(data: Path, name: str) -> None:
     reference = f"movingai:{data / 'movingai' / f'{name}.map.gz'}"
     system = assemble(
-        load_config(
-            "paper", [f"world.ref={reference}", "planner.inflation=none", "navigation.start={x=1.5,y=1.5}"]
-        )
+        load_config("paper", [f"world.ref={reference}", "planner.inflation=none", "navigation.start={x=1.5,y=1.5}"])
     )
     make_plugins(system)
     planner = system.plugin("planner", "astar")
@@ -176,7 +173,7 @@ def test_a_real_sweep_is_mapped_without_its_floor(data: Path, tmp_path: Path) ->
     canvas = Canvas((-6.0, -8.0, 14.0, 8.0))
     for x1, y1, x2, y2 in update.segments:
         canvas.line(np.array([(x1, y1), (x2, y2)]), (0, 0, 0), 2.0)
-    canvas.grid_lines()
+    canvas.frame()
     picture = Path(os.environ.get("NAVLOOM_PICTURES", tmp_path)) / "real_sweep.png"
     canvas.finished().save(picture)
     assert picture.stat().st_size > 5000

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
 from navloom.config import ConfigError, load_config, shipped_configs
+
+SWAP = '[[event]]\nat = 1.0\ndo = "swap"\nrole = "avoider"\nname = "vff"\n'
 
 
 def write(folder: Path, text: str) -> str:
@@ -67,10 +68,10 @@ def test_the_hash_is_of_values_not_of_where_they_are_written(tmp_path: Path) -> 
         ("[navigation]\nspeed = [0.4, 0.2]\n", "expected the lower one first"),
         ('[[event]]\nat = 1.0\ndo = "goal"\n', "also needs x and y"),
         ('[[event]]\nat = 1.0\ndo = "stop"\nx = 1.0\n', "has no use for x"),
-        ('[[event]]\nat = 1.0\ndo = "swap"\nrole = "avoider"\nname = "vff"\n', 'names avoider "vff"; there are improved_vfh'),
+        (SWAP, 'names avoider "vff"; there are improved_vfh'),
         ('[[alternative]]\nrole = "platform"\nplugin = "x"\n', "never shadowed"),
         ('[[alternative]]\nrole = "planner"\nplugin = "astar"\n', 'two instances of planner are named "astar"'),
-        ('[[sensor]]\nname = "a"\nkind = "x"\n[[sensor]]\nname = "a"\nkind = "x"\n', 'two tables [[sensor]] are named "a"'),
+        (2 * '[[sensor]]\nname = "a"\nkind = "x"\n', 'two tables [[sensor]] are named "a"'),
         ('[avoider]\nplugin = "x"\nsensors = ["sonars"]\n', 'names "sonars"; sensors are none'),
         ("[run\n", "not TOML"),
     ],

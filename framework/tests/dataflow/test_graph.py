@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-
 from navloom.dataflow.graph import GraphError, order
 from navloom.dataflow.ports import Input, NodeSpec
 from navloom.dataflow.streams import stream_source
@@ -37,10 +36,14 @@ def test_a_delayed_edge_breaks_the_cycle() -> None:
 
 
 def test_an_input_that_leads_nowhere_names_both_ends_and_the_nearest_port() -> None:
-    with pytest.raises(GraphError, match="mapper reads platform.lasr, but platform publishes no 'lasr'; did you mean 'laser'"):
+    with pytest.raises(
+        GraphError, match=r"mapper reads platform\.lasr, but platform publishes no 'lasr'; did you mean 'laser'"
+    ):
         order(node_table(["laser"], {"mapper": ("lasr",)}))
     with pytest.raises(GraphError, match="there is no node 'platfrm'; did you mean 'platform'"):
-        order([*node_table(["laser"], WIRED | {"avoider": ("laser",)}), NodeSpec("x", (Input("y", "platfrm", "p"),), ())])
+        order(
+            [*node_table(["laser"], WIRED | {"avoider": ("laser",)}), NodeSpec("x", (Input("y", "platfrm", "p"),), ())]
+        )
 
 
 def test_a_stream_depends_on_its_names_alone() -> None:

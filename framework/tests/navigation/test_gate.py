@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-
 from navloom.messages import Twist2D
 from navloom.navigation.gate import CommandGate, Limits, Offer, Sensed
 
@@ -18,7 +17,9 @@ def offer(vx: float, wz: float = 0.0, cause_ns: int = NOW, epoch: int = 0, name:
     return Offer(name, Twist2D(vx, 0.0, wz), cause_ns, epoch)
 
 
-def decide(gate: CommandGate, offers: dict[str, Offer | None], engaged: bool = False, **sensed: object) -> tuple[float, str, str]:
+def decide(
+    gate: CommandGate, offers: dict[str, Offer | None], engaged: bool = False, **sensed: object
+) -> tuple[float, str, str]:
     seen = Sensed(NOW, bool(sensed.get("touching")), sensed.get("sensors", {}))  # type: ignore[arg-type]
     twist, _, status = gate.decide(seen, offers, engaged, int(sensed.get("epoch", 0)), ())  # type: ignore[call-overload]
     return twist.vx, status.source, status.reason

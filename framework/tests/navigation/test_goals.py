@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from navloom.messages import (
     AvoiderDiagnostics,
     AvoiderStatus,
@@ -121,7 +120,12 @@ def test_a_heading_is_turned_to_at_the_end() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "outcome"),
-    [("goal_occupied", "rejected"), ("start_occupied", "rejected"), ("outside_map", "rejected"), ("no_path", "no_path")],
+    [
+        ("goal_occupied", "rejected"),
+        ("start_occupied", "rejected"),
+        ("outside_map", "rejected"),
+        ("no_path", "no_path"),
+    ],
 )
 def test_a_planners_failure_is_a_typed_result_with_the_place(kind: str, outcome: str) -> None:
     machine = driving()

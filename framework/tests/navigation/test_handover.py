@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-
 from navloom.messages import Pose2D, RangeScan
 from navloom.navigation.echoes import EchoMemory
 from navloom.navigation.handover import HandOverRule
@@ -43,7 +42,9 @@ def test_the_corridor_ends_half_a_width_past_the_target() -> None:
 def test_an_echo_is_remembered_where_it_was_in_the_map() -> None:
     memory = EchoMemory(keep=0.5, spread=0.0)
     memory.add(scan(0.0, 1.0), Pose2D(1.0, 2.0, math.pi / 2), 0.0)
-    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), straight(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0), 0.1, 0.4) == pytest.approx(0.5)
+    assert memory.nearest(Pose2D(1.0, 2.5, 0.0), straight(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0), 0.1, 0.4) == pytest.approx(
+        0.5
+    )
     assert memory.nearest(Pose2D(1.0, 2.5, 0.0), straight(Pose2D(1.0, 2.5, 0.0), 1.0, 4.0), 0.1, 0.6) == math.inf
 
 

@@ -7,13 +7,11 @@ import io
 from pathlib import Path
 
 import pytest
-
 from navloom.config import ConfigError
 from navloom.messages import Command, GateStatus, GoalResult, Selection, StepRecord
 from navloom.plugins import PluginError
 from navloom.runtime.trace import TraceEntry, TraceError, read_trace
 from navloom.study.episode import Episode, run_episode
-
 from toys import discovery, toy_config
 
 
@@ -59,9 +57,10 @@ def test_without_noise_two_seeds_agree(tmp_path: Path) -> None:
 
 
 def test_a_parameter_that_matters_changes_the_trace(tmp_path: Path) -> None:
-    assert drive(tmp_path, "controller.gain=2.0", "navigation.goal.y=1.0").log.trace_sha256 != drive(
-        tmp_path, "navigation.goal.y=1.0"
-    ).log.trace_sha256
+    assert (
+        drive(tmp_path, "controller.gain=2.0", "navigation.goal.y=1.0").log.trace_sha256
+        != drive(tmp_path, "navigation.goal.y=1.0").log.trace_sha256
+    )
 
 
 @pytest.mark.parametrize("shadow", ["true", "false"])
@@ -144,15 +143,15 @@ def test_a_slower_node_steps_at_its_rate(tmp_path: Path) -> None:
 
 
 def test_a_rate_that_does_not_divide_is_refused_with_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"controller.rate_hz: 15 does not divide the tick rate of 20 Hz; the nearest"):
+    with pytest.raises(
+        ConfigError, match=r"controller.rate_hz: 15 does not divide the tick rate of 20 Hz; the nearest"
+    ):
         drive(tmp_path, "controller.rate_hz=15.0")
 
 
 def test_swap_by_event_changes_who_drives_at_one_tick(tmp_path: Path) -> None:
     event = '[[event]]\nat = 2.0\ndo = "swap"\nrole = "avoider"\nname = "slow"\n'
-    episode, entries = traced(
-        tmp_path, 'navigation.handover="always"', more=ALTERNATIVE.format(shadow="true") + event
-    )
+    episode, entries = traced(tmp_path, 'navigation.handover="always"', more=ALTERNATIVE.format(shadow="true") + event)
     (selection,) = [e for e in entries if isinstance(e.message, Selection) and e.message.epoch == 1]
     assert (selection.tick, selection.message.from_tick) == (40, 41)  # type: ignore[attr-defined]
     avoiders = {e.tick: e.instance for e in entries if (e.role, e.port) == ("avoider", "command")}
@@ -282,7 +281,9 @@ def test_a_wrong_request_is_refused_before_the_run(tmp_path: Path, change: str, 
 
 
 def test_an_unknown_plugin_names_the_place_and_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(PluginError, match=r"avoider.plugin: no plugin 'avoider.toy_bystandr' is installed; did you mean"):
+    with pytest.raises(
+        PluginError, match=r"avoider.plugin: no plugin 'avoider.toy_bystandr' is installed; did you mean"
+    ):
         drive(tmp_path, "avoider.plugin=toy_bystandr")
 
 

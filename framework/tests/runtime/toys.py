@@ -8,8 +8,6 @@ from importlib.metadata import EntryPoint
 from typing import Any
 
 import numpy as np
-from pydantic import Field
-
 from navloom import (
     Avoidance,
     Avoider,
@@ -43,12 +41,17 @@ from navloom import (
 )
 from navloom.config import Loaded, load_config
 from navloom.plugins import Discovery
+from pydantic import Field
 
-QUIET = AvoiderDiagnostics(np.empty((0, 0), dtype=np.uint8), 0.0, 0.0, 0.0, np.empty(0), 0.0, np.empty((0, 2)), None, "")
+QUIET = AvoiderDiagnostics(
+    np.empty((0, 0), dtype=np.uint8), 0.0, 0.0, 0.0, np.empty(0), 0.0, np.empty((0, 2)), None, ""
+)
+    np.empty((0, 0), dtype=np.uint8), 0.0, 0.0, 0.0, np.empty(0), 0.0, np.empty((0, 2)), None, ""
+)
 
 
 class Robot(Platform):
-    """A unicycle without inertia in an empty plane; its one sensor hears nothing, with a random range limit as noise."""
+    """A unicycle without inertia in an empty plane; its one sensor hears nothing, with noise in its range limit."""
 
     name = "toy_robot"
     sensor_kinds = {"ear": RangeScan}

@@ -46,9 +46,7 @@ def scan_at(place, stamp_ns=0, ranges=None, half_angle=0.0, offsets=None, range_
     count = len(BEARINGS)
     seen = ranges_in(room(), CELL, place, BEARINGS) if ranges is None else ranges
     times = np.zeros(count) if offsets is None else offsets
-    return RangeScan(
-        stamp_ns, np.zeros((count, 2)), BEARINGS, np.full(count, half_angle), times, seen, 0.05, range_max
-    )
+    return RangeScan(stamp_ns, np.zeros((count, 2)), BEARINGS, np.full(count, half_angle), times, seen, 0.05, range_max)
 
 
 def look(localizer, *scans, pose=(0.0, 0.0, 0.0), twist=STILL, stamp_ns=0):
@@ -94,10 +92,7 @@ def test_beams_taken_at_different_times_are_put_together():
     # Turning at 1 rad/s, the first beam 0.2 s before the last; each sees the room from where the robot then stood.
     offsets = np.linspace(-0.2, 0.0, len(BEARINGS))
     ranges = np.array(
-        [
-            ranges_in(room(), CELL, (3.0, 2.5, 0.3 + t), np.array([b]))[0]
-            for t, b in zip(offsets, BEARINGS, strict=True)
-        ]
+        [ranges_in(room(), CELL, (3.0, 2.5, 0.3 + t), np.array([b]))[0] for t, b in zip(offsets, BEARINGS, strict=True)]
     )
     twist = Twist2D(0.0, 0.0, 1.0)
     got = look(make(), scan_at(None, ranges=ranges, offsets=offsets), twist=twist)

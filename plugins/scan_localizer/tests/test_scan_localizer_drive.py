@@ -17,7 +17,8 @@ CELL, STEP, PERIOD, HALF_TRACK, SLIP = 0.1, 0.02, 0.05, 0.2, 0.002
 BEARINGS = fan(181)
 
 pytestmark = pytest.mark.skipif(
-    not os.environ.get("NAVLOOM_DATA") or not IMAGE.exists(), reason="NAVLOOM_DATA with rosmaps/willow_full_0.1 is not set"
+    not os.environ.get("NAVLOOM_DATA") or not IMAGE.exists(),
+    reason="NAVLOOM_DATA with rosmaps/willow_full_0.1 is not set",
 )
 
 

@@ -50,7 +50,9 @@ def test_nodes_agree_with_the_nearest_square_by_trial(bits):
     field = distance_field(occupied, CELL, (0.0, 0.0, 0.0), 0.25)
     for row, column in ((0, 0), (3, 7), (5, 5), (10, 4), (6, 8)):
         x, y = 0.5 * CELL * column, 0.5 * CELL * row
-        assert field.values[row, column] == pytest.approx(_by_trial(occupied, x, y) - _by_trial(~occupied, x, y), abs=1e-6)
+        assert field.values[row, column] == pytest.approx(
+            _by_trial(occupied, x, y) - _by_trial(~occupied, x, y), abs=1e-6
+        )
 
 
 def _by_trial(cells, x, y):

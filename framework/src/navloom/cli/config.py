@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -11,7 +11,7 @@ __all__ = ["app"]
 app = typer.Typer(help="Show, check and describe configs.", no_args_is_help=True)
 
 Name = Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")]
-Changes = Annotated[Optional[list[str]], typer.Option("--set", metavar="A.B=V", help="Change one value; repeats.")]
+Changes = Annotated[list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value; repeats.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 

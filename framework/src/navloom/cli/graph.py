@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -12,7 +12,7 @@ __all__ = ["graph"]
 def graph(
     config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")],
     set_: Annotated[
-        Optional[list[str]], typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+        list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     dot: Annotated[bool, typer.Option("--dot", help="Print the graph for Graphviz.")] = False,
@@ -25,9 +25,7 @@ def graph(
 
     system = assemble(load_config(config, set_ or ()))
     wires = edges(system.specs)
-    names = {
-        spec.role: [name for role, name in system.parts if role == spec.role] or ["main"] for spec in system.specs
-    }
+    names = {spec.role: [name for role, name in system.parts if role == spec.role] or ["main"] for spec in system.specs}
     if as_json:
         print_json(
             {
@@ -45,7 +43,7 @@ def graph(
     elif dot:
         typer.echo("digraph navloom {\n  rankdir=LR;")
         for source, target, given in wires:
-            style = ' style=dashed, label="~{}"'.format(given.port) if given.delayed else f' label="{given.port}"'
+            style = f' style=dashed, label="~{given.port}"' if given.delayed else f' label="{given.port}"'
             typer.echo(f"  {source} -> {target} [{style.strip()}];")
         typer.echo("}")
     else:

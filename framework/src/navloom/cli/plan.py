@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -16,7 +16,7 @@ def plan(
     goal: Annotated[str, typer.Option("--to", metavar="X,Y", help="m, map frame.")],
     planner: Annotated[str, typer.Option(metavar="NAME", help="Planner plugin.")] = "astar",
     set_: Annotated[
-        Optional[list[str]], typer.Option("--set", metavar="KEY=V", help="A parameter of the planner; repeats.")
+        list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the planner; repeats.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="L,W", help="Length and width of the robot, m; 0,0 is a point.")] = "0,0",
     resolution: Annotated[float, typer.Option(metavar="M", help="Cell of maps without a raster, m.")] = 0.05,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -11,7 +11,7 @@ __all__ = ["plugins"]
 
 
 def plugins(
-    name: Annotated[Optional[str], typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List the installed plugins without importing them, or show the parameters of one."""

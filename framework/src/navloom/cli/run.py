@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -26,12 +26,12 @@ LABELS = {
 
 def run(
     config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name: paper.")],
-    seed: Annotated[Optional[int], typer.Option(metavar="N", help="Seed of every random stream.")] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")] = None,
     set_: Annotated[
-        Optional[list[str]], typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+        list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
     ] = None,
     out: Annotated[
-        Optional[Path], typer.Option(metavar="DIR", help="Folder for result.json, trace.bin and run.png.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for result.json, trace.bin and run.png.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
@@ -54,8 +54,8 @@ def run(
         print_json(summary)
     else:
         rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items()]
-        place = episode.result.place
-        typer.echo(f"{summary['outcome']}: {summary['reason']}, at ({place.x:.2f}, {place.y:.2f})")
+        end = episode.result.place
+        typer.echo(f"{summary['outcome']}: {summary['reason']}, at ({end.x:.2f}, {end.y:.2f})")
         print_table(("", ""), rows)
         if out is not None:
             typer.echo(f"kept in {out}: {', '.join(folder.names)}")

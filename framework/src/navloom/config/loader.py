@@ -120,12 +120,12 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
     if not isinstance(table, dict):
         raise ConfigError(f"--set {change}: {'.'.join(keys[:-1])} is a list; name one of its tables")
     where = ".".join(_numbered(tree, keys))
-    if keys[-1] == "plugin" and (len(keys) == 2 and keys[0] in ROLE_TABLES or keys[0] == "alternative"):
-        if table.get("plugin") != value:
-            for old in [key for key in table if key not in RESERVED]:
-                dropped.append(f"{where.removesuffix('.plugin')}.{old}")
-                del table[old]
-                sources.pop(dropped[-1], None)
+    names_plugin = keys[-1] == "plugin" and ((len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] == "alternative")
+    if names_plugin and table.get("plugin") != value:
+        for old in [key for key in table if key not in RESERVED]:
+            dropped.append(f"{where.removesuffix('.plugin')}.{old}")
+            del table[old]
+            sources.pop(dropped[-1], None)
     table[keys[-1]] = value
     for old in [place for place in sources if place.startswith(where + ".")]:
         del sources[old]
@@ -152,9 +152,7 @@ def _numbered(tree: Any, keys: list[str]) -> list[str]:
     out: list[str] = []
     for key in keys:
         if isinstance(tree, list):
-            number = next(
-                i for i, entry in enumerate(tree) if key in (str(i), entry.get("name"), entry.get("plugin"))
-            )
+            number = next(i for i, entry in enumerate(tree) if key in (str(i), entry.get("name"), entry.get("plugin")))
             out.append(str(number))
             tree = tree[number]
         else:

@@ -1,4 +1,4 @@
-"""What a config file may hold. Role and sensor tables keep their plugin's own parameters unchecked until it is known."""
+"""What a config file may hold. Tables of roles and sensors carry their plugin's own parameters, unchecked here."""
 
 from __future__ import annotations
 
@@ -271,8 +271,8 @@ class Config(Table):
             if (table.role, table.instance) in taken:
                 raise ValueError(f'two instances of {table.role} are named "{table.instance}": give one a `name`')
             taken.add((table.role, table.instance))
-        for place, table in self.role_tables():
-            for name in table.sensors or ():
+        for place, role_table in self.role_tables():
+            for name in role_table.sensors or ():
                 if name not in sensors:
                     raise ValueError(f'{place}.sensors names "{name}"; sensors are {", ".join(sensors) or "none"}')
         for event in self.event:

@@ -1,4 +1,4 @@
-"""The reference node: from the planner's path to the trajectory every controller follows, and where on it the robot is."""
+"""The reference node: from the planner's path to the trajectory that is followed, and where on it the robot is."""
 
 from __future__ import annotations
 

@@ -18,9 +18,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
     """
 
     def scans(role: str, triggers: bool = False) -> tuple[Input, ...]:
-        return tuple(
-            Input(f"scan.{name}", "platform", name, "new", triggers=triggers) for name in wired.get(role, ())
-        )
+        return tuple(Input(f"scan.{name}", "platform", name, "new", triggers=triggers) for name in wired.get(role, ()))
 
     pose = Input("pose", "localizer", "pose")
     map_sensors = scans("mapper", triggers=True) or (Input("odometry", "platform", "odometry", triggers=True),)

@@ -275,9 +275,9 @@ class GoalMachine:
         pending = seen.gate.pending if seen.gate is not None else ()
         fresh = [entry for entry in pending if entry not in self._pending]
         self._pending = pending
-        if self._selected != ("", "") and seen.selected != self._selected and self.state in ("driving", "planning"):
-            self._ask_plan(active, seen)
-        elif any(entry.startswith("planner ") for entry in fresh) and self.state == "driving":
+        if (
+            self._selected != ("", "") and seen.selected != self._selected and self.state in ("driving", "planning")
+        ) or (any(entry.startswith("planner ") for entry in fresh) and self.state == "driving"):
             self._ask_plan(active, seen)
         elif any(entry.startswith("mapper ") for entry in fresh) and self.rules.scans_on_request:
             if self.state in ("driving", "planning"):

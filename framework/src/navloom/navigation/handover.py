@@ -58,7 +58,9 @@ class HandOverRule:
         nearest = self._memory.nearest(base, way, width, time)
         if self.mode == "when_blocked":
             straight = np.array([(base.x, base.y), way[-1]]) if self.engaged else way
-            if math.isfinite(nearest) or (self.engaged and math.isfinite(self._memory.nearest(base, straight, width, time))):
+            if math.isfinite(nearest) or (
+                self.engaged and math.isfinite(self._memory.nearest(base, straight, width, time))
+            ):
                 self.engaged, self._blocked_at = True, time
             elif self.engaged and time - self._blocked_at >= self.release:
                 self.engaged = False

@@ -81,7 +81,8 @@ def prune(
     if len(path) < 3:
         return path
     candidates = path[_candidates(path)]
-    return candidates[_cheapest_chain(candidates, traversable, resolution, origin[0], origin[1], corner_cost)]
+    kept: Floats = candidates[_cheapest_chain(candidates, traversable, resolution, origin[0], origin[1], corner_cost)]
+    return kept
 
 
 def simplify(points: Floats, tolerance: float) -> Floats:
@@ -99,14 +100,15 @@ def simplify(points: Floats, tolerance: float) -> Floats:
     path = without_repeats(points)
     if len(path) < 3:
         return path
-    return path[_far_points(path, tolerance)]
+    kept: Floats = path[_far_points(path, tolerance)]
+    return kept
 
 
 def without_repeats(points: Floats) -> Floats:
     """A path (n, 2), m, without points that are nearer than 1 µm to the one before; the last one always stays."""
     path = np.ascontiguousarray(points, dtype=np.float64)
     steps = np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1]))
-    kept = path[np.concatenate([[True], steps > _REPEAT])].copy()
+    kept: Floats = path[np.concatenate([[True], steps > _REPEAT])].copy()
     if len(kept) > 1:
         kept[-1] = path[-1]
     return kept

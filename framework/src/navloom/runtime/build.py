@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -190,7 +189,7 @@ def role_nodes(system: System) -> dict[tuple[str, str], Any]:
 
 
 def changed_params(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> Any:
-    """An instance's parameters with some changed, all or nothing. Raises ConfigError naming the one that does not fit."""
+    """An instance's parameters with some changed. Raises ConfigError that names the one that does not fit."""
     import tomllib
 
     part = system.parts[(role, instance)]

@@ -21,9 +21,7 @@ from navloom.runtime.wiring import Instance, Slot, Wire
 __all__ = ["gate_limits", "lockstep_of"]
 
 
-def lockstep_of(
-    system: System, observers: Sequence[Observer] = (), trace: TraceWriter | None = None
-) -> Lockstep:
+def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: TraceWriter | None = None) -> Lockstep:
     """The executor of a system whose plugins are made."""
     period = system.config.run.period
     by_role: dict[str, list[Instance]] = {}
@@ -61,7 +59,9 @@ def _selected(system: System) -> dict[str, str]:
     return {role: system.config.role_table(role).instance for role in ROLE_TABLES if role != "platform"}
 
 
-def _instances(system: System, spec: NodeSpec, own: dict[str, Node], nodes: dict[tuple[str, str], Node]) -> list[Instance]:
+def _instances(
+    system: System, spec: NodeSpec, own: dict[str, Node], nodes: dict[tuple[str, str], Node]
+) -> list[Instance]:
     """Instances of one row of the table, the active one first."""
     robot = system.config.robot
     prefix = f"{robot.realm}/{robot.name}/{spec.role}"

@@ -55,7 +55,7 @@ class TraceWriter:
         if not self._entries:
             return
         self._entries.sort(key=_label)
-        parts = []
+        parts: list[bytes] = []
         for label, data in self._entries:
             parts += (_ENTRY.pack(tick, len(label), len(data)), label, data)
         block = b"".join(parts)

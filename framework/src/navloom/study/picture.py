@@ -59,7 +59,9 @@ class Canvas:
         """A filled or empty polygon."""
         self.pen.polygon(self.pixels(points), fill=fill, outline=outline, width=OVERSAMPLING)
 
-    def disc(self, x: float, y: float, radius: float, fill: tuple[int, int, int] | None, outline: tuple[int, int, int]) -> None:
+    def disc(
+        self, x: float, y: float, radius: float, fill: tuple[int, int, int] | None, outline: tuple[int, int, int]
+    ) -> None:
         """A disc of a radius in m."""
         ((u, v),) = self.pixels(np.array([(x, y)]))
         r = radius * self.scale
@@ -70,15 +72,21 @@ class Canvas:
         ((u, v),) = self.pixels(np.array([(x, y)]))
         self.pen.text((u + 5 * OVERSAMPLING, v - 7 * OVERSAMPLING), text, fill=colour, font=self.font)
 
-    def cells(self, occupied: NDArray[np.bool_], corner: Floats, resolution: float, colour: tuple[int, int, int]) -> None:
+    def cells(
+        self, occupied: NDArray[np.bool_], corner: Floats, resolution: float, colour: tuple[int, int, int]
+    ) -> None:
         """Every true cell of a raster; `corner` is the pose (x, y, heading) of its lower left corner."""
         square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=np.float64)
         for row, col in np.argwhere(occupied):
             self.pen.polygon(self.pixels(transform(corner, (square + (col, row)) * resolution)), fill=colour)
 
-    def grid_lines(self) -> None:
-        """A frame with a tick at every 1, 2, 5, … m."""
+    def frame(self) -> None:
+        """Wipes what lies outside the bounds, and draws a frame with a tick at every 1, 2, 5, … m."""
         x0, y0, x1, y1 = self.bounds
+        (left, low), (right, high) = self.pixels(np.array([(x0, y0), (x1, y1)]))
+        width, height = self.image.size
+        for outside in ((0, 0, left, height), (right, 0, width, height), (0, 0, width, high), (0, low, width, height)):
+            self.pen.rectangle(outside, fill="white")
         step = next(s * 10.0**e for e in range(-1, 5) for s in (1, 2, 5) if max(x1 - x0, y1 - y0) / (s * 10.0**e) < 14)
         self.polygon(np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]), None, GREY)
         for x in np.arange(math.ceil(x0 / step) * step, x1 + 1e-9, step):
@@ -92,7 +100,7 @@ class Canvas:
 
     def legend(self, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> None:
         """Names of colours, in one line above the frame."""
-        u, v = OVERSAMPLING * MARGIN, OVERSAMPLING * MARGIN * 0.35
+        u, v = float(OVERSAMPLING * MARGIN), OVERSAMPLING * MARGIN * 0.35
         for name, colour in entries:
             box = (u, v, u + 14 * OVERSAMPLING, v + 14 * OVERSAMPLING)
             self.pen.rectangle(box, fill=colour)
@@ -124,7 +132,7 @@ def draw_run(episode: Episode) -> Image.Image:
     if system.goal is not None:
         canvas.disc(system.goal.x, system.goal.y, system.goal_tolerance, None, GREEN)
         canvas.text(system.goal.x, system.goal.y, "D")
-    canvas.grid_lines()
+    canvas.frame()
     canvas.legend(
         [("map", BLACK), ("true obstacles", SKY), ("plan", ORANGE), ("trajectory", BLUE), ("driven", VERMILION)]
     )
@@ -153,8 +161,8 @@ def _draw_map(canvas: Canvas, update: MapUpdate) -> None:
     shown = np.zeros(grid.cells.shape, dtype=np.bool_)
     shown[rows[inside], cols[inside]] = True
     canvas.cells(shown, corner, grid.resolution, (205, 205, 205) if len(update.segments) else BLACK)
-    for x1, y1, x2, y2 in update.segments:
-        canvas.line(np.array([(x1, y1), (x2, y2)]), BLACK, 3.0)
+    for ends in update.segments.reshape(-1, 2, 2):
+        canvas.line(ends, BLACK, 3.0)
 
 
 def _draw_world(canvas: Canvas, world: World, height: float, time: float) -> None:

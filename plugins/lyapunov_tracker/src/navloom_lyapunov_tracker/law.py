@@ -9,7 +9,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["TrackingError", "energy", "final_turn", "sinc", "tracking_command", "tracking_error", "turn_direction", "wrap"]
+__all__ = [
+    "TrackingError",
+    "energy",
+    "final_turn",
+    "sinc",
+    "tracking_command",
+    "tracking_error",
+    "turn_direction",
+    "wrap",
+]
 
 
 class TrackingError(NamedTuple):
@@ -88,7 +97,7 @@ def turn_direction(e3: float, turning: int, above: float, until: float) -> int:
 
 
 def final_turn(e3: float, w_max: float) -> float:
-    """Turn rate, rad/s, onto the heading asked for at the goal, where law (6) has no moving reference (not the paper's).
+    """Turn rate, rad/s, onto the heading asked for at the goal, where law (6) has no reference (not the paper's).
 
     Args:
         e3: Heading error, rad in [-π, π).

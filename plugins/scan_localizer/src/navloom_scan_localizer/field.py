@@ -84,7 +84,11 @@ def sample(values, frame, x, y):  # type: ignore[no-untyped-def]
     column, row = np.uint64(u), np.uint64(v)
     a, b = u - np.float64(column), v - np.float64(row)
     right, above = column + np.uint64(1), row + np.uint64(1)
-    corner, lower_right, upper_left = float(values[row, column]), float(values[row, right]), float(values[above, column])
+    corner, lower_right, upper_left = (
+        float(values[row, column]),
+        float(values[row, right]),
+        float(values[above, column]),
+    )
     along, across = lower_right - corner, upper_left - corner
     twist = float(values[above, right]) - lower_right - across
     distance = corner + a * along + b * (across + a * twist)

@@ -50,7 +50,11 @@ def nameless() -> type[Role]:
     return type("Nameless", (Nowhere,), {})
 
 
-@pytest.mark.parametrize("given", [Nowhere.plan, "Nowhere", None, int, Rootless, Role, Planner, nameless()], ids=repr)
+@pytest.mark.parametrize(
+    "given",
+    [Nowhere.plan, "Nowhere", None, int, Rootless, Role, Planner, nameless()],
+    ids=lambda given: getattr(given, "__qualname__", str(given)),
+)
 def test_what_is_not_a_named_class_of_a_role_is_refused(given: Any) -> None:
     with pytest.raises(PluginError, match="expected a subclass of a role"):
         Registry().add(given)

@@ -46,8 +46,6 @@ from pydantic import Field
 QUIET = AvoiderDiagnostics(
     np.empty((0, 0), dtype=np.uint8), 0.0, 0.0, 0.0, np.empty(0), 0.0, np.empty((0, 2)), None, ""
 )
-    np.empty((0, 0), dtype=np.uint8), 0.0, 0.0, 0.0, np.empty(0), 0.0, np.empty((0, 2)), None, ""
-)
 
 
 class Robot(Platform):

@@ -3,6 +3,7 @@
 import heapq
 import math
 import os
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +78,7 @@ def test_the_pose_stays_within_ten_centimetres_over_forty_metres(building, seed,
     poses = way_through(building, 40.0, rng)
     tracker = PoseTracker(Settings(), distance_field(building, CELL, (0.0, 0.0, 0.0), 1.0), poses[0])
     odometry, errors, jumps = np.zeros(3), [], []
-    for before, true in zip(poses, poses[1:], strict=False):
+    for before, true in pairwise(poses):
         odometry = compose(odometry, measured(relative(before, true), calibration, rng))
         tracker.predict(odometry, PERIOD)
         predicted = tracker.pose.copy()

@@ -103,6 +103,19 @@ def test_without_beams_the_prediction_stands():
     assert fused == pytest.approx(WEAK, abs=0.0)
 
 
+def test_one_beam_and_the_prediction_are_weighed_by_their_variances():
+    # The beam says that the robot stands 0.06 m further on, with the variance of OPTIONS, 0.004 m². The prediction has
+    # 0.002 m²: a third of the way. The scale is so wide that the beam counts in full. Variance 1 / (250 + 500).
+    beam = np.array([[5.9 - 3.0 - 0.06, 0.0, 1.0, 0.0]])
+    options, pose, fused = OPTIONS.copy(), np.empty(3), np.empty((3, 3))
+    options[1:3] = 1e4
+    information = np.diag([500.0, 500.0, 1e6])
+    field = distance_field(room(), CELL, (0.0, 0.0, 0.0), 1.0)
+    fit_pose(field.values, field.frame, beam, np.array([3.0, 3.03, 0.0]), information, options, 5, pose, fused)
+    assert pose == pytest.approx([3.02, 3.03, 0.0], abs=1e-6)
+    assert np.linalg.inv(fused)[0, 0] == pytest.approx(1.0 / 750.0, rel=1e-5)
+
+
 def test_in_a_corridor_the_beams_say_nothing_of_the_place_along_it():
     corridor = np.zeros((20, 400), dtype=np.bool_)
     corridor[[0, -1]] = True

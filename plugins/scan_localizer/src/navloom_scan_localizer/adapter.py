@@ -7,10 +7,8 @@ import math
 import numpy as np
 from navloom import (
     Context,
-    InputError,
     Localizer,
     LocalizerInput,
-    OccupancyGrid,
     Odometry,
     Pose2D,
     PoseEstimate,
@@ -19,14 +17,11 @@ from navloom import (
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import beams, matching
-from navloom_scan_localizer.field import DistanceField, distance_field
+from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams
 from navloom_scan_localizer.tracking import PoseTracker
 
 __all__ = ["ScanMatching"]
-
-_MAX_CELLS = 16_000_000
-"""A larger map is refused: its field, with four nodes a cell, would need some gigabytes to be made."""
 
 
 class ScanMatching(Localizer):
@@ -39,7 +34,7 @@ class ScanMatching(Localizer):
 
     def __init__(self, params: ScanMatchingParams, context: Context) -> None:
         super().__init__(params, context)
-        self._field = self._field_of(params)
+        self._field = field_of_map(self.context.map, params)
         self.reset()
 
     def reset(self) -> None:
@@ -50,7 +45,7 @@ class ScanMatching(Localizer):
 
     def configure(self, params: ScanMatchingParams) -> None:
         """Take new parameters and stay where it is."""
-        self._field = self._field_of(params)
+        self._field = field_of_map(self.context.map, params)
         self.params, self._tracker.settings, self._tracker.field = params, params.settings(), self._field
 
     @classmethod
@@ -76,16 +71,3 @@ class ScanMatching(Localizer):
         rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
         given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges)
         return rows[: beams.beam_points(*given, limits, motion, rows)]
-
-    def _field_of(self, params: ScanMatchingParams) -> DistanceField:
-        grid: OccupancyGrid | None = self.context.map
-        if grid is None:
-            raise InputError('scan_matching: got no map, expected one; name it in [map], as in ref = "world"')
-        if not 0 < grid.cells.size <= _MAX_CELLS or not grid.resolution > 0.0:
-            given = f"a map of {grid.cells.shape} cells of {grid.resolution:g} m"
-            raise InputError(f"scan_matching: got {given}, expected 1 to {_MAX_CELLS} cells of more than 0 m")
-        walls = grid.cells >= params.occupied_from
-        if params.unknown_is_wall:
-            walls |= grid.cells < 0
-        origin = (grid.origin.x, grid.origin.y, grid.origin.heading)
-        return distance_field(walls, grid.resolution, origin, 2.0 * params.reach)

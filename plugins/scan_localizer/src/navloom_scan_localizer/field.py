@@ -63,7 +63,8 @@ def _distances(cells: Bools, spacing: float, reach: float) -> Floats:
     for down in range(3):
         for across in range(3):
             covered[down : down + 2 * rows : 2, across : across + 2 * columns : 2] |= cells
-    return np.minimum(distance_transform_edt(~covered, sampling=spacing), reach)
+    distances: Floats = np.minimum(distance_transform_edt(~covered, sampling=spacing), reach)
+    return distances
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -130,10 +130,10 @@ class PoseTracker:
         pose, fused = np.empty(3), np.empty((3, 3))
         field = self.field
         inliers = fit_pose(field.values, field.frame, beams, self.pose, information, options, s.iterations, pose, fused)
-        if inliers < limit:
+        if inliers < limit or not np.isfinite(pose).all():
             return False
         self.inliers = inliers
-        self._move(pose - self.pose, np.linalg.inv(fused))
+        self._move(pose - self.pose, np.linalg.inv(fused).astype(np.float64))
         return True
 
     def _move(self, shift: Floats, covariance: Floats) -> None:

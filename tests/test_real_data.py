@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
-import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom import MapperInput, PlanRequest, Pose2D, PoseTrack, Sweep
+from navloom import PlanRequest, Pose2D
 from navloom import Path as PathFound
-from navloom.config import load_config
+from navloom.cli import main
+from navloom.config import ConfigError, load_config
 from navloom.geometry.shortest import optimal_length
 from navloom.geometry.world import Place, World
 from navloom.roles import PlannerInput
 from navloom.runtime.build import assemble, grid_of, make_plugins
 from navloom.study.episode import run_episode
-from navloom.study.picture import Canvas
 from navloom.study.planning import map_update
+from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 from navloom.worlds.movingai import scenario_place
 from navloom.worlds.rosmap import load_raster, rosmap_world
 from scipy.ndimage import distance_transform_edt
@@ -142,38 +144,45 @@ def test_moving_ai_scenarios_have_the_exact_optimal_length(data: Path, name: str
     assert len(lines) == 50 and worst <= 0.01
 
 
-def real_sweep(data: Path) -> Sweep:
-    """The recorded sweep, in navloom's frames: bearings counter-clockwise, pitch up positive, 2.55° off as recorded."""
-    found = np.load(data / "scan3d" / "pitching_lms200_0.npz")
-    bearings = -np.radians(found["beam_deg"].astype(np.float64))
-    order = np.argsort(bearings)
-    bearings, ranges = bearings[order], found["ranges_m"].astype(np.float64)[:, order]
-    pitches = np.radians(found["pitch_deg"].astype(np.float64) + 2.55)
-    return Sweep(0, 1, ranges, pitches, np.linspace(0.0, 3.0, len(pitches)), bearings, "rigid_pitch",
-                 0.0, 0.0, 0.388, 0.3, float(ranges.max()))  # fmt: skip
+def test_a_real_sweep_is_mapped_without_its_floor(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The floor of this recording scatters by some centimetres: its tolerance is twice the default's.
+    file = data / "scan3d" / "pitching_lms200_0.npz"
+    words = ["map", str(file), "--set", "floor_tolerance=0.12", "--set", "cell=0.1", "--out", str(tmp_path), "--json"]
+    monkeypatch.setattr(sys, "argv", ["navloom", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    result = json.loads(capsys.readouterr().out)
+    assert result["pitch_offset_deg"] == pytest.approx(2.55, abs=0.05)
+    assert result["height_m"] == pytest.approx(0.388, abs=0.005)
+    counts = result["counts"]
+    assert sum(counts.values()) == result["points"] == 226 * 360
+    # 1481 returns are at the scanner's greatest number, 1973 are nearer than 0.3 m: counted in the file itself.
+    assert (counts["beyond_max"], counts["below_min"]) == (1481, 1973)
+    assert counts["floor"] > 15_000
+    assert (tmp_path / "map.png").stat().st_size > 5000 and (tmp_path / "map.yaml").exists()
 
 
-def test_a_real_sweep_is_mapped_without_its_floor(data: Path, tmp_path: Path) -> None:
-    sweep = real_sweep(data)
-    # The recorded pitch is off by 2.55° and the sensor stands 0.388 m high (both read off the floor); the floor
-    # scatters by some centimetres, so its tolerance is twice the default's.
-    overrides = ["mapper.floor_tolerance=0.12", "mapper.cell=0.1", "mapper.extent=[-6.0,-8.0,14.0,8.0]"]
-    system = assemble(load_config("paper", overrides))
-    make_plugins(system)
-    mapper = system.plugin("mapper", "ipabd")
-    track = PoseTrack(np.array([0, 4_000_000_000]), np.zeros((2, 3)))
-    update = mapper.update(MapperInput(4_000_000_000, (sweep,), (), track))  # type: ignore[attr-defined]
-    counts = {count.name: count.value for count in update.counts}
-    assert sum(counts.values()) == sweep.ranges.size == 226 * 360
-    assert counts["floor"] > 5000 and counts["beyond_max"] > 1000 and counts["below_min"] > 1000
-    # A corridor: walls on both sides, nothing on the floor between them for the first two metres.
-    middle = np.abs(update.segments.reshape(-1, 2)[:, 1]) < 0.5
-    ahead = update.segments.reshape(-1, 2)[:, 0]
-    assert not (middle & (ahead > 0.5) & (ahead < 2.0)).any()
-    canvas = Canvas((-6.0, -8.0, 14.0, 8.0))
-    for x1, y1, x2, y2 in update.segments:
-        canvas.line(np.array([(x1, y1), (x2, y2)]), (0, 0, 0), 2.0)
-    canvas.frame()
-    picture = Path(os.environ.get("NAVLOOM_PICTURES", tmp_path)) / "real_sweep.png"
-    canvas.finished().save(picture)
-    assert picture.stat().st_size > 5000
+def test_the_floor_between_the_walls_of_the_real_corridor_is_free(data: Path) -> None:
+    recording = read_recording(data / "scan3d" / "pitching_lms200_0.npz")
+    mapped = map_sweep(sweep_of(recording, *find_floor(recording)), changes=["floor_tolerance=0.12", "cell=0.1"])
+    ends = mapped.update.segments.reshape(-1, 2)
+    between = (np.abs(ends[:, 1]) < 0.6) & (ends[:, 0] > 0.3) & (ends[:, 0] < 5.0)
+    assert not between.any()
+
+
+def test_a_damaged_recording_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.npz"
+    with pytest.raises(ConfigError, match="there is no such file"):
+        read_recording(path)
+    path.write_bytes(b"PK nonsense")
+    with pytest.raises(ConfigError, match="not an .npz of arrays"):
+        read_recording(path)
+    np.savez(path, ranges_m=np.ones((3, 4)), pitch_deg=np.ones(3), beam_deg=np.ones(5))
+    with pytest.raises(ConfigError, match=r"beam_deg \(5,\)"):
+        read_recording(path)
+    np.savez(path, ranges_m=np.ones((3, 4)))
+    with pytest.raises(ConfigError, match="expected ranges_m, pitch_deg and beam_deg"):
+        read_recording(path)

@@ -43,9 +43,10 @@ def test_gradient_points_away_from_the_wall_in_the_map_frame():
     assert (distance, gx, gy) == pytest.approx((0.22, 0.0, 1.0), abs=1e-5)
 
 
-@given(st.floats(-math.pi, math.pi), st.floats(0.02, 0.25), st.floats(0.0, 1.0))
+@given(st.floats(-math.pi, math.pi), st.floats(0.02, 0.25), st.floats(0.05, 0.95))
 def test_gradient_turns_with_the_raster(heading, away, share):
-    # Off the square's right side the gradient is the raster's x axis, and off its upper side the y axis.
+    # Off the square's right side the gradient is the raster's x axis, and off its upper side the y axis. Past the
+    # side's ends the nearest point is a corner: the gradient turns there.
     field, c, s = one_square((1.0, 2.0, heading)), math.cos(heading), math.sin(heading)
     for x, y, expected in ((0.4 + away, 0.4 + 0.1 * share, (c, s)), (0.3 + 0.1 * share, 0.5 + away, (-s, c))):
         distance, gx, gy, _ = sample(field.values, field.frame, 1.0 + c * x - s * y, 2.0 + s * x + c * y)

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from navloom.cli import config, graph, plan, plugins, run, worlds
+from navloom.cli import config, graph, map, plan, plugins, run, worlds
 
 __all__ = ["app", "main"]
 
@@ -19,6 +19,7 @@ app = typer.Typer(
 )
 app.command("run")(run.run)
 app.command("plan")(plan.plan)
+app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)

@@ -15,7 +15,7 @@ from navloom.geometry.world import Box, World
 from navloom.messages import MapUpdate
 from navloom.study.episode import Episode
 
-__all__ = ["Canvas", "draw_run"]
+__all__ = ["Canvas", "draw_map_update", "draw_run"]
 
 Floats = NDArray[np.float64]
 WIDTH, OVERSAMPLING, MARGIN = 1100, 2, 60
@@ -23,6 +23,9 @@ WIDTH, OVERSAMPLING, MARGIN = 1100, 2, 60
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, GREY = (
     (30, 30, 30), (230, 159, 0), (86, 180, 233), (0, 158, 115), (0, 114, 178), (213, 94, 0), (150, 150, 150)
 )  # fmt: skip
+
+
+CELLS = (205, 205, 205)
 
 
 class Canvas:
@@ -113,6 +116,21 @@ class Canvas:
         return self.image.resize(size, Image.Resampling.LANCZOS)
 
 
+def draw_map_update(update: MapUpdate) -> Image.Image:
+    """A map alone: its cells grey, its segments black, the origin of the map frame marked."""
+    grid = update.grid
+    rows, cols = grid.cells.shape
+    corners = np.array([(0, 0), (cols, 0), (cols, rows), (0, rows)], dtype=np.float64) * grid.resolution
+    outline = transform(np.array([grid.origin.x, grid.origin.y, grid.origin.heading]), corners)
+    (x0, y0), (x1, y1) = outline.min(axis=0), outline.max(axis=0)
+    canvas = Canvas((float(x0), float(y0), float(x1), float(y1)))
+    _draw_map(canvas, update)
+    canvas.disc(0.0, 0.0, 0.01 * (x1 - x0), GREEN, BLACK)
+    canvas.frame()
+    canvas.legend([("segments", BLACK), ("occupied cells", CELLS), ("sensor", GREEN)])
+    return canvas.finished()
+
+
 def draw_run(episode: Episode) -> Image.Image:
     """Map, plan, trajectory and true way of a finished run, with start, goal and the world's own obstacles."""
     recorder, system = episode.recorder, episode.system
@@ -160,7 +178,7 @@ def _draw_map(canvas: Canvas, update: MapUpdate) -> None:
     inside = (centres[:, 0] > x0) & (centres[:, 0] < x1) & (centres[:, 1] > y0) & (centres[:, 1] < y1)
     shown = np.zeros(grid.cells.shape, dtype=np.bool_)
     shown[rows[inside], cols[inside]] = True
-    canvas.cells(shown, corner, grid.resolution, (205, 205, 205) if len(update.segments) else BLACK)
+    canvas.cells(shown, corner, grid.resolution, CELLS if len(update.segments) else BLACK)
     for ends in update.segments.reshape(-1, 2, 2):
         canvas.line(ends, BLACK, 3.0)
 

@@ -1,0 +1,165 @@
+"""Recorded sweeps of pitched lasers, and the map one mapper makes of one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.config import ConfigError, check_params
+from navloom.config.loader import parse_override
+from navloom.dataflow.streams import stream_source
+from navloom.geometry.footprints import rectangle
+from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
+from navloom.plugins import Discovery
+from navloom.roles import Context, Mapper, MapperInput, RobotSpec
+
+__all__ = ["MappedSweep", "Recording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
+
+Floats = NDArray[np.float64]
+FRAME_TIME = 0.0133
+"""s between frames where the file does not say: 75 frames a second."""
+SMALLEST = 0.3
+"""Shorter ranges are not looked at when the floor is sought, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One sweep as recorded.
+
+    Attributes:
+        ranges: (frames, beams) m.
+        pitches: (frames,) rad, up positive.
+        bearings: (beams,) rad, rising, counter-clockwise in the scan plane.
+        range_max: Greatest number the scanner gives, m; it stands for no return.
+    """
+
+    ranges: Floats
+    pitches: Floats
+    bearings: Floats
+    range_max: float
+
+
+@dataclass(frozen=True, eq=False)
+class MappedSweep:
+    """What became of a recording: the sweep as handed in, the map, and how long the mapper took, ms."""
+
+    sweep: Sweep
+    update: MapUpdate
+    mapper_ms: float
+
+    def counts(self) -> dict[str, int]:
+        """Points by what became of them; they sum to the points given."""
+        return {count.name: count.value for count in self.update.counts}
+
+
+def read_recording(path: Path) -> Recording:
+    """Read an .npz with `ranges_m` (frames, beams), `pitch_deg` (frames,) and `beam_deg` (beams,), right positive.
+
+    Raises:
+        ConfigError: Missing, damaged, or arrays that do not fit each other.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            arrays = {name: found[name].astype(np.float64) for name in ("ranges_m", "pitch_deg", "beam_deg")}
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: there is no such file") from None
+    except KeyError as error:
+        raise ConfigError(f"{path}: {error.args[0]}; expected ranges_m, pitch_deg and beam_deg") from None
+    except Exception as error:
+        raise ConfigError(f"{path}: not an .npz of arrays: {error}") from None
+    ranges, pitches, beams = arrays["ranges_m"], arrays["pitch_deg"], arrays["beam_deg"]
+    if ranges.ndim != 2 or ranges.shape != (*pitches.shape, *beams.shape) or not ranges.size:
+        raise ConfigError(
+            f"{path}: ranges_m is {ranges.shape}, pitch_deg {pitches.shape}, beam_deg {beams.shape}; "
+            "expected (frames, beams), (frames,) and (beams,)"
+        )
+    bearings = -np.radians(beams)
+    order = np.argsort(bearings)
+    return Recording(ranges[:, order], np.radians(pitches), bearings[order], float(ranges[np.isfinite(ranges)].max()))
+
+
+def find_floor(recording: Recording) -> tuple[float, float]:
+    """How the pitch is zeroed and how high the sensor stands, read off the floor itself.
+
+    In rings of 0.25 m ahead, the most frequent height below the sensor is the floor's; a line through them gives the
+    height under the sensor, and its slope is the zero offset of the pitch.
+
+    Returns:
+        Offset to add to the pitches, rad, and height of the sensor above the floor, m.
+
+    Raises:
+        ConfigError: No floor in at least three rings.
+    """
+    alpha, beta = recording.pitches[:, None], recording.bearings[None, :]
+    forward = recording.ranges * np.cos(beta)
+    x, y, z = forward * np.cos(alpha), recording.ranges * np.sin(beta) + 0.0 * alpha, forward * np.sin(alpha)
+    usable = (recording.ranges > SMALLEST) & (recording.ranges < recording.range_max) & (np.abs(y) < 0.8)
+    rings, heights = [], []
+    for ring in np.arange(0.25, 3.5, 0.25):
+        inside = usable & (x >= ring) & (x < ring + 0.25)
+        numbers, edges = np.histogram(z[inside], bins=np.arange(-1.5, -0.2, 0.01))
+        if numbers.max() >= 10:
+            rings.append(ring + 0.125)
+            heights.append(edges[numbers.argmax()] + 0.005)
+    if len(rings) < 3:
+        raise ConfigError("no floor is seen near the sensor; give --pitch-offset and --height")
+    slope, under = np.polyfit(rings, heights, 1)
+    return math.atan(-slope), -float(under)
+
+
+def sweep_of(recording: Recording, pitch_offset: float, height: float) -> Sweep:
+    """The message a mapper is given: a planar laser pitched as a whole, `height` m above the floor."""
+    frames = len(recording.pitches)
+    try:
+        return Sweep(
+            0,
+            1,
+            recording.ranges,
+            recording.pitches + pitch_offset,
+            np.arange(frames, dtype=np.float64) * FRAME_TIME,
+            recording.bearings,
+            "rigid_pitch",
+            0.0,
+            0.0,
+            height,
+            SMALLEST,
+            recording.range_max,
+        )
+    except MessageError as error:
+        raise ConfigError(str(error)) from None
+
+
+def map_sweep(
+    sweep: Sweep, *, mapper: str = "ipabd", changes: Sequence[str] = (), discovery: Discovery | None = None
+) -> MappedSweep:
+    """Hand one sweep, taken at standstill at the origin, to a mapper plugin.
+
+    Args:
+        sweep: The sweep.
+        mapper: Name of the plugin.
+        changes: Its parameters as `key=value`.
+
+    Raises:
+        ConfigError, PluginError: The request is wrong; InputError: the mapper cannot use the sweep.
+    """
+    cls = (discovery or Discovery()).role("mapper", mapper)
+    assert issubclass(cls, Mapper)
+    params: Any = check_params(cls.Params, dict(map(parse_override, changes)), "--set")
+    robot = RobotSpec(rectangle(0.8, 0.8), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
+    cls.warm_up()
+    plugin = cls(params, Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0)))
+    end_ns = round(float(sweep.frame_times.max()) * 1e9)
+    track = PoseTrack(np.array([0, end_ns + 1]), np.zeros((2, 3)))
+    before = perf_counter_ns()
+    update = plugin.update(MapperInput(end_ns, (sweep,), (), track))
+    spent = (perf_counter_ns() - before) * 1e-6
+    if update is None:
+        raise ConfigError(f"mapper {mapper} makes no map of a sweep")
+    return MappedSweep(sweep, update, spent)

@@ -107,7 +107,7 @@ def test_a_beam_is_moved_along_the_arc():
     motion = np.array([1.0, 0.0, 0.5 * math.pi, -1.0])
     assert beam_points(np.zeros((1, 2)), one, one, one, np.ones(1), np.array([0.0, 9.0, 0.0]), motion, beams) == 1
     radius = 2.0 / math.pi
-    # The base then stood at (-r, -r)... seen from the base now, and looked to the right of what is now ahead.
+    # Seen from the base now, it then stood at (-r, r) and looked to the right; the beam ends 1 m further to the right.
     assert beams[0] == pytest.approx([-radius, radius - 1.0, 0.0, -1.0], abs=1e-12)
 
 

@@ -11,7 +11,9 @@ README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
 def test_every_parameter_is_listed_with_its_default():
-    rows = re.findall(r"^\| `(\w+)` \| (\S+) \|", README, re.MULTILINE)
+    rows = re.findall(
+        r"^\| `(\w+)` \| (\S+) \|", README.partition("## Parameters")[2].partition("## Measured")[0], re.MULTILINE
+    )
     listed = {name: {"true": True, "false": False}.get(text) if text.isalpha() else float(text) for name, text in rows}
     assert listed == ScanMatchingParams().model_dump()
 

@@ -43,6 +43,11 @@ class AstarParams(Params):
         "circumscribed", description="radius of the disc, m, or that of the footprint"
     )
     inflation_margin: float = Field(0.0, ge=0.0, description="added to the radius, m")
+    squeeze_margin: float | None = Field(
+        0.05,
+        ge=0.0,
+        description="where metres leave no way: passages this much wider than the inscribed disc, m; none: never",
+    )
     escape_start: float | None = Field(
         None, ge=0.0, description="longest way out of the inflation, m; default: 1.5 times its reach and a cell"
     )
@@ -73,5 +78,6 @@ class AstarParams(Params):
             radius=radius + self.inflation_margin,
             unknown=self.unknown,
             unknown_cost=self.unknown_cost,
+            squeeze=None if self.squeeze_margin is None else inscribed_radius(footprint) + self.squeeze_margin,
             escape=self.escape_start,
         )

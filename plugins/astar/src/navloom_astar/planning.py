@@ -23,6 +23,10 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 _OUT_OF_A_CORNER = 1.5
 """The way out of the inflation of a corner is sqrt(2) times as long as out of that of a wall, and cells are coarse."""
+_SQUEEZE_COST = 3
+"""A metre through a passage narrower than the inflation counts as this many more."""
+_SMOOTHING_CELLS = 3
+"""How far beside its way through such a passage the robot may be, cells."""
 FailureKind = Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
 
 
@@ -41,6 +45,7 @@ class Settings:
         radius: Of the disc of "metres", m.
         unknown: What is not known is free, an obstacle, or costs `unknown_cost` times its length on top.
         unknown_cost: No unit; rounded to eighths, up to 31.
+        squeeze: Smaller radius of "metres" for passages to be taken where there is no other way, m; None: never.
         escape: Longest way out of the inflation from the start, m; None: 1.5 times the reach of the inflation and a
             cell.
     """
@@ -56,6 +61,7 @@ class Settings:
     radius: float = 0.0
     unknown: Literal["free", "blocked", "cost"] = "free"
     unknown_cost: float = 1.0
+    squeeze: float | None = None
     escape: float | None = None
 
 
@@ -140,51 +146,96 @@ class GridPlanner:
                 return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for cells of {use.cell:g} m")
         else:
             grid = grid_of_cells(given, use.occupied_from)
-        reach = self._reach(grid.resolution, on_segments)
         occupied = grid.occupied | grid.unknown if use.unknown == "blocked" else grid.occupied
-        traversable = ~inflation.grow(occupied, reach)
         ends = _ends(grid, start, goal)
         if isinstance(ends, Failure):
             return ends
-        if not traversable[ends[1]]:
-            return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(occupied, ends[1])}")
-        way = [ends[0]]
-        if not traversable[ends[0]]:
-            away = _OUT_OF_A_CORNER * (float(reach[0]) + 1.0) * grid.resolution if use.escape is None else use.escape
-            found = None if occupied[ends[0]] else way_out(occupied, traversable, *ends, away / grid.resolution)
+        reach = self._reach(grid.resolution, on_segments)
+        traversable = ~inflation.grow(occupied, reach)
+        answer = self._attempt(grid, occupied, traversable, reach, ends, (start, goal))
+        chosen = self._inflation(on_segments)
+        if isinstance(answer, Failure) and chosen == "metres" and use.squeeze is not None and use.squeeze < use.radius:
+            reach = inflation.disc_reach(use.squeeze / grid.resolution)
+            wide, traversable = traversable, ~inflation.grow(occupied, reach)
+            squeezed = self._attempt(grid, occupied, traversable, reach, ends, (start, goal), wide)
+            answer = answer if isinstance(squeezed, Failure) else squeezed
+        return answer
+
+    def _attempt(
+        self,
+        grid: PlanningGrid,
+        occupied: Bools,
+        traversable: Bools,
+        reach: NDArray[np.int32],
+        cells: tuple[Cell, Cell],
+        ends: tuple[Spot, Spot],
+        wide: Bools | None = None,
+    ) -> Found | Failure:
+        """A path within one inflation; `wide` is where it should keep to if it can."""
+        start, goal = ends
+        if not traversable[cells[1]]:
+            return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(occupied, cells[1])}")
+        way = [cells[0]]
+        if not traversable[cells[0]]:
+            away = _OUT_OF_A_CORNER * (float(reach[0]) + 1.0) * grid.resolution
+            away = away if self.settings.escape is None else self.settings.escape
+            found = None if occupied[cells[0]] else way_out(occupied, traversable, *cells, away / grid.resolution)
             if found is None:
-                return StartOccupied(start, f"the start {_at(start)} is {_where(occupied, ends[0])}")
+                return StartOccupied(start, f"the start {_at(start)} is {_where(occupied, cells[0])}")
             way = found
-        return self._connect(grid, traversable, way, ends[1], (start, goal))
+        return self._connect(grid, traversable, way, cells[1], ends, wide)
+
+    def _inflation(self, on_segments: bool) -> str:
+        chosen = self.settings.inflation
+        return ("cells" if on_segments else "metres") if chosen == "auto" else chosen
 
     def _reach(self, resolution: float, on_segments: bool) -> NDArray[np.int32]:
-        use = self.settings
-        chosen = ("cells" if on_segments else "metres") if use.inflation == "auto" else use.inflation
+        use, chosen = self.settings, self._inflation(on_segments)
         if chosen == "cells":
             return inflation.square_reach(use.dilation_cells)
         return inflation.disc_reach(use.radius / resolution if chosen == "metres" else 0.0)
 
     def _connect(
-        self, grid: PlanningGrid, traversable: Bools, way: list[Cell], goal: Cell, ends: tuple[Spot, Spot]
+        self,
+        grid: PlanningGrid,
+        traversable: Bools,
+        way: list[Cell],
+        goal: Cell,
+        ends: tuple[Spot, Spot],
+        wide: Bools | None,
     ) -> Found | Failure:
         """The search from the last cell of a way out of the inflation."""
         if self._search is None or self._search.shape != traversable.shape:
             self._search = GridSearch(traversable.shape)
-        extra = None
-        if self.settings.unknown == "cost" and grid.unknown.any():
-            units = min(255, round(self.settings.unknown_cost * EXTRA_UNIT))
-            extra = np.where(grid.unknown, np.uint8(units), np.uint8(0))
-        answer = self._search.shortest(traversable, way[-1], goal, extra)
+        answer = self._search.shortest(traversable, way[-1], goal, self._extra(grid, wide))
         if isinstance(answer, Closed):
             x, y = grid.centres(np.array([answer.nearest]))[0].tolist()
             gap = math.dist((x, y), ends[1])
             return NoPath((x, y), f"closed: the nearest the start is connected with is {_at((x, y))}, {gap:.2f} m "
                           f"from the goal {_at(ends[1])}")  # fmt: skip
+        if wide is not None:
+            traversable = wide | (traversable & _near(answer.cells, traversable.shape))
         _open_way(traversable, way)
         cells = np.concatenate([np.array(way[:-1], dtype=np.int64).reshape(-1, 2), answer.cells])
         points = np.concatenate([grid.centres(cells[:1]), grid.centres(cells)])[-max(2, len(cells)) :]
         points[0], points[-1] = ends
         return Found(points, float(np.hypot(*np.diff(points, axis=0).T).sum()), traversable, grid)
+
+    def _extra(self, grid: PlanningGrid, wide: Bools | None) -> NDArray[np.uint8] | None:
+        """What the ground costs besides its length, in parts of `EXTRA_UNIT`; None where nothing does."""
+        extra = np.zeros(grid.occupied.shape, dtype=np.uint8)
+        if self.settings.unknown == "cost":
+            extra[grid.unknown] = min(255, round(self.settings.unknown_cost * EXTRA_UNIT))
+        if wide is not None:
+            extra[~wide] = _SQUEEZE_COST * EXTRA_UNIT
+        return extra if extra.any() else None
+
+
+def _near(cells: NDArray[np.int64], shape: tuple[int, ...]) -> Bools:
+    """The surroundings of a way, for the framework to smooth it in."""
+    on_way = np.zeros(shape, dtype=np.bool_)
+    on_way[cells[:, 0], cells[:, 1]] = True
+    return inflation.grow(on_way, inflation.square_reach(_SMOOTHING_CELLS))
 
 
 def _ends(grid: PlanningGrid, start: Spot, goal: Spot) -> tuple[Cell, Cell] | Failure:

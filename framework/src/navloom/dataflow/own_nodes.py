@@ -32,12 +32,17 @@ class GoalNode:
         self.machine = machine
         self.fault = ""
         self._answer: Path | PlanFailure | None = None
+        self._selection: Selection | None = None
+        self._selected = ("", "")
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         for answer in (given["path"], given["failure"]):
             if answer is not None and (self._answer is None or answer.request_id > self._answer.request_id):
                 self._answer = answer
         steps: Sequence[RecoveryStep] = given["recovery"]
+        if given["selection"] is not self._selection:
+            self._selection = given["selection"]
+            self._selected = _instances(self._selection)
         seen = Seen(
             tick.number,
             tick.time,
@@ -50,7 +55,7 @@ class GoalNode:
             steps[-1] if steps else None,
             given["gate"],
             given["reference"],
-            _instances(given["selection"]),
+            self._selected,
         )
         for request in given["request"]:
             if request.do == "goal":

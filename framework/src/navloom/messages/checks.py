@@ -116,22 +116,31 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     dtype = np.dtype(spec.dtype)
     named = tuple(enumerate(spec.shape))
     is_float = dtype.kind == "f"
+    # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
+    known: list[NDArray[Any] | None] = [None, None]
 
     def check(name: str, value: Any, sizes: dict[str, int]) -> NDArray[Any]:
+        if value is not None and (value is known[0] or value is known[1]):
+            compare_sizes(name, value.shape, sizes)
+            return value  # type: ignore[no-any-return]
         if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != len(named):
             raise MessageError(f"{cls}.{name}: got {_describe(value)}, expected {spec.dtype} of shape {spec.shape}")
-        shape = value.shape
-        for axis, size in named:
-            wanted = sizes.setdefault(size, shape[axis]) if isinstance(size, str) else size
-            if shape[axis] != wanted:
-                raise MessageError(f"{cls}.{name}: got shape {shape}, expected {spec.shape}, with {size} = {wanted}")
+        compare_sizes(name, value.shape, sizes)
         held: NDArray[Any] = value
         if not _is_frozen(held):
             held = held.copy()
             held.flags.writeable = False
         if is_float and held.size:
             _refuse_bad_numbers(cls, name, held, spec)
+        if held is value and held.size <= _BY_DOT:
+            known[1], known[0] = known[0], held
         return held
+
+    def compare_sizes(name: str, shape: tuple[int, ...], sizes: dict[str, int]) -> None:
+        for axis, size in named:
+            wanted = sizes.setdefault(size, shape[axis]) if isinstance(size, str) else size
+            if shape[axis] != wanted:
+                raise MessageError(f"{cls}.{name}: got shape {shape}, expected {spec.shape}, with {size} = {wanted}")
 
     return check
 

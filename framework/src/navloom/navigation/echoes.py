@@ -51,7 +51,7 @@ class EchoMemory:
         return float(_nearest(self._points, self._cursor, base.x, base.y, way, half_width, time - self.keep))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _add(
     points: Floats, cursor: NDArray[np.int64], origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats,
     range_max: float, x: float, y: float, heading: float, spread: float, time: float,
@@ -82,14 +82,17 @@ def _add(
 def _nearest(
     points: Floats, cursor: NDArray[np.int64], x: float, y: float, way: Floats, half_width: float, since: float
 ) -> float:
-    best = math.inf
+    best, reach = math.inf, 0.0
+    for k in range(way.shape[0]):
+        reach = max(reach, math.hypot(way[k, 0] - x, way[k, 1] - y))
+    reach += half_width
     capacity = points.shape[0]
     for age in range(1, cursor[1] + 1):
         row = (cursor[0] - age) % capacity
         if points[row, 2] < since:
             break
         distance = math.hypot(points[row, 0] - x, points[row, 1] - y)
-        if distance < best and _is_within(points[row, 0], points[row, 1], way, half_width):
+        if distance < min(best, reach) and _is_within(points[row, 0], points[row, 1], way, half_width):
             best = distance
     return best
 

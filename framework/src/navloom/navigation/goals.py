@@ -1,4 +1,4 @@
-"""The goal's state machine: from a request to a typed result. Pure: it is told what happened and says what to ask for."""
+"""The goal's state machine: from a request to a typed result. Pure: told what happened, it says what to ask for."""
 
 from __future__ import annotations
 
@@ -279,10 +279,13 @@ class GoalMachine:
             self._selected != ("", "") and seen.selected != self._selected and self.state in ("driving", "planning")
         ) or (any(entry.startswith("planner ") for entry in fresh) and self.state == "driving"):
             self._ask_plan(active, seen)
-        elif any(entry.startswith("mapper ") for entry in fresh) and self.rules.scans_on_request:
-            if self.state in ("driving", "planning"):
-                self._has_scanned = False
-                self._need_map(seen)
+        elif (
+            any(entry.startswith("mapper ") for entry in fresh)
+            and self.rules.scans_on_request
+            and self.state in ("driving", "planning")
+        ):
+            self._has_scanned = False
+            self._need_map(seen)
         self._selected = seen.selected
 
     def _finish(self, outcome: str, reason: str, seen: Seen, place: Point2D | None = None) -> None:

@@ -75,7 +75,7 @@ def point_at(samples: Floats, progress: float) -> tuple[float, float]:
 
 
 def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2) -> Floats:
-    """(k, 2) points of a trajectory (n, 6) from one arc length on, m: about `step` apart, the last one `length` further.
+    """(k, 2) points, m, of a trajectory (n, 6) from an arc length on: about `step` apart, the last `length` further.
 
     Read-only. At the end of the trajectory fewer are left, but always one.
     """
@@ -87,7 +87,7 @@ def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2
 @njit(cache=True, nogil=True, error_model="numpy")
 def _way_ahead(samples, progress, length, step):  # type: ignore[no-untyped-def]
     end = min(progress + length, samples[-1, 0])
-    count = max(1, int(math.ceil((end - progress) / step - 1e-9)) + 1) if end > progress else 1
+    count = max(1, math.ceil((end - progress) / step - 1e-9) + 1) if end > progress else 1
     points = np.empty((count, 2))
     for k in range(count):
         s = progress if count == 1 else progress + (end - progress) * k / (count - 1)

@@ -124,9 +124,11 @@ def test_a_plugin_that_breaks_on_import_is_fatal_only_if_used(
 
 
 def test_a_goal_that_only_the_robots_map_says_is_occupied_is_rejected(navloom: Navloom) -> None:
-    # (0.0, 8.8) is free in the true world for the disc, but within two cells of the mapped back wall.
-    code, _, _ = navloom("run", "paper", "--set", "navigation.goal.y=8.75", "--set", "world.ref=paper_gates")
-    assert code == 1
+    # The robot's disc fits at (-2.4, 4.6) in the true world, but that is within two cells of the mapped gate wall.
+    code, said, _ = navloom("run", "paper", "--set", "navigation.goal={x=-2.4,y=4.6}", "--json")
+    result = json.loads(said)
+    assert (code, result["outcome"]) == (1, "rejected")
+    assert result["reason"].startswith("goal_occupied: the goal (-2.40, 4.60)")
 
 
 def test_negative_coordinates_parse(navloom: Navloom) -> None:

@@ -9,7 +9,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from navloom.config import load_config
+from navloom.runtime.build import assemble, make_plugins
+from navloom.runtime.executor import lockstep_of
 from navloom.study.episode import Episode
+from numba.core.event import install_recorder
 
 Run = Callable[..., Episode]
 SHORT = "run.stop_after=12.0"
@@ -48,3 +52,12 @@ def test_a_changed_gain_changes_it(paper: Run) -> None:
 
 def test_a_shadow_does_not(paper: Run) -> None:
     assert trace(paper) == trace(paper, SHADOW)
+
+
+def test_no_control_tick_compiles() -> None:
+    system = assemble(load_config("paper"))
+    make_plugins(system)
+    executor = lockstep_of(system)
+    with install_recorder("numba:compile") as recorded:
+        executor.run(700)
+    assert recorded.buffer == []

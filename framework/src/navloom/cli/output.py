@@ -49,9 +49,16 @@ def shown(value: Any) -> str:
 
 @contextmanager
 def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, float], None]]]:
-    """Progress on standard error: what is being prepared, then how far the run is. Silent where nobody looks."""
+    """Progress on standard error: what is being prepared, then how far the run is; one line where nobody looks."""
     if quiet or not sys.stderr.isatty():
-        yield (lambda text: None), (lambda done, total: None)
+        told: list[str] = []
+
+        def tell_once(text: str) -> None:
+            if not told:
+                told.append(text)
+                print("navloom: preparing; the first run compiles kernels, later ones load them", file=sys.stderr)
+
+        yield tell_once, (lambda done, total: None)
         return
     from rich.console import Console
     from rich.progress import Progress

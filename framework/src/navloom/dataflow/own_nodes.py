@@ -89,7 +89,6 @@ class GateNode:
         self.selected = dict(selected)
         self.is_warm = is_warm
         self.epoch = 0
-        self.swaps = 0
         self._pending: dict[str, str] = {}
         self._status: GateStatus | None = None
         self._required: tuple[str, ...] | None = None
@@ -120,7 +119,6 @@ class GateNode:
         warm = [role for role, name in self._pending.items() if self.is_warm(role, name)]
         for role in warm:
             self.selected[role] = self._pending.pop(role)
-            self.swaps += 1
         self.epoch += bool(warm)
         return bool(warm)
 

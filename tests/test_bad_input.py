@@ -166,3 +166,10 @@ def test_an_empty_sweep_is_refused_by_the_mapper() -> None:
     track = PoseTrack(np.zeros(1, dtype=np.int64), np.zeros((1, 3)))
     with pytest.raises(InputError, match="sweep"):
         mapper.update(MapperInput(0, (sweep(np.empty((0, 4))),), (), track))  # type: ignore[attr-defined]
+
+
+def test_a_result_folder_that_cannot_be_made_is_refused(navloom: Navloom, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", "utf-8")
+    code, said, error = navloom("run", "paper", "--out", str(tmp_path / "file" / "out"))
+    assert code == 2 and said == ""
+    assert "cannot be written: Not a directory; name a folder" in error

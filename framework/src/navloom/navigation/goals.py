@@ -174,7 +174,8 @@ class GoalMachine:
                 self._finish("no_path", f"the planner gave no answer within {self.rules.plan_timeout:g} s", seen)
         elif isinstance(answer, PlanFailure):
             outcome = "rejected" if answer.kind in REJECTING else "no_path"
-            self._finish(outcome, f"{answer.kind}: {answer.detail}", seen, answer.place)
+            reason = answer.detail if answer.kind == outcome else f"{answer.kind}: {answer.detail}"
+            self._finish(outcome, reason, seen, answer.place)
         else:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"

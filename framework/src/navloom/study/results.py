@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
+from navloom.config import ConfigError
 from navloom.study.episode import Episode
 
 __all__ = ["ResultFolder"]
@@ -28,8 +29,11 @@ class ResultFolder:
     def __enter__(self) -> ResultFolder:
         if self.folder is not None:
             self._made = not self.folder.exists()
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self.trace = self._draft("trace.bin").open("wb")
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                self.trace = self._draft("trace.bin").open("wb")
+            except OSError as error:
+                raise ConfigError(f"--out {self.folder}: cannot be written: {error.strerror}; name a folder") from None
         return self
 
     def keep(self, episode: Episode, summary: dict[str, Any]) -> None:

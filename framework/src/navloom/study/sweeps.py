@@ -73,7 +73,10 @@ def read_recording(path: Path) -> Recording:
     except KeyError as error:
         raise ConfigError(f"{path}: {error.args[0]}; expected ranges_m, pitch_deg and beam_deg") from None
     except Exception as error:
-        raise ConfigError(f"{path}: not an .npz of arrays: {error}") from None
+        # Whatever a damaged or foreign file makes the reader say, its advice to trust the file is not ours.
+        raise ConfigError(
+            f"{path}: not an .npz of arrays ({type(error).__name__}); expected ranges_m, pitch_deg and beam_deg"
+        ) from None
     ranges, pitches, beams = arrays["ranges_m"], arrays["pitch_deg"], arrays["beam_deg"]
     if ranges.ndim != 2 or ranges.shape != (*pitches.shape, *beams.shape) or not ranges.size:
         raise ConfigError(

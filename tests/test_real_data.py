@@ -52,7 +52,6 @@ inflation_margin = 0.05
 [navigation]
 start = {{ x = {x}, y = {y}, heading_deg = {heading} }}
 goal = {{ x = {gx}, y = {gy} }}
-corridor_margin = 0.04
 """
 BUILDINGS = {"willow_full_0.1.yaml": 30.0, "aws_small_house.yaml": 8.0}
 """Maps and the least length of an optimal path, m."""

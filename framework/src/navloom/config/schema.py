@@ -145,7 +145,7 @@ class NavigationTable(Table):
     speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="m/s, of the reference")
     lateral_acceleration: Positive = Field(default=0.3, description="m/s², bounds the speed in bends")
     look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
-    corridor_margin: float = Field(default=0.1, ge=0.0, description="m, beside the robot's half width")
+    corridor_margin: float = Field(default=0.04, ge=0.0, description="m, beside the robot's half width")
     handover: Literal["when_blocked", "always", "never"] = "when_blocked"
     handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
     stuck_after: Positive = Field(default=15.0, description="s without progress")

@@ -53,6 +53,20 @@ class Loaded:
         text = json.dumps(self.config.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def to_json(self) -> dict[str, Any]:
+        """For another process of the same run: it must not read a file that may have changed since."""
+        return {
+            "config": self.config.model_dump(mode="json", exclude_unset=True),
+            "name": self.name,
+            "base": str(self.base.absolute()),
+            "sources": self.sources,
+        }
+
+    @classmethod
+    def from_json(cls, given: dict[str, Any]) -> Loaded:
+        """The config another process was started with."""
+        return cls(Config.model_validate(given["config"]), given["name"], Path(given["base"]), given["sources"], ())
+
 
 def shipped_configs() -> dict[str, str]:
     """Text of each config that comes with navloom, by name."""

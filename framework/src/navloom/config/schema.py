@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -14,6 +15,7 @@ __all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "Footprint
 Positive = Annotated[float, Field(gt=0.0)]
 RoleName = Literal["platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery"]
 ROLE_TABLES: tuple[str, ...] = ("platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery")
+LIVE_NODES: tuple[str, ...] = (*ROLE_TABLES, "goal", "reference", "gate")
 
 
 class Table(BaseModel):
@@ -205,7 +207,36 @@ class LiveTable(Table):
             "safe": ["gate"],
         }
     )
-    hosts: dict[str, list[str]] = Field(default_factory=dict)
+    hosts: dict[str, list[str]] = Field(default_factory=dict, description="processes of each host")
+    router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
+    router_host: str | None = Field(default=None, description="host that starts the router; default: none, run it")
+    keys: str | None = Field(default=None, description="folder of certificates, see `navloom keys`")
+    hang_timeout: Positive = Field(default=2.0, description="s a step may take before its process is given up")
+    restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it is left down")
+    restart_window: Positive = Field(default=30.0, description="s")
+
+    @model_validator(mode="after")
+    def _spread_fits(self) -> LiveTable:
+        placed: dict[str, str] = {}
+        for process, nodes in self.processes.items():
+            if not re.fullmatch(r"[A-Za-z0-9_-]+", process):
+                raise ValueError(f'process "{process}": expected letters, digits, _ and -')
+            for node in nodes:
+                role, _, name = node.partition(".")
+                if role not in LIVE_NODES or (name and role not in ROLE_TABLES):
+                    raise ValueError(f'process {process} names "{node}", expected a role or role.instance of '
+                                     f"{', '.join(LIVE_NODES)}")  # fmt: skip
+                if node in placed:
+                    raise ValueError(f'"{node}" is in the processes {placed[node]} and {process}')
+                placed[node] = process
+        missing = [role for role in LIVE_NODES if role not in placed]
+        if missing:
+            raise ValueError(f"processes leave out {', '.join(missing)}")
+        for host, processes in self.hosts.items():
+            for process in processes:
+                if process not in self.processes:
+                    raise ValueError(f'host {host} names "{process}"; processes are {", ".join(self.processes)}')
+        return self
 
 
 class PluginsTable(Table):

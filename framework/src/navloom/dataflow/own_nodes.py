@@ -31,6 +31,7 @@ class GoalNode:
     def __init__(self, machine: GoalMachine) -> None:
         self.machine = machine
         self.fault = ""
+        self.restarted: set[str] = set()
         self._answer: Path | PlanFailure | None = None
         self._selection: Selection | None = None
         self._selected = ("", "")
@@ -64,6 +65,9 @@ class GoalNode:
                 self.machine.cancel(seen)
         if self.fault:
             self.machine.fail(self.fault, seen)
+        for role in sorted(self.restarted):
+            self.machine.restart_of(role, seen)
+        self.restarted.clear()
         return self.machine.step(seen)
 
 
@@ -82,6 +86,11 @@ class GateNode:
         gate: The decision.
         selected: Instance in charge, by role, at the start.
         is_warm: Whether an instance has published what its role is for, so that it can take over.
+
+    Attributes:
+        cause_ns: Platform stamp that the last command derives from.
+        now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
+        is_silent, gone: Live: see `Sensed`.
     """
 
     def __init__(self, gate: CommandGate, selected: dict[str, str], is_warm: Callable[[str, str], bool]) -> None:
@@ -89,30 +98,70 @@ class GateNode:
         self.selected = dict(selected)
         self.is_warm = is_warm
         self.epoch = 0
+        self.cause_ns = 0
+        self.now_ns: int | None = None
+        self.is_silent = False
+        self.gone = ""
         self._pending: dict[str, str] = {}
         self._status: GateStatus | None = None
         self._required: tuple[str, ...] | None = None
+        self._released: object = None
+        self._has_selected = False
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         for request in given["request"]:
-            if request.do in ("stop", "resume"):
-                self.gate.request(request.do)
-            elif request.do == "swap" and self.selected.get(request.role) != request.instance:
-                self._pending[request.role] = request.instance
+            self.obey(request, given["operator"])
         out: Outputs = []
-        if self._take_over() or tick.number == 0:
+        if self._take_over() or not self._has_selected:
+            self._has_selected = True
             chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
             out.append(("selection", Selection(self.epoch, tick.number + 1 if self.epoch else 0, chosen)))
-        pending = [f"{role} {name}" for role, name in sorted(self._pending.items())]
-        handover = given["handover"]
-        twist, _, status = self.gate.decide(
-            self._sensed(given), self._offers(given), handover is not None and handover.engaged, tick.epoch, pending
+        sensed = self._sensed(given)
+        twist, self.cause_ns, status = self.gate.decide(
+            sensed, self._offers(given), _engaged(given), tick.epoch, self.pending
         )
         out.append(("command", Command(twist)))
         if status != self._status:
             self._status = status
             out.append(("status", status))
         return out
+
+    def check(self, tick: Tick, given: Inputs) -> Outputs:
+        """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
+        sensed = self._sensed(given)
+        reason = self.gate.choose(sensed, self._offers(given), _engaged(given), tick.epoch)[2]
+        if not reason or (self._status is not None and self._status.stopped):
+            return []
+        return self.stop(reason, sensed.platform_ns)
+
+    def stop(self, reason: str, platform_ns: int) -> Outputs:
+        """Zero, and why."""
+        self.cause_ns = platform_ns
+        self._status = self.gate.stop(reason, self.pending)
+        return [("command", Command(Twist2D(0.0, 0.0, 0.0))), ("status", self._status)]
+
+    def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
+        """Take up where a gate before this one was: its selection, under a newer epoch, and its latched stop."""
+        self.epoch = epoch + 1
+        self.selected |= selected
+        self.gate.latch(latched)
+
+    @property
+    def pending(self) -> list[str]:
+        """Swaps that wait, as "role instance", in order of role."""
+        return [f"{role} {name}" for role, name in sorted(self._pending.items())]
+
+    def obey(self, request: OperatorRequest, driving: tuple[Command, Envelope] | None) -> None:
+        """Take an operator's request; `driving` is the newest command of an operator who drives himself."""
+        if request.do in ("stop", "resume"):
+            self.gate.request(request.do)
+        if request.do in ("release", "resume"):
+            self._released = driving[0] if driving else None
+        elif request.do == "swap":
+            if self.selected.get(request.role) != request.instance:
+                self._pending[request.role] = request.instance
+            else:
+                self._pending.pop(request.role, None)
 
     def _take_over(self) -> bool:
         """Select the pending instances that are warm; True where there were any."""
@@ -130,21 +179,30 @@ class GateNode:
             name.removeprefix("required."): given[name][1].stamp_ns if given[name] else 0 for name in self._required
         }
         newest = odometry[1].stamp_ns if odometry else 0
-        return Sensed(newest, contact is not None and contact.touching, stamps)
+        if self.now_ns is not None:
+            newest = max(newest, self.now_ns)
+        return Sensed(newest, contact is not None and contact.touching, stamps, self.is_silent, self.gone)
 
     def _offers(self, given: Inputs) -> dict[str, Offer | None]:
-        drive, recovering = given["drive"], given["recovering"]
+        drive, recovering, operator = given["drive"], given["recovering"], given["operator"]
         offers: dict[str, Offer | None] = {}
+        if operator and operator[0] is not self._released:
+            offers["operator"] = _offer("main", operator)
         if recovering is not None and recovering.active:
-            offers["recovery"] = self._offer("recovery", given["recovery"])
+            offers["recovery"] = _offer(self.selected["recovery"], given["recovery"])
         elif drive is not None and drive.path_id:
-            offers["controller"] = self._offer("controller", given["controller"])
-            offers["avoider"] = self._offer("avoider", given["avoider"])
+            offers["controller"] = _offer(self.selected["controller"], given["controller"])
+            offers["avoider"] = _offer(self.selected["avoider"], given["avoider"])
         return offers
 
-    def _offer(self, role: str, held: tuple[Command, Envelope] | None) -> Offer | None:
-        if held is None:
-            return None
-        message, envelope = held
-        twist: Twist2D = message.twist
-        return Offer(self.selected[role], twist, envelope.cause_ns, envelope.epoch)
+
+def _engaged(given: Inputs) -> bool:
+    handover = given["handover"]
+    return handover is not None and handover.engaged
+
+
+def _offer(instance: str, held: tuple[Command, Envelope] | None) -> Offer | None:
+    if held is None:
+        return None
+    message, envelope = held
+    return Offer(instance, message.twist, envelope.cause_ns, envelope.epoch)

@@ -24,7 +24,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
     map_sensors = scans("mapper", triggers=True) or (Input("odometry", "platform", "odometry", triggers=True),)
     avoider_sensors = wired.get("avoider", ())
     return [
-        NodeSpec("operator", (), ("request",), ticks=True),
+        NodeSpec("operator", (), ("request", "command"), ticks=True),
         NodeSpec(
             "platform",
             (Input("command", "gate", "command", delayed=True), Input("sweep", "goal", "sweep", "new", delayed=True)),
@@ -118,6 +118,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
                 Input("odometry", "platform", "odometry", "offers"),
                 Input("contact", "platform", "contact"),
                 *(Input(f"required.{name}", "platform", name, "offers") for name in avoider_sensors),
+                Input("operator", "operator", "command", "offers"),
                 Input("drive", "goal", "drive"),
                 Input("recovering", "goal", "recovery", delayed=True),
                 Input("controller", "controller", "command", "offers"),

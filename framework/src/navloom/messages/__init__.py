@@ -37,6 +37,7 @@ from navloom.messages.motion import (
 )
 from navloom.messages.schema import SCHEMAS, Array, Message, MessageError, Unbounded, message
 from navloom.messages.sensing import RangeScan, Sweep, SweepRequest
+from navloom.messages.steps import InputRead, Parameters, PortMark, StepReport
 
 __all__ = [
     "OUTCOMES",
@@ -56,6 +57,7 @@ __all__ = [
     "Goal",
     "GoalResult",
     "HandOver",
+    "InputRead",
     "MapUpdate",
     "Message",
     "MessageError",
@@ -63,10 +65,12 @@ __all__ = [
     "Odometry",
     "OperatorRequest",
     "Outcome",
+    "Parameters",
     "Path",
     "PlanFailure",
     "PlanRequest",
     "Point2D",
+    "PortMark",
     "Pose2D",
     "PoseEstimate",
     "PoseTrack",
@@ -76,6 +80,7 @@ __all__ = [
     "Reference",
     "Selection",
     "StepRecord",
+    "StepReport",
     "Sweep",
     "SweepRequest",
     "TrackingCommand",

@@ -38,13 +38,13 @@ class OperatorRequest(Message):
     """One thing an operator asks for, in either executor.
 
     Attributes:
-        do: What.
+        do: What; "release" ends an operator's own driving.
         goal: For "goal".
         role, instance: For "swap", the role and the instance to select; for "set", those whose parameters change.
         values: For "set", TOML assignments `name = value`, one a string.
     """
 
-    do: Literal["goal", "cancel", "swap", "set", "stop", "resume"]
+    do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release"]
     goal: Goal | None = None
     role: str = ""
     instance: str = ""

@@ -45,11 +45,21 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What the gate knows of the platform: newest stamp, contact, and the newest stamp of each required sensor."""
+    """What the gate knows of the robot.
+
+    Attributes:
+        platform_ns: Newest stamp of the platform; live, what its clock shows by now.
+        touching: It touches something.
+        sensors_ns: Newest stamp of each required sensor.
+        is_silent: Nothing came from the platform for as long as the stop deadline.
+        gone: Required node that is not there any more, empty where all are; an operator may drive without.
+    """
 
     platform_ns: int
     touching: bool
     sensors_ns: Mapping[str, int]
+    is_silent: bool = False
+    gone: str = ""
 
 
 class CommandGate:
@@ -74,10 +84,32 @@ class CommandGate:
             return "operator"
         if self._contact:
             return "contact"
+        if sensed.is_silent:
+            return "silent: platform"
         for name, stamp in sensed.sensors_ns.items():
             if sensed.platform_ns - stamp > self.limits.sensor_timeout_ns:
                 return f"silent: sensor {name}"
         return ""
+
+    @property
+    def is_latched(self) -> bool:
+        """It stays stopped until `resume`."""
+        return self._operator_stop or self._contact
+
+    def latch(self, reason: str) -> None:
+        """Take up the stop of a gate before this one."""
+        self._operator_stop = reason == "operator"
+        self._contact = reason == "contact"
+
+    def choose(
+        self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int
+    ) -> tuple[str, Offer | None, str]:
+        """Whose command counts, that command, and why it is refused; empty where it is not. See `decide`."""
+        order = ("operator", "recovery", "avoider" if engaged else "controller")
+        source = next((role for role in order if offers.get(role) is not None), "none")
+        offer = offers.get(source)
+        reason = self.fault(sensed) or self._refusal(source, offer, offers, sensed, epoch)
+        return source, offer, reason
 
     def decide(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int, pending: Sequence[str]
@@ -91,34 +123,33 @@ class CommandGate:
             epoch: Selection in force; offers of an older one are refused.
             pending: Swaps that wait.
         """
-        order = ("operator", "recovery", "avoider" if engaged else "controller")
-        source = next((role for role in order if offers.get(role) is not None), "none")
-        offer = offers.get(source)
-        reason = self.fault(sensed)
-        if not reason:
-            reason = self._refusal(source, offer, offers, sensed.platform_ns, epoch)
+        source, offer, reason = self.choose(sensed, offers, engaged, epoch)
         if reason or offer is None:
-            self.speed = 0.0
-            latched = self._operator_stop or self._contact
-            status = GateStatus("none", "", True, latched, reason, tuple(pending))
-            return STOPPED, sensed.platform_ns, status
+            return STOPPED, sensed.platform_ns, self.stop(reason, pending)
         status = GateStatus(source, offer.instance, False, False, "", tuple(pending))  # type: ignore[arg-type]
         return self._limit(offer.twist), offer.cause_ns, status
 
+    def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
+        """Nobody drives."""
+        self.speed = 0.0
+        return GateStatus("none", "", True, self.is_latched, reason, tuple(pending))
+
     def _refusal(
-        self, source: str, offer: Offer | None, offers: Mapping[str, Offer | None], newest_ns: int, epoch: int
+        self, source: str, offer: Offer | None, offers: Mapping[str, Offer | None], sensed: Sensed, epoch: int
     ) -> str:
         """Why this offer is not driven: nothing to drive, a stale part of the chain, or an older selection."""
         if offer is None:
             return "no_trajectory"
+        if sensed.gone and source != "operator":
+            return f"gone: {sensed.gone}"
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)
             if part is None:
                 return f"silent: {role}"
-            if newest_ns - part.cause_ns > self.limits.stop_deadline_ns:
+            if abs(sensed.platform_ns - part.cause_ns) > self.limits.stop_deadline_ns:
                 return f"stale: {role} {part.instance}"
-        if offer.epoch < epoch:
+        if offer.epoch < epoch and source != "operator":
             return f"old_selection: {source} {offer.instance}"
         return ""
 

@@ -44,7 +44,8 @@ class GoalRules:
         stuck_after: s without progress before a recovery.
         max_recoveries: Attempts for one goal.
         map_timeout, plan_timeout: s to wait.
-        deadline: Run time at which a goal times out, s.
+        deadline: Run time at which a goal times out, s; live, time it may take.
+        is_live: The run has no end of its own.
         scans_on_request: The mapper lives on stop-and-scan sweeps, so one has to be asked for.
         feedback_ticks: Ticks between two feedbacks.
     """
@@ -58,6 +59,7 @@ class GoalRules:
     deadline: float
     scans_on_request: bool
     feedback_ticks: int
+    is_live: bool = False
 
 
 @dataclass(slots=True)
@@ -86,6 +88,7 @@ class _Active:
     goal: Goal
     legs: list[Point2D]
     since: float
+    deadline: float
     recoveries: int = 0
     best: float = math.inf
     moved_at: float = 0.0
@@ -124,7 +127,8 @@ class GoalMachine:
         if self._active is not None:
             self._finish("cancelled", f"pre-empted by goal {goal.goal_id}", seen)
         legs = [*goal.via, Point2D(goal.x, goal.y)]
-        self._active = _Active(goal, legs, seen.time)
+        deadline = self.rules.deadline + (seen.time if self.rules.is_live else 0.0)
+        self._active = _Active(goal, legs, seen.time, deadline)
         if keeps.path_id:
             self._set_drive(replace(keeps, goal_id=goal.goal_id, turn_to=None, stop_here=False))
         self._need_map(seen)
@@ -139,13 +143,38 @@ class GoalMachine:
         if self._active is not None:
             self._finish("error", reason, seen)
 
+    def begin(self, tick: int, unfinished: int) -> None:
+        """Take up after another goal node: requests are numbered on, and the goal it left unfinished has ended.
+
+        Args:
+            tick: Now; more than all requests of the node before.
+            unfinished: Goal it was at; 0 for none.
+        """
+        self._requests = tick
+        self._out.append(("drive", NO_DRIVE))
+        self._out.append(("recovery", RecoveryRequest(False, 0, "")))
+        if unfinished:
+            place = Point2D(0.0, 0.0)
+            self._out.append(("result", GoalResult(unfinished, "error", "restarted: the goal node began anew", place)))
+
+    def restart_of(self, role: str, seen: Seen) -> None:
+        """A mapper that came back has no map, a planner that came back no request."""
+        active = self._active
+        if active is None or self.state not in ("mapping", "planning", "driving"):
+            return
+        if role == "mapper" and self.rules.scans_on_request:
+            self._has_scanned = False
+            self._need_map(seen)
+        elif role == "planner" and self.state == "planning":
+            self._ask_plan(active, seen)
+
     def step(self, seen: Seen) -> list[tuple[str, Message]]:
         """One tick: follow the state of the goal on its way."""
         active = self._active
         if active is not None and seen.estimate is not None:
             if seen.gate is not None and seen.gate.reason == "contact":
                 self._finish("collision", "the robot touched something", seen)
-            elif seen.time >= self.rules.deadline:
+            elif seen.time >= active.deadline:
                 stopped = seen.gate is not None and seen.gate.latched
                 self._finish(
                     "stopped" if stopped else "timeout",

@@ -64,6 +64,12 @@ class Platform(Role):
         """Whether a sensor measures only when a SweepRequest asks for it."""
         return False
 
+    def drive(self, command: Twist2D, time_ns: int) -> None:
+        """Take a velocity between two calls of `advance`, at a run clock. Live only; it holds until the next one.
+
+        A platform that leaves it gets every command with `advance`: then a stop waits for the next tick.
+        """
+
     @abstractmethod
     def advance(self, given: PlatformInput) -> PlatformOutput:
         """Drive with the command until the time asked for, and report."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -144,8 +144,10 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     return system
 
 
-def make_plugins(system: System, progress: Progress = lambda text: None) -> None:
-    """Make every plugin and compile its kernels, so that no tick does.
+def make_plugins(
+    system: System, progress: Progress = lambda text: None, only: Collection[tuple[str, str]] | None = None
+) -> None:
+    """Make every plugin, or those of some instances, and compile their kernels, so that no tick does.
 
     Raises:
         ConfigError: A plugin refuses its world, sensors or map.
@@ -156,6 +158,8 @@ def make_plugins(system: System, progress: Progress = lambda text: None) -> None
         warm_up()
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
+        if only is not None and (role, instance) not in only:
+            continue
         if part.cls not in warmed:
             progress(f"preparing {role} {part.cls.name}")
             part.cls.warm_up()
@@ -178,11 +182,11 @@ def make_plugins(system: System, progress: Progress = lambda text: None) -> None
             raise ConfigError(f"{part.place}: {error}") from None
 
 
-def role_nodes(system: System) -> dict[tuple[str, str], Any]:
-    """A node for each plugin."""
+def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
+    """A node for each plugin, or for those of some instances."""
     rules = system.config.navigation
     nodes = {}
-    for key in system.parts:
+    for key in system.parts if only is None else [key for key in system.parts if key in only]:
         rule = HandOverRule(rules.handover, rules.handover_release) if key[0] == "avoider" else None
         nodes[key] = role_node(system.plugin(*key), rule)
     return nodes

@@ -13,7 +13,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 from navloom.runtime.build import System
 
-__all__ = ["check_task"]
+__all__ = ["check_task", "place_problem"]
 
 
 def check_task(system: System) -> None:
@@ -28,26 +28,31 @@ def check_task(system: System) -> None:
         raise ConfigError(
             "navigation.goal: is missing, and the world names none; give one, as in goal = { x = 0.0, y = 7.6 }"
         )
-    world = system.world
-    if world is None:
-        return
-    outline = system.robot.footprint
     start, goal = system.start, system.goal
-    places = [("navigation.start", start.x, start.y, start.heading, outline)]
-    if goal is not None and goal.heading_deg is not None:
-        places.append(("navigation.goal", goal.x, goal.y, math.radians(goal.heading_deg), outline))
-    elif goal is not None:
-        places.append(("navigation.goal", goal.x, goal.y, 0.0, _disc(inscribed_radius(outline))))
-    for place, x, y, heading, shape in places:
-        left, low, right, high = world.bounds
-        if not (left <= x <= right and low <= y <= high):
-            raise ConfigError(
-                f"{place}: ({x:g}, {y:g}) is outside the world {world.name}, "
-                f"which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m"
-            )
-        gap, name = clearance(shape, Place(x, y, heading), world, height=system.robot.height)
-        if gap <= 0.0:
-            raise ConfigError(f"{place}: the robot does not fit at ({x:g}, {y:g}): occupied by {name}")
+    problem = place_problem(system, start.x, start.y, start.heading)
+    if problem:
+        raise ConfigError(f"navigation.start: {problem}")
+    if goal is not None:
+        heading = None if goal.heading_deg is None else math.radians(goal.heading_deg)
+        problem = place_problem(system, goal.x, goal.y, heading)
+        if problem:
+            raise ConfigError(f"navigation.goal: {problem}")
+
+
+def place_problem(system: System, x: float, y: float, heading: float | None) -> str:
+    """Why the robot cannot stand at a place of the true world, m and rad; empty where it can, or no world is known."""
+    world, outline = system.world, system.robot.footprint
+    if world is None:
+        return ""
+    left, low, right, high = world.bounds
+    if not (left <= x <= right and low <= y <= high):
+        return (
+            f"({x:g}, {y:g}) is outside the world {world.name}, "
+            f"which reaches from ({left:g}, {low:g}) to ({right:g}, {high:g}) m"
+        )
+    shape = outline if heading is not None else _disc(inscribed_radius(outline))
+    gap, name = clearance(shape, Place(x, y, heading or 0.0), world, height=system.robot.height)
+    return "" if gap > 0.0 else f"the robot does not fit at ({x:g}, {y:g}): occupied by {name}"
 
 
 def _disc(radius: float) -> NDArray[np.float64]:

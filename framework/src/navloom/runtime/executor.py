@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from navloom.config.schema import ROLE_TABLES
 from navloom.dataflow.events import schedule
@@ -18,7 +19,7 @@ from navloom.runtime.lockstep import Lockstep, Observer
 from navloom.runtime.trace import TraceWriter
 from navloom.runtime.wiring import Instance, Slot, Wire
 
-__all__ = ["gate_limits", "lockstep_of"]
+__all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_instance", "own_node"]
 
 
 def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: TraceWriter | None = None) -> Lockstep:
@@ -32,14 +33,8 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         return executor.is_warm(role, name)
 
     nodes = role_nodes(system)
-    own: dict[str, Node] = {
-        "operator": OperatorNode(),
-        "goal": GoalNode(GoalMachine(_goal_rules(system))),
-        "reference": ReferenceNode.of(system.config, system.robot),
-        "gate": GateNode(CommandGate(gate_limits(system)), _selected(system), is_warm),
-    }
     for spec in system.specs:
-        by_role[spec.role] = _instances(system, spec, own, nodes)
+        by_role[spec.role] = _instances(system, spec, nodes, is_warm)
     for spec in system.specs:
         for instance in by_role[spec.role]:
             _wire(instance, {role: found[0] for role, found in by_role.items()})
@@ -59,27 +54,42 @@ def _selected(system: System) -> dict[str, str]:
     return {role: system.config.role_table(role).instance for role in ROLE_TABLES if role != "platform"}
 
 
-def _instances(
-    system: System, spec: NodeSpec, own: dict[str, Node], nodes: dict[tuple[str, str], Node]
-) -> list[Instance]:
-    """Instances of one row of the table, the active one first."""
+def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_live: bool = False) -> Node | None:
+    """The framework's own node of a role; None where a plugin's belongs."""
+    if role == "operator":
+        return OperatorNode()
+    if role == "goal":
+        return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)))
+    if role == "reference":
+        return ReferenceNode.of(system.config, system.robot)
+    if role == "gate":
+        return GateNode(CommandGate(gate_limits(system)), _selected(system), is_warm)
+    return None
+
+
+def make_instance(system: System, spec: NodeSpec, name: str, node: Node) -> Instance:
+    """One node, not wired yet."""
     robot = system.config.robot
     prefix = f"{robot.realm}/{robot.name}/{spec.role}"
+    slots = {port: Slot(f"{prefix}/{name}/{port}", f"{spec.role} {name} {port}") for port in spec.outputs}
+    part = system.parts.get((spec.role, name))
+    if part is None:
+        return Instance(spec, node, name, True, True, 1, 0, slots)
     period = system.config.run.period
+    active = name == system.config.role_table(spec.role).instance
+    enabled = active or getattr(part.table, "shadow", True)
+    delay = math.ceil(round(part.table.latency / period, 6))
+    return Instance(spec, node, name, active, enabled, stride_of(part.table, period), delay, slots)
 
-    def make(name: str, node: Node, active: bool, enabled: bool, stride: int, delay: int) -> Instance:
-        slots = {port: Slot(f"{prefix}/{name}/{port}", f"{spec.role} {name} {port}") for port in spec.outputs}
-        return Instance(spec, node, name, active, enabled, stride, delay, slots)
 
-    if spec.role in own:
-        return [make("main", own[spec.role], True, True, 1, 0)]
-    made = []
-    for (role, name), part in system.parts.items():
-        if role == spec.role:
-            active = name == system.config.role_table(role).instance
-            enabled = active or getattr(part.table, "shadow", True)
-            delay = math.ceil(round(part.table.latency / period, 6))
-            made.append(make(name, nodes[(role, name)], active, enabled, stride_of(part.table, period), delay))
+def _instances(
+    system: System, spec: NodeSpec, nodes: dict[tuple[str, str], Node], is_warm: Callable[[str, str], bool]
+) -> list[Instance]:
+    """Instances of one row of the table, the active one first."""
+    own = own_node(system, spec.role, is_warm)
+    if own is not None:
+        return [make_instance(system, spec, "main", own)]
+    made = [make_instance(system, spec, name, nodes[(role, name)]) for role, name in system.parts if role == spec.role]
     return sorted(made, key=lambda instance: not instance.active)
 
 
@@ -88,7 +98,7 @@ def _wire(instance: Instance, active: dict[str, Instance]) -> None:
         instance.connect(Wire(given, active[given.role].slots[given.port]))
 
 
-def _goal_rules(system: System) -> GoalRules:
+def goal_rules(system: System) -> GoalRules:
     rules, run = system.config.navigation, system.config.run
     return GoalRules(
         tolerance=system.goal_tolerance,

@@ -147,24 +147,16 @@ class Lockstep:
 
     def _step_instance(self, instance: Instance, tick: Tick) -> None:
         number = tick.number
-        trigger = "tick"
-        if not instance.spec.ticks:
-            fired = next((w for w in instance.triggers if w.has_news(instance.stepped, number)), None)
-            if fired is None:
-                return
-            trigger = fired.input.name
+        trigger = instance.fired(number)
+        if not trigger:
+            return
         since = number - instance.stride
         consumed = (
             tuple((wire.input.name, wire.sequences(number, since)) for wire in instance.wires)
             if self._step_observers
             else ()
         )
-        given = instance.given
-        for name, wire in instance.latest:
-            given[name] = wire.slot.message
-        for name, wire in instance.others:
-            given[name] = wire.read(number, since)
-        cause_wire = instance.cause
+        given = instance.read(number, since)
         before = perf_counter_ns()
         try:
             outputs = instance.node.step(tick, given)
@@ -177,11 +169,9 @@ class Lockstep:
             self.log.step_ns[instance.spec.role].append(spent)
         if self._step_observers:
             self._record(instance, tick, trigger, consumed, spent)
-        cause = tick.time_ns
-        if cause_wire is not None and cause_wire.slot.envelope is not None:
-            cause = cause_wire.slot.envelope.cause_ns
         if not outputs:
             return
+        cause = instance.cause_of(tick.time_ns)
         if instance.delay:
             self._due.setdefault(number + instance.delay, []).append((instance, outputs, tick, cause))
         else:

@@ -38,13 +38,16 @@ class Slot:
 
     def put(self, message: Message, tick: int, made: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
         """Publish in a tick what was made in an earlier or the same tick."""
+        self.take(message, Envelope(self.key, self.sequence + 1, made, stamp_ns, cause_ns, epoch), tick)
+
+    def take(self, message: Message, envelope: Envelope, tick: int) -> None:
+        """Hold a message as the newest one, published in a tick."""
         if self.tick < tick:
             self.older = (self.message, self.envelope, self.tick)
-        self.sequence += 1
-        envelope = Envelope(self.key, self.sequence, made, stamp_ns, cause_ns, epoch)
+        self.sequence = envelope.sequence
         self.message, self.envelope, self.tick = message, envelope, tick
         for queue in self.queues:
-            queue.append((tick, message, self.sequence))
+            queue.append((tick, message, envelope.sequence))
         for watcher in self.watchers:
             watcher(message, envelope)
 
@@ -167,3 +170,23 @@ class Instance:
             self.triggers.append(wire)
         if given.name == self.spec.cause:
             self.cause = wire
+
+    def read(self, number: int, since: int) -> dict[str, Any]:
+        """What the node is given in a tick; see `Wire.read`."""
+        given = self.given
+        for name, wire in self.latest:
+            given[name] = wire.slot.message
+        for name, wire in self.others:
+            given[name] = wire.read(number, since)
+        return given
+
+    def cause_of(self, time_ns: int) -> int:
+        """Platform stamp that outputs of this tick derive from."""
+        wire = self.cause
+        return time_ns if wire is None or wire.slot.envelope is None else wire.slot.envelope.cause_ns
+
+    def fired(self, number: int) -> str:
+        """What makes it step in a tick: "tick", the input with news, or nothing."""
+        if self.spec.ticks:
+            return "tick"
+        return next((wire.input.name for wire in self.triggers if wire.has_news(self.stepped, number)), "")

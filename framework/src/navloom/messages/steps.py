@@ -1,0 +1,56 @@
+"""What a node says of each of its steps, for those who wait for it, watch over it, or replay it."""
+
+from __future__ import annotations
+
+from navloom.messages.schema import Message, message
+
+__all__ = ["InputRead", "Parameters", "PortMark", "StepReport"]
+
+
+@message()
+class InputRead(Message):
+    """What a step read at one input: sequence numbers, all new ones of a trigger, the last one of a sample."""
+
+    input: str
+    sequences: tuple[int, ...]
+
+
+@message()
+class PortMark(Message):
+    """High-water mark of a port: sequence of the last message published there, 0 for none yet."""
+
+    port: str
+    sequence: int
+
+
+@message()
+class StepReport(Message):
+    """One tick of a node; sent in silent ones too, so that a missing one means something.
+
+    Attributes:
+        trigger: Input (or "tick") that made it step; empty where it did not step.
+        read: What it consumed.
+        published: Every port with its mark after this tick.
+        enabled: It steps when triggered; an alternative that waits, or a plugin that broke in lockstep, does not.
+        params_version: Rises with each change of the parameters.
+        resets: How often the instance was reset.
+        duration_ns: Time the step took on its machine.
+        fault: What the plugin raised in this tick, empty for nothing.
+    """
+
+    trigger: str
+    read: tuple[InputRead, ...]
+    published: tuple[PortMark, ...]
+    enabled: bool
+    params_version: int
+    resets: int
+    duration_ns: int
+    fault: str
+
+
+@message()
+class Parameters(Message):
+    """Parameters of an instance that were changed while it ran: TOML assignments `name = value`, one a string."""
+
+    version: int
+    values: tuple[str, ...]

@@ -1,0 +1,169 @@
+"""A node under the barrier: it steps a tick when it holds all that tick's inputs, never before."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from navloom.dataflow.nodes import Outputs, Tick
+from navloom.dataflow.own_nodes import GateNode, GoalNode
+from navloom.messages import OperatorRequest, Selection
+from navloom.runtime.barrier import Barrier, BarrierEnded
+from navloom.runtime.cell import Cell, Feed, Source
+from navloom.runtime.lockstep import MAIN_PORTS
+
+__all__ = ["BarrierRunner"]
+
+OPERATOR: Source = ("operator", "main")
+GATE: Source = ("gate", "main")
+
+
+class BarrierRunner:
+    """Steps one cell tick by tick, as far as the operator's node lets it.
+
+    Args:
+        cell: The node.
+        requests, selection: What every node hears of the operator and of the gate.
+        roles: All roles in the order of the graph.
+        period: s.
+        configure: Changes the plugin's parameters.
+        check: Raises BarrierEnded when the process ends.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        requests: Feed,
+        selection: Feed,
+        roles: Sequence[str],
+        period: float,
+        configure: Callable[[tuple[str, ...]], None],
+        check: Callable[[], None],
+    ) -> None:
+        self.cell, self.requests, self.selection = cell, requests, selection
+        self.roles, self.period, self.configure = list(roles), period, configure
+        feeds = [*cell.feeds, requests, selection]
+        streams = {feed.inlet: (feed.source, feed.wire.input.port) for feed in feeds}
+        self.barrier = Barrier(cell.mailbox, cell.reports, streams, check)
+        self._delayed = [selection, *(feed for feed in cell.feeds if feed.wire.delayed)]
+        self._direct = [feed for feed in cell.feeds if not feed.wire.delayed]
+        self._due: dict[int, tuple[Outputs, Tick, int]] = {}
+        self._watched: set[Source] = set()
+        if isinstance(cell.node, GateNode):
+            cell.node.is_warm = self._is_warm
+
+    def run(self) -> None:
+        """Tick after tick, until the process ends."""
+        number = 0
+        try:
+            while True:
+                self._tick(number)
+                number += 1
+        except BarrierEnded:
+            return
+
+    def _tick(self, number: int) -> None:
+        self.barrier.await_report(OPERATOR, number)
+        if number:
+            self.barrier.await_report(GATE, number - 1)
+        self.barrier.hear_all()
+        self._let_in(self._delayed, number - 1, number - 1)
+        self._let_in([self.requests], number, number)
+        self._obey(number)
+        self._follow_selection(number)
+        self._let_in(self._direct, number, number - 1)
+        self._await_others(number)
+        self._step(number)
+
+    def _let_in(self, feeds: Sequence[Feed], tick: int, others: int) -> None:
+        """Let in what those in charge published up to a tick, and what is here of the others up to another."""
+        for feed in feeds:
+            if not self._in_charge(feed.source):
+                self._apply(feed, others, waits=False)
+            elif tick >= 0:
+                self.barrier.await_report(feed.source, tick)
+                self._apply(feed, tick)
+
+    def _apply(self, feed: Feed, upto: int, waits: bool = True) -> None:
+        for message, envelope, tick in self.barrier.read(feed.inlet, upto, waits):
+            feed.slot.take(message, envelope, tick)
+
+    def _obey(self, number: int) -> None:
+        """Do what only the executor can: change parameters, wake who waits, watch who is to be swapped in."""
+        for request in self.requests.wire.read(number, number - 1):
+            assert isinstance(request, OperatorRequest)
+            target = (request.role, request.instance)
+            if request.do == "swap":
+                self._watched.add(target)
+            if target == self.cell.source and request.do == "swap":
+                self.cell.instance.enabled = True
+            elif target == self.cell.source and request.do == "set":
+                self.configure(request.values)
+                self.cell.versions += 1
+
+    def _follow_selection(self, number: int) -> None:
+        message: Any = self.selection.slot.message
+        if not isinstance(message, Selection) or message.epoch <= self.cell.epoch or message.from_tick > number:
+            return
+        fresh = {(role, name) for role, _, name in (entry.partition(" ") for entry in message.instances)}
+        for feed in self.cell.feeds:
+            if feed.source in fresh and not self._in_charge(feed.source):
+                self.barrier.await_report(feed.source, number - 1)
+                self._apply(feed, number - 1)
+        self.cell.select(message)
+
+    def _await_others(self, number: int) -> None:
+        """The goal hears of every fault, the gate of all that may take over."""
+        node, place = self.cell.node, self.roles.index(self.cell.source[0])
+        if isinstance(node, GoalNode):
+            for source in self.barrier.progress:
+                if self._in_charge(source) and source != self.cell.source:
+                    tick = number if self.roles.index(source[0]) < place else number - 1
+                    fault = self.barrier.await_report(source, tick).fault
+                    if fault is not None and fault[0] <= tick:
+                        node.fault = f"{source[0]} {source[1]} failed: {fault[1]}"
+        if isinstance(node, GateNode):
+            for source in self._watched:
+                self.barrier.await_report(source, number)
+
+    def _step(self, number: int) -> None:
+        cell, instance = self.cell, self.cell.instance
+        time_ns = round(number * self.period * 1e9)
+        tick = Tick(number, time_ns * 1e-9, time_ns, cell.epoch)
+        due = self._due.pop(number, None)
+        if due is not None:
+            cell.publish(*due)
+        trigger = instance.fired(number) if instance.enabled and number % instance.stride == 0 else ""
+        if not trigger:
+            cell.report(tick)
+            return
+        since = number - instance.stride
+        read = cell.read_marks(number, since)
+        given = instance.read(number, since)
+        fault = ""
+        outputs: Outputs = []
+        before = time.perf_counter_ns()
+        try:
+            outputs = instance.node.step(tick, given)
+        except Exception as error:
+            fault = f"{type(error).__name__}: {error}"
+            instance.enabled = False
+        spent = time.perf_counter_ns() - before
+        instance.stepped = number
+        if outputs:
+            made = (outputs, tick, instance.cause_of(time_ns))
+            if instance.delay:
+                self._due[number + instance.delay] = made
+            else:
+                cell.publish(*made)
+        cell.report(tick, trigger, read, spent, fault)
+
+    def _in_charge(self, source: Source) -> bool:
+        role, name = source
+        return self.cell.chosen.get(role, name) == name
+
+    def _is_warm(self, role: str, name: str) -> bool:
+        progress = self.barrier.progress[(role, name)]
+        ports = MAIN_PORTS.get(role, ("command",))
+        return progress.enabled and (role == "recovery" or any(progress.marks.get(port, 0) for port in ports))

@@ -1,0 +1,76 @@
+"""From a built system to the cells of one process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from navloom.config.schema import ROLE_TABLES
+from navloom.dataflow.nodes import Node
+from navloom.dataflow.ports import Input
+from navloom.runtime.build import System
+from navloom.runtime.cell import Cell, Feed, Source
+from navloom.runtime.executor import make_instance
+from navloom.runtime.keyspace import STEP
+from navloom.runtime.mailbox import Mailbox
+from navloom.runtime.switchboard import Switchboard
+from navloom.runtime.wiring import Slot, Wire
+
+__all__ = ["Hosted", "all_sources", "make_cell"]
+
+FEW, MANY = 1, 1024
+REQUESTS = Input("operator.request", "operator", "request", "new")
+SELECTION = Input("gate.selection", "gate", "selection", delayed=True)
+
+
+@dataclass(eq=False)
+class Hosted:
+    """A cell with what every node hears beside its own inputs: the operator's requests and the gate's selection."""
+
+    cell: Cell
+    requests: Feed
+    selection: Feed
+
+
+def all_sources(system: System) -> list[Source]:
+    """Every instance of the robot in the order of the graph, of a role the one in charge first; the operator's too."""
+    found: list[Source] = []
+    for spec in system.specs:
+        names = [name for role, name in system.parts if role == spec.role] or ["main"]
+        found += [(spec.role, name) for name in names]
+    return found
+
+
+def make_cell(system: System, source: Source, node: Node, board: Switchboard, mailbox: Mailbox | None = None) -> Hosted:
+    """One node of this process with its feeds, not connected yet."""
+    mailbox = mailbox or Mailbox()
+    spec = next(spec for spec in system.specs if spec.role == source[0])
+    sources = all_sources(system)
+    instance = make_instance(system, spec, source[1], node)
+    feeds: list[Feed] = []
+    for given in spec.inputs:
+        feeds += _feeds(system, given, sources, board, mailbox)
+        instance.connect(next(feed for feed in feeds if feed.wire.input is given).wire)
+    cell = Cell(
+        instance,
+        mailbox,
+        feeds,
+        {other: board.inlet(other, STEP, mailbox, FEW) for other in sources},
+        {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
+        {role: system.config.role_table(role).instance for role in ROLE_TABLES},
+    )
+    control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
+    return Hosted(cell, *control)
+
+
+def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:
+    """A feed of each instance into one input; the wire leads to the first, which is in charge."""
+    limit = MANY if given.reading in ("new", "track") else FEW
+    feeds: list[Feed] = []
+    wire: Wire | None = None
+    for other in sources:
+        if other[0] == given.role:
+            slot = Slot(board.keys.port(*other, given.port), f"{other[0]} {other[1]} {given.port}")
+            wire = wire or Wire(given, slot)
+            feeds.append(Feed(wire, board.inlet(other, given.port, mailbox, limit), slot, other))
+    return feeds

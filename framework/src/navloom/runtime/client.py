@@ -1,0 +1,66 @@
+"""What tools ask of a live robot, over its own network."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.zenoh_bus import Bus
+
+__all__ = ["Client", "ClientError", "Refused"]
+
+JOIN = 2.0
+"""s until a tool has found the robot's processes."""
+
+
+class ClientError(RuntimeError):
+    """Nobody answers; the text says who was asked and what to do."""
+
+
+class Refused(ValueError):
+    """The robot answered, but does not do it; the text says why."""
+
+
+class Client:
+    """Asks the nodes of one robot.
+
+    Args:
+        bus: A session on its network.
+        keys: Its names.
+    """
+
+    def __init__(self, bus: Bus, keys: KeySpace) -> None:
+        self.bus, self.keys = bus, keys
+
+    def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 4.0) -> Any:
+        """What an instance answers.
+
+        Raises:
+            Refused: It says no; ClientError: nobody answers within s.
+        """
+        key, data = self.keys.port(role, instance, service), json.dumps(given).encode()
+        limit = time.monotonic() + min(JOIN, timeout)
+        while True:
+            for answer in self.bus.ask(key, data, timeout):
+                if answer.refusal:
+                    if answer.refusal == "Timeout":
+                        break
+                    raise Refused(answer.refusal)
+                return json.loads(answer.data)
+            if time.monotonic() > limit:
+                raise ClientError(
+                    f"robot {self.keys.prefix}: {role} {instance} does not answer ({service}); "
+                    "`navloom list` shows who is there, `navloom doctor` why not"
+                )
+            time.sleep(0.05)
+
+    def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
+        """Every instance that answers, in order of role and name."""
+        found = {}
+        for answer in self.bus.ask(self.keys.port("*", "*", "describe"), timeout=timeout):
+            if not answer.refusal:
+                found[answer.key] = json.loads(answer.data)
+        return [found[key] for key in sorted(found)]

@@ -1,0 +1,131 @@
+"""Where the robots of this user are: one folder each, with the sockets of its processes and what runs it."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+__all__ = ["DirectoryError", "RobotFolder", "Running", "robots", "runtime_folder"]
+
+LONGEST_SOCKET = 100
+"""Characters of a socket's path that every system takes."""
+
+
+class DirectoryError(ValueError):
+    """No robot, too many, or a folder that cannot be used; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class Running:
+    """A robot that is up.
+
+    Attributes:
+        realm, robot: Its names.
+        pid: Of what supervises it.
+        endpoints: Where its processes listen; of one with a router, the router's.
+        via_router: Tools join as clients of a router instead of as peers of every process.
+        config: What it was started with.
+        barrier: It runs under a barrier.
+        keys: Folder of certificates, empty for none.
+    """
+
+    realm: str
+    robot: str
+    pid: int
+    endpoints: tuple[str, ...]
+    via_router: bool
+    config: str
+    barrier: bool
+    keys: str = ""
+
+
+def runtime_folder() -> Path:
+    """This user's folder: NAVLOOM_RUNTIME_DIR, else within XDG_RUNTIME_DIR or the folder for temporary files."""
+    given = os.environ.get("NAVLOOM_RUNTIME_DIR")
+    if given:
+        return Path(given)
+    base = os.environ.get("XDG_RUNTIME_DIR")
+    return Path(base) / "navloom" if base else Path(tempfile.gettempdir()) / f"navloom-{os.getuid()}"
+
+
+class RobotFolder:
+    """One robot's folder."""
+
+    def __init__(self, realm: str, robot: str) -> None:
+        self.path = runtime_folder() / f"{realm}.{robot}"
+        self._lock: int | None = None
+
+    def make(self) -> None:
+        """Make it, for this user alone."""
+        for folder in (self.path.parent, self.path):
+            try:
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                status = folder.stat()
+            except OSError as error:
+                raise DirectoryError(f"runtime folder {folder}: {error.strerror}; set NAVLOOM_RUNTIME_DIR") from None
+            if status.st_uid != os.getuid():
+                raise DirectoryError(f"runtime folder {folder} belongs to another user; set NAVLOOM_RUNTIME_DIR")
+        self.path.chmod(0o700)
+
+    def lock(self) -> bool:
+        """Claim the robot for this process; False where another has it."""
+        self._lock = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._lock)
+            self._lock = None
+            return False
+        return True
+
+    def socket(self, process: str) -> str:
+        """Endpoint of a process's socket."""
+        path = self.path / f"{process}.sock"
+        if len(str(path)) > LONGEST_SOCKET:
+            raise DirectoryError(
+                f"{path}: {len(str(path))} characters are too long for a socket; "
+                "set NAVLOOM_RUNTIME_DIR to a shorter path"
+            )
+        return f"unixsock-stream/{path}"
+
+    def sockets(self) -> list[str]:
+        """Endpoints of all sockets that are there."""
+        return [f"unixsock-stream/{path}" for path in sorted(self.path.glob("*.sock"))]
+
+    def write(self, running: Running) -> None:
+        """Say what runs here, at once or not at all."""
+        part = self.path / "robot.json.part"
+        part.write_text(json.dumps(asdict(running)), "utf-8")
+        part.replace(self.path / "robot.json")
+
+    def read(self) -> Running | None:
+        """What runs here; None where nothing does any more."""
+        try:
+            found = json.loads((self.path / "robot.json").read_text("utf-8"))
+            running = Running(**{**found, "endpoints": tuple(found["endpoints"])})
+            os.kill(running.pid, 0)
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+        return running
+
+    def clear(self) -> None:
+        """Remove what a robot that ended has left."""
+        for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.json", "*.part"):
+            for path in self.path.glob(pattern):
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+
+def robots() -> Iterator[Running]:
+    """Every robot of this user that is up."""
+    for path in sorted(runtime_folder().glob("*.*/robot.json")):
+        realm, _, robot = path.parent.name.partition(".")
+        running = RobotFolder(realm, robot).read()
+        if running is not None:
+            yield running

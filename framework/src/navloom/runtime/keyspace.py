@@ -1,0 +1,42 @@
+"""Names on the network: `<realm>/<robot>/<role>/<instance>/<port>`, and what hangs below it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["ALIVE", "STEP", "KeySpace"]
+
+ALIVE = "alive"
+"""Liveliness token of an instance."""
+STEP = "step"
+"""Port of every node's step reports."""
+
+
+@dataclass(frozen=True)
+class KeySpace:
+    """Keys of one robot."""
+
+    realm: str
+    robot: str
+
+    @property
+    def prefix(self) -> str:
+        """What all of them begin with."""
+        return f"{self.realm}/{self.robot}"
+
+    def port(self, role: str, instance: str, port: str) -> str:
+        """A stream, or a service of an instance; "*" stands for any."""
+        return f"{self.realm}/{self.robot}/{role}/{instance}/{port}"
+
+    def alive(self, role: str, instance: str) -> str:
+        """Liveliness token of an instance."""
+        return self.port(role, instance, ALIVE)
+
+    def process(self, name: str, service: str) -> str:
+        """A service of a process."""
+        return f"{self.realm}/{self.robot}/process/{name}/{service}"
+
+    def split(self, key: str) -> tuple[str, str, str]:
+        """Role, instance and the rest of a key of this robot."""
+        role, instance, rest = key.removeprefix(f"{self.prefix}/").split("/", 2)
+        return role, instance, rest

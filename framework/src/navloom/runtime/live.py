@@ -1,0 +1,199 @@
+"""A node on the wall clock: it steps when its trigger comes, on what is there; nothing can make it wait for long."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from navloom.dataflow.nodes import Outputs, Tick
+from navloom.messages import InputRead, Selection, StepReport
+from navloom.runtime.cell import Feed, Source
+from navloom.runtime.cells import Hosted
+from navloom.runtime.run_clock import RunClock
+
+__all__ = ["Change", "LiveRunner"]
+
+IDLE = 0.1
+"""s between looks at whether the process ends, where nothing comes in."""
+PATIENCE = 0.005
+"""s to wait for what else belongs to the tick of a trigger."""
+BACKWARDS = 200
+"""Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
+CHAIN = frozenset({"platform", "localizer", "goal", "reference", "controller", "avoider", "recovery"})
+"""Roles whose step of a tick is worth waiting for; mapper and planner take what time they need."""
+
+Change = Callable[[], None]
+
+
+class LiveRunner:
+    """Steps one cell as its inputs come in.
+
+    Args:
+        hosted: The node and what it hears beside its inputs.
+        clock: The run clock, as this process knows it.
+        period: s.
+        ends: Whether the process is ending.
+    """
+
+    def __init__(self, hosted: Hosted, clock: RunClock, period: float, ends: Callable[[], bool]) -> None:
+        self.cell, self.clock, self.period, self.ends = hosted.cell, clock, period, ends
+        self.selection = hosted.selection
+        self.done: dict[Source, int] = {}
+        self.faults: dict[Source, tuple[int, str]] = {}
+        self.busy_since: float | None = None
+        self.faulted = 0
+        self._changes: deque[Change] = deque()
+        self._seen = 0
+        self._waits_since: tuple[int, float] = (-1, 0.0)
+        spec = self.cell.instance.spec
+        self._pace = next((w for w in self.cell.instance.wires if w.input.name == spec.cause), None)
+        self._siblings = {
+            feed.source
+            for feed in self.cell.feeds
+            if not feed.wire.delayed and feed.source[0] in CHAIN and feed.source != self.cell.source
+        }
+
+    def change(self, change: Change) -> None:
+        """Have something done between two steps, by the node's own thread."""
+        self._changes.append(change)
+        self.cell.mailbox.ring()
+
+    def run(self) -> None:
+        """Step until the process ends."""
+        while not self.ends():
+            self._seen = self.cell.mailbox.wait(self._seen, self.wait_time())
+            self.take_in()
+            self.act()
+
+    def wait_time(self) -> float:
+        """s to wait for news at most."""
+        return PATIENCE if self._waits_since[0] >= 0 else IDLE
+
+    def act(self) -> None:
+        """Step if there is something to step for."""
+        found = self._due()
+        if found is None:
+            return
+        trigger, number = found
+        if self._awaits_siblings(number):
+            return
+        self.step(trigger, number)
+
+    # --- taking in --------------------------------------------------------------------------------------------------
+
+    def take_in(self) -> None:
+        """Empty the mailbox into the node's slots, and do what is to be done between two steps."""
+        for source, inlet in self.cell.reports.items():
+            for message, envelope in inlet.take():
+                if isinstance(message, StepReport):
+                    self._hear(source, message, envelope.tick)
+        for feed in (self.selection, *self.cell.feeds):
+            self._fill(feed)
+        selection = self.selection.slot.message
+        if isinstance(selection, Selection) and selection.epoch > self.cell.epoch:
+            self.cell.select(selection)
+        while self._changes:
+            self._changes.popleft()()
+
+    def _hear(self, source: Source, report: StepReport, tick: int) -> None:
+        self.done[source] = tick
+        if report.fault:
+            self.faults[source] = (self.faults.get(source, (0, ""))[0] + 1, report.fault)
+        elif report.trigger:
+            self.faults.pop(source, None)
+
+    def _fill(self, feed: Feed) -> None:
+        slot = feed.slot
+        for message, envelope in feed.inlet.take():
+            held = slot.envelope
+            if held is not None and envelope.tick <= slot.tick:
+                is_known = envelope.tick == slot.tick and envelope.sequence == held.sequence
+                if is_known or slot.tick - BACKWARDS < envelope.tick < slot.tick:
+                    feed.inlet.counts.late += 1
+                    continue
+            slot.take(message, envelope, envelope.tick)
+            if feed.source[0] == "platform" and feed.wire.input.port == "odometry":
+                self.clock.observe(envelope.stamp_ns, feed.inlet.arrived_ns, envelope.tick)
+
+    # --- when to step -----------------------------------------------------------------------------------------------
+
+    def _due(self) -> tuple[str, int] | None:
+        """Trigger and tick of a step that should be made now."""
+        instance = self.cell.instance
+        if not instance.enabled:
+            return None
+        if instance.spec.ticks:
+            wire = self._pace
+            if wire is None or wire.slot.tick <= instance.stepped:
+                return None
+            return ("tick", wire.slot.tick) if wire.slot.tick % instance.stride == 0 else None
+        now = max((wire.slot.tick for wire in instance.wires), default=-1)
+        for wire in instance.triggers:
+            if wire.has_news(instance.stepped, now) and now % instance.stride == 0:
+                return wire.input.name, now if wire.delayed or wire.queue is not None else wire.slot.tick
+        return None
+
+    def _awaits_siblings(self, number: int) -> bool:
+        """Give what belongs to the same tick a moment to come in."""
+        late = [s for s in self._siblings if self.in_charge(s) and self.done.get(s, -1) < number]
+        if not late:
+            self._waits_since = (-1, 0.0)
+            return False
+        now = time.monotonic()
+        if self._waits_since[0] != number:
+            self._waits_since = (number, now)
+            return True
+        if now - self._waits_since[1] < PATIENCE:
+            return True
+        self._waits_since = (-1, 0.0)
+        return False
+
+    def in_charge(self, source: Source) -> bool:
+        """An instance is the one of its role that is read."""
+        role, name = source
+        return self.cell.chosen.get(role, name) == name
+
+    # --- stepping ---------------------------------------------------------------------------------------------------
+
+    def step(self, trigger: str, number: int) -> Outputs:
+        """One step: what it gives is published, what it raises is reported, and the next tick is tried anew."""
+        cell, instance = self.cell, self.cell.instance
+        time_ns = self._time_of(number)
+        tick = Tick(number, time_ns * 1e-9, time_ns, cell.epoch)
+        missed = min(2, max(0, number - instance.stride - instance.stepped)) if instance.stepped >= 0 else 0
+        since = number - instance.stride - missed
+        read = cell.read_marks(number, since)
+        given = instance.read(number, since)
+        outputs, spent, fault = self.run_node(tick, given)
+        instance.stepped = number
+        cell.publish(outputs, tick, instance.cause_of(time_ns))
+        self.say(tick, trigger, read, spent, fault)
+        return outputs
+
+    def run_node(self, tick: Tick, given: Any) -> tuple[Outputs, int, str]:
+        """Outputs, ns spent, and what was raised. A watchdog sees how long it has been at it."""
+        before = time.monotonic_ns()
+        self.busy_since = before * 1e-9
+        outputs: Outputs = []
+        fault = ""
+        try:
+            outputs = self.cell.instance.node.step(tick, given)
+        except Exception as error:
+            fault = f"{type(error).__name__}: {error}"
+        self.faulted = self.faulted + 1 if fault else 0
+        self.busy_since = None
+        return outputs, time.monotonic_ns() - before, fault
+
+    def say(self, tick: Tick, trigger: str, read: Sequence[InputRead], spent: int, fault: str) -> None:
+        """Report the step."""
+        self.cell.report(tick, trigger, tuple(read), spent, fault)
+
+    def _time_of(self, number: int) -> int:
+        """Run clock of a tick, ns: that of the message which brought it."""
+        for wire in self.cell.instance.wires:
+            envelope = wire.slot.envelope
+            if envelope is not None and envelope.tick == number:
+                return envelope.stamp_ns
+        return max(0, self.clock.now_ns())

@@ -1,0 +1,141 @@
+"""The command gate live: it decides once a platform tick, and looks every 10 ms whether the robot must stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from navloom.dataflow.nodes import Outputs, Tick
+from navloom.dataflow.own_nodes import GateNode
+from navloom.messages import Command, OperatorRequest, StepReport
+from navloom.runtime.cell import Source
+from navloom.runtime.cells import Hosted
+from navloom.runtime.live import LiveRunner
+from navloom.runtime.lockstep import MAIN_PORTS
+from navloom.runtime.run_clock import RunClock
+
+__all__ = ["CHECK", "LiveGate"]
+
+CHECK = 0.01
+"""s between two looks."""
+HOLD = 0.4
+"""Share of the period that a tick's commands may take to come in."""
+GOAL_SILENCE = 0.5
+"""s the goal may not step before what it authorised ends."""
+REQUIRED = ("platform", "localizer", "reference", "controller", "avoider", "goal")
+"""Roles without which the robot does not drive by itself. Losing the mapper or the planner does not stop it."""
+
+
+class LiveGate(LiveRunner):
+    """Steps the gate.
+
+    Args:
+        hosted, clock, period, ends: See `LiveRunner`.
+        deadline: s without a platform stamp after which it is silent.
+        is_alive: Whether an instance's liveliness token is there.
+    """
+
+    def __init__(
+        self,
+        hosted: Hosted,
+        clock: RunClock,
+        period: float,
+        ends: Callable[[], bool],
+        deadline: float,
+        is_alive: Callable[[Source], bool],
+    ) -> None:
+        super().__init__(hosted, clock, period, ends)
+        assert isinstance(self.cell.node, GateNode)
+        self.gate = self.cell.node
+        self.gate.is_warm = self._is_warm
+        self.deadline, self.is_alive = deadline, is_alive
+        self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
+        self._marks: dict[Source, dict[str, int]] = {}
+        self._enabled: dict[Source, bool] = {}
+        self._goal_heard = time.monotonic()
+
+    def run(self) -> None:
+        """Until the process ends; then the robot is told to stand."""
+        super().run()
+        tick = self._tick(self.clock.tick)
+        self._send(self.gate.stop("ending", tick.time_ns), tick)
+
+    def wait_time(self) -> float:
+        """s to wait for news at most."""
+        return CHECK
+
+    def act(self) -> None:
+        """Decide where a tick is complete or has waited long enough; in between, stop where something is wrong."""
+        clock, instance = self.clock, self.cell.instance
+        if not clock.is_known:
+            return
+        self.gate.now_ns = clock.now_ns()
+        self.gate.is_silent = clock.silence_s() > self.deadline
+        self.gate.gone = self._gone()
+        number = clock.tick
+        if number > instance.stepped and (self._is_complete(number) or clock.silence_s() >= HOLD * self.period):
+            self.step("tick", number)
+            return
+        tick = self._tick(number)
+        outputs = self.gate.check(tick, instance.read(number + 1, number))
+        if outputs:
+            self._send(outputs, tick)
+
+    def obey(self, request: OperatorRequest) -> None:
+        """Take an operator's request, on the gate's own thread."""
+        slot = self._feeds["operator"].slot
+        message, envelope = slot.message, slot.envelope
+        driving = (message, envelope) if isinstance(message, Command) and envelope is not None else None
+        self.gate.obey(request, driving)
+
+    def step(self, trigger: str, number: int) -> Outputs:
+        """One decision."""
+        cell, instance = self.cell, self.cell.instance
+        tick = self._tick(number)
+        read = cell.read_marks(number, number - 1)
+        outputs, spent, fault = self.run_node(tick, instance.read(number, number - 1))
+        instance.stepped = number
+        self._send(outputs, tick)
+        self.say(tick, trigger, read, spent, fault)
+        return outputs
+
+    def _send(self, outputs: Outputs, tick: Tick) -> None:
+        self.cell.publish(outputs, tick, self.gate.cause_ns)
+
+    def _tick(self, number: int) -> Tick:
+        time_ns = max(0, self.clock.stamp_ns)
+        return Tick(max(0, number), time_ns * 1e-9, time_ns, self.gate.epoch)
+
+    def _is_complete(self, number: int) -> bool:
+        """Every command that this tick can bring is here."""
+        slots = {name: self._feeds[name].wire.slot for name in ("drive", "recovering", "controller", "avoider")}
+        recovering = slots["recovering"].message
+        if recovering is not None and getattr(recovering, "active", False):
+            return self._feeds["recovery"].wire.slot.tick >= number
+        if not getattr(slots["drive"].message, "path_id", 0):
+            return True
+        return slots["controller"].tick >= number and slots["avoider"].tick >= number
+
+    def _hear(self, source: Source, report: StepReport, tick: int) -> None:
+        super()._hear(source, report, tick)
+        self._marks[source] = {mark.port: mark.sequence for mark in report.published}
+        self._enabled[source] = report.enabled
+        if source[0] == "goal":
+            self._goal_heard = time.monotonic()
+
+    def _gone(self) -> str:
+        if time.monotonic() - self._goal_heard > GOAL_SILENCE:
+            return "goal main does not step"
+        for role in REQUIRED:
+            name = self.cell.chosen.get(role)
+            for source in self.cell.reports:
+                if source[0] == role and (name is None or source[1] == name) and not self.is_alive(source):
+                    return f"{role} {source[1]}"
+        return ""
+
+    def _is_warm(self, role: str, name: str) -> bool:
+        ports = MAIN_PORTS.get(role, ("command",))
+        marks = self._marks.get((role, name), {})
+        return self._enabled.get((role, name), False) and (
+            role == "recovery" or any(marks.get(port, 0) for port in ports)
+        )

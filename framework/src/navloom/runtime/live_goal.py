@@ -1,0 +1,65 @@
+"""The goal live: it goes on when nothing comes in, so that a robot whose parts are gone does not keep its goal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from navloom.dataflow.nodes import Outputs
+from navloom.dataflow.own_nodes import GoalNode
+from navloom.messages import OperatorRequest
+from navloom.runtime.cells import Hosted
+from navloom.runtime.live import LiveRunner
+from navloom.runtime.run_clock import RunClock
+
+__all__ = ["LiveGoal"]
+
+CHECK = 0.05
+WITHOUT_POSE = 0.2
+"""s without a pose after which the goal steps by itself."""
+PLATFORM_SILENCE = 1.0
+"""s without the platform after which a goal is lost."""
+BROKEN = 20
+"""Steps in a row that a plugin may fail in before its goal has failed."""
+
+
+class LiveGoal(LiveRunner):
+    """Steps the goal's node."""
+
+    def __init__(self, hosted: Hosted, clock: RunClock, period: float, ends: Callable[[], bool]) -> None:
+        super().__init__(hosted, clock, period, ends)
+        assert isinstance(self.cell.node, GoalNode)
+        self.goal = self.cell.node
+        self._request = next(wire for wire in self.cell.instance.wires if wire.input.name == "request")
+        self._stepped_at = time.monotonic()
+
+    def wait_time(self) -> float:
+        """s to wait for news at most."""
+        return min(CHECK, super().wait_time())
+
+    def act(self) -> None:
+        """Step with each pose, and without one when it does not come."""
+        super().act()
+        silence = time.monotonic() - self._stepped_at
+        if silence > WITHOUT_POSE and self.clock.is_known:
+            self.step("tick", self.cell.instance.stepped + max(1, round(silence / self.period)))
+
+    def step(self, trigger: str, number: int) -> Outputs:
+        """One step of the goal's state machine, which is told what the process knows to be broken."""
+        self.goal.fault = self._trouble()
+        self._stepped_at = time.monotonic()
+        return super().step(trigger, number)
+
+    def submit(self, request: OperatorRequest) -> None:
+        """Take an operator's request, on the goal's own thread."""
+        assert self._request.queue is not None
+        self._request.queue.append((2**62, request, 0))
+        self._stepped_at -= WITHOUT_POSE
+
+    def _trouble(self) -> str:
+        if self.clock.silence_s() > PLATFORM_SILENCE:
+            return f"the platform has been silent for {PLATFORM_SILENCE:g} s"
+        for (role, name), (times, text) in self.faults.items():
+            if times >= BROKEN and self.in_charge((role, name)):
+                return f"{role} {name} failed {times} times in a row: {text}"
+        return ""

@@ -1,0 +1,113 @@
+"""The platform live: the source of the run clock, and the last to stop the wheels where the gate falls silent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from navloom.dataflow.nodes import Outputs, PlatformNode, Tick
+from navloom.messages import Command, Twist2D
+from navloom.runtime.cells import Hosted
+from navloom.runtime.live import LiveRunner
+from navloom.runtime.run_clock import RunClock
+
+__all__ = ["LivePlatform"]
+
+CHECK = 0.01
+"""s between two looks at the gate's command."""
+STILL = Twist2D(0.0, 0.0, 0.0)
+
+
+class LivePlatform(LiveRunner):
+    """Ticks by the wall clock and hands commands to the platform as they come.
+
+    Args:
+        hosted, clock, period, ends: See `LiveRunner`.
+        deadline: s after which a command has gone stale.
+        start_ns: This host's monotonic clock at run clock 0.
+
+    Attributes:
+        ticks, late: Ticks begun, and those begun more than half a period late or passed over.
+        stops: How often the wheels were stopped here because no fresh command was there.
+    """
+
+    def __init__(
+        self,
+        hosted: Hosted,
+        clock: RunClock,
+        period: float,
+        ends: Callable[[], bool],
+        deadline: float,
+        start_ns: int,
+    ) -> None:
+        super().__init__(hosted, clock, period, ends)
+        assert isinstance(self.cell.node, PlatformNode)
+        self.platform = self.cell.node.plugin
+        self.deadline_ns, self.start_ns = round(deadline * 1e9), start_ns
+        self.period_ns = round(period * 1e9)
+        self.ticks = self.late = self.stops = 0
+        self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
+        self._taken: object = None
+        self._twist = STILL
+        self._cause_ns = -1
+        self._next = -1
+
+    def run(self) -> None:
+        """Until the process ends; then the wheels stand."""
+        self._next = max(0, -(-self._now_ns() // self.period_ns))
+        super().run()
+        self._drive(STILL)
+
+    def wait_time(self) -> float:
+        """s to the next tick, or to the next look at the gate's command."""
+        return min(CHECK, max(0.0, (self._next * self.period_ns - self._now_ns()) * 1e-9))
+
+    def act(self) -> None:
+        """Hand on what the gate said; stop where that has gone stale; tick where it is time."""
+        self._follow_gate()
+        now_ns = self._now_ns()
+        if now_ns < self._next * self.period_ns:
+            return
+        number = now_ns // self.period_ns
+        self.ticks += 1
+        self.late += number - self._next + (now_ns - number * self.period_ns > self.period_ns // 2)
+        self._next = number + 1
+        self._advance(number)
+
+    def _follow_gate(self) -> None:
+        slot, now_ns = self._feeds["command"].slot, self._now_ns()
+        message, envelope = slot.message, slot.envelope
+        if message is not self._taken and isinstance(message, Command) and envelope is not None:
+            self._taken = message
+            if 0 <= now_ns - envelope.cause_ns <= self.deadline_ns:
+                self._cause_ns = envelope.cause_ns
+                self._drive(message.twist)
+        if self._twist != STILL and now_ns - self._cause_ns > self.deadline_ns:
+            self.stops += 1
+            self._drive(STILL)
+
+    def _drive(self, twist: Twist2D) -> None:
+        self._twist = twist
+        self.platform.drive(twist, max(0, self._now_ns()))
+
+    def _advance(self, number: int) -> None:
+        cell, instance = self.cell, self.cell.instance
+        time_ns = number * self.period_ns
+        tick = Tick(number, time_ns * 1e-9, time_ns, cell.epoch)
+        read = cell.read_marks(number, number - 1)
+        given: dict[str, Any] = instance.read(number, number - 1)
+        given["command"] = Command(self._twist)
+        outputs, spent, fault = self.run_node(tick, given)
+        instance.stepped = number
+        cell.publish(_odometry_last(outputs), tick, time_ns)
+        self.clock.observe(time_ns, time.monotonic_ns(), number)
+        self.say(tick, "tick", read, spent, fault)
+
+    def _now_ns(self) -> int:
+        return time.monotonic_ns() - self.start_ns
+
+
+def _odometry_last(outputs: Outputs) -> Outputs:
+    """What triggers the others goes out when all that belongs to it is on its way."""
+    return sorted(outputs, key=lambda entry: entry[0] == "odometry")

@@ -1,0 +1,156 @@
+"""Where messages wait for a node: one bounded queue a stream, filled by anyone, emptied by the node's own thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from navloom.messages import Envelope, Message
+from navloom.messages.codec import CodecError, decode
+
+__all__ = ["LARGEST", "Inlet", "Mailbox", "Packet", "StreamCounts"]
+
+LARGEST = 64 * 2**20
+"""Bytes of a message at most; a larger one is counted and not copied."""
+AGES = 256
+
+
+class Packet:
+    """Bytes off the wire, decoded once for all its readers in a process, by the first that looks."""
+
+    __slots__ = ("_opened", "arrived_ns", "data", "label")
+
+    def __init__(self, data: bytes, label: str) -> None:
+        self.data = data
+        self.label = label
+        self.arrived_ns = time.monotonic_ns()
+        self._opened: tuple[Message, Envelope] | CodecError | None = None
+
+    def open(self) -> tuple[Message, Envelope]:
+        """Message and envelope. Raises CodecError for what is neither."""
+        opened = self._opened
+        if opened is None:
+            try:
+                opened = decode(self.data, self.label)
+            except CodecError as error:
+                opened = error
+            self._opened = opened
+        if isinstance(opened, CodecError):
+            raise opened
+        return opened
+
+
+@dataclass
+class StreamCounts:
+    """What became of a stream's messages on their way into one node; `ages` in s, newest last."""
+
+    received: int = 0
+    dropped: int = 0
+    malformed: int = 0
+    late: int = 0
+    complaint: str = ""
+    ages: deque[float] = field(default_factory=lambda: deque(maxlen=AGES))
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, and median and 99th percentile of the ages, s."""
+        ages = sorted(self.ages)
+        found: dict[str, Any] = {
+            "received": self.received,
+            "dropped": self.dropped,
+            "malformed": self.malformed,
+            "late": self.late,
+        }
+        if self.complaint:
+            found["complaint"] = self.complaint
+        if ages:
+            found["age_p50_s"] = ages[len(ages) // 2]
+            found["age_p99_s"] = ages[min(len(ages) - 1, len(ages) * 99 // 100)]
+        return found
+
+
+class Mailbox:
+    """Wakes one node's thread when something comes in."""
+
+    def __init__(self) -> None:
+        self.condition = threading.Condition()
+        self.news = 0
+
+    def ring(self) -> None:
+        """Something came in that is not in a queue."""
+        with self.condition:
+            self.news += 1
+            self.condition.notify()
+
+    def wait(self, seen: int, timeout: float | None) -> int:
+        """Wait until more than `seen` things have come in, or s have passed; gives how many have."""
+        with self.condition:
+            if self.news == seen:
+                self.condition.wait(timeout)
+            return self.news
+
+
+class Inlet:
+    """One stream into one node.
+
+    Args:
+        key: Of the stream.
+        mailbox: Of the node.
+        limit: Messages that may wait; the oldest is dropped beyond. None for no limit.
+        age: Age in s of something with this Platform stamp, where it is known.
+
+    Attributes:
+        counts: What became of its messages.
+        arrived_ns: This host's monotonic clock at the last one taken out.
+    """
+
+    def __init__(
+        self, key: str, mailbox: Mailbox, limit: int | None, age: Callable[[int], float | None] | None = None
+    ) -> None:
+        self.key = key
+        self.mailbox = mailbox
+        self.counts = StreamCounts()
+        self.arrived_ns = 0
+        self._age = age
+        self._waiting: deque[Packet | tuple[Message, Envelope]] = deque(maxlen=limit)
+
+    def give(self, item: Packet | tuple[Message, Envelope]) -> None:
+        """Leave a message, from any thread. Never blocks, never raises."""
+        waiting = self._waiting
+        with self.mailbox.condition:
+            self.counts.received += 1
+            if len(waiting) == waiting.maxlen:
+                self.counts.dropped += 1
+            waiting.append(item)
+            self.mailbox.news += 1
+            self.mailbox.condition.notify()
+
+    def refuse(self, complaint: str) -> None:
+        """Count a message that never became one."""
+        self.counts.received += 1
+        self.counts.malformed += 1
+        self.counts.complaint = complaint
+
+    def take(self) -> Iterator[tuple[Message, Envelope]]:
+        """What waits, oldest first; what is malformed is counted and passed over. For the node's thread only."""
+        waiting = self._waiting
+        while waiting:
+            item = waiting.popleft()
+            if isinstance(item, Packet):
+                self.arrived_ns = item.arrived_ns
+                try:
+                    item = item.open()
+                except CodecError as error:
+                    self.counts.malformed += 1
+                    self.counts.complaint = str(error)
+                    continue
+            else:
+                self.arrived_ns = time.monotonic_ns()
+            if self._age is not None:
+                age = self._age(item[1].cause_ns)
+                if age is not None:
+                    self.counts.ages.append(age)
+            yield item

@@ -1,0 +1,63 @@
+"""What a robot must not forget when the process that knew it dies: every other process keeps it too."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+from navloom.messages import Envelope, Feedback, GateStatus, Message, Parameters, Selection
+
+__all__ = ["Memory"]
+
+
+@dataclass
+class Memory:
+    """The selection, the gate's latched stop, the goal on its way, and parameters that were changed.
+
+    Attributes:
+        epoch, selected: Of the newest selection.
+        stop: (tick, reason of the latched stop, empty for none).
+        goal: (tick, number of the goal on its way, 0 for none).
+        last_goal: Highest number of a goal so far.
+        parameters: By "role instance": version and assignments.
+    """
+
+    epoch: int = -1
+    selected: dict[str, str] = field(default_factory=dict)
+    stop: tuple[int, str] = (-1, "")
+    goal: tuple[int, int] = (-1, 0)
+    last_goal: int = 0
+    parameters: dict[str, tuple[int, tuple[str, ...]]] = field(default_factory=dict)
+
+    def note(self, source: tuple[str, str], message: Message, at: Envelope) -> None:
+        """Remember what a message says."""
+        if isinstance(message, Selection) and message.epoch >= self.epoch:
+            self.epoch = message.epoch
+            self.selected = dict(entry.split(" ", 1) for entry in message.instances)
+        elif isinstance(message, GateStatus):
+            self.stop = (at.tick, message.reason if message.latched else "")
+        elif isinstance(message, Feedback):
+            self.goal = (at.tick, message.goal_id)
+            self.last_goal = max(self.last_goal, message.goal_id)
+        elif isinstance(message, Parameters):
+            self.parameters[" ".join(source)] = (message.version, message.values)
+
+    def to_bytes(self) -> bytes:
+        """For another process."""
+        return json.dumps(vars(self)).encode()
+
+    def learn(self, data: bytes) -> None:
+        """Take over what another process knows and this one does not, or not as newly."""
+        try:
+            other: dict[str, Any] = json.loads(data)
+            if other["epoch"] > self.epoch:
+                self.epoch, self.selected = int(other["epoch"]), dict(other["selected"])
+            self.stop = max(self.stop, (int(other["stop"][0]), str(other["stop"][1])))
+            self.goal = max(self.goal, (int(other["goal"][0]), int(other["goal"][1])))
+            self.last_goal = max(self.last_goal, int(other["last_goal"]))
+            for place, (version, values) in other["parameters"].items():
+                known = self.parameters.get(place, (-1, ()))
+                self.parameters[place] = max(known, (int(version), tuple(map(str, values))))
+        except (ValueError, KeyError, TypeError, IndexError):
+            return

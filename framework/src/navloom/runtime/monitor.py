@@ -1,0 +1,44 @@
+"""What every process keeps an eye on: the run clock, and what must outlive any one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from navloom.config.schema import ROLE_TABLES
+from navloom.messages import Odometry
+from navloom.runtime.build import System
+from navloom.runtime.mailbox import Inlet, Mailbox
+from navloom.runtime.memory import Memory
+from navloom.runtime.run_clock import RunClock
+from navloom.runtime.switchboard import Switchboard
+
+__all__ = ["Monitor"]
+
+
+class Monitor:
+    """Reads the streams that a process remembers."""
+
+    def __init__(
+        self, system: System, board: Switchboard, clock: RunClock, memory: Memory, ends: Callable[[], bool]
+    ) -> None:
+        self._clock, self._memory, self._ends = clock, memory, ends
+        self._mailbox = Mailbox()
+        platform = ("platform", system.config.platform.instance)
+        streams = [(platform, "odometry"), (("gate", "main"), "selection"), (("gate", "main"), "status")]
+        streams.append((("goal", "main"), "feedback"))
+        streams += [(source, "parameters") for source in system.parts if source[0] in ROLE_TABLES]
+        self._inlets: list[tuple[tuple[str, str], Inlet]] = [
+            (source, board.inlet(source, port, self._mailbox, 16)) for source, port in streams
+        ]
+
+    def run(self) -> None:
+        """Until the process ends."""
+        seen = 0
+        while not self._ends():
+            seen = self._mailbox.wait(seen, 0.1)
+            for source, inlet in self._inlets:
+                for message, envelope in inlet.take():
+                    if isinstance(message, Odometry):
+                        self._clock.observe(envelope.stamp_ns, inlet.arrived_ns, envelope.tick)
+                    else:
+                        self._memory.note(source, message, envelope)

@@ -1,0 +1,75 @@
+"""How the processes of a robot find each other: by sockets on one host, or through a router."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from navloom.config.schema import Config
+from navloom.runtime.directory import RobotFolder
+from navloom.runtime.links import Link
+
+__all__ = ["Network", "network_of"]
+
+
+@dataclass
+class Network:
+    """Of one robot.
+
+    Attributes:
+        realm, robot: Its names.
+        router: Endpoint of its router; empty where its processes join each other directly.
+        starts_router: The router belongs to this host.
+        keys: Folder of certificates.
+        insecure: Plain TCP beyond this host was asked for.
+    """
+
+    realm: str
+    robot: str
+    router: str = ""
+    starts_router: bool = False
+    keys: Path | None = None
+    insecure: bool = False
+
+    def links(self, folder: RobotFolder, names: Sequence[str]) -> dict[str, Link]:
+        """Of each process: to every other one's socket, or to the router."""
+        if self.router:
+            return {name: self._client("nodes") for name in names}
+        sockets = {name: folder.socket(name) for name in names}
+        return {
+            name: Link(
+                "peer", (own,), tuple(end for end in sockets.values() if end != own),
+                realm=self.realm, robot=self.robot,
+            )
+            for name, own in sockets.items()
+        }  # fmt: skip
+
+    def router_link(self) -> Link | None:
+        """Of the router, where it is this host's to start."""
+        if not self.starts_router:
+            return None
+        return Link(
+            "router", (self.router,), (), credentials=self.keys, identity="router" if self.keys else None,
+            insecure=self.insecure, realm=self.realm, robot=self.robot,
+        )  # fmt: skip
+
+    def outsider(self, folder: RobotFolder, names: Sequence[str], identity: str = "operator") -> Link:
+        """Of a tool on the same host, which nobody needs to find."""
+        if self.router:
+            return self._client(identity)
+        return Link("peer", (), tuple(folder.socket(name) for name in names), realm=self.realm, robot=self.robot)
+
+    def _client(self, identity: str) -> Link:
+        return Link(
+            "client", (), (self.router,), credentials=self.keys, identity=identity if self.keys else None,
+            insecure=self.insecure, realm=self.realm, robot=self.robot,
+        )  # fmt: skip
+
+
+def network_of(config: Config, host: str | None, insecure: bool) -> Network:
+    """The network a config asks for."""
+    live = config.live
+    keys = Path(live.keys) if live.keys else None
+    starts = live.router is not None and live.router_host == host
+    return Network(config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure)

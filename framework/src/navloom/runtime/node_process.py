@@ -1,0 +1,218 @@
+"""One process of a live robot: its nodes, each on a thread of its own, over one session."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from navloom.dataflow.nodes import Node
+from navloom.dataflow.own_nodes import GateNode, GoalNode
+from navloom.messages import Parameters
+from navloom.runtime.barrier import BarrierEnded
+from navloom.runtime.barrier_runner import BarrierRunner
+from navloom.runtime.build import System, changed_params, make_plugins, role_nodes
+from navloom.runtime.cell import Source
+from navloom.runtime.cells import Hosted, all_sources, make_cell
+from navloom.runtime.executor import own_node
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.links import Link
+from navloom.runtime.live import LiveRunner
+from navloom.runtime.live_gate import LiveGate
+from navloom.runtime.live_goal import LiveGoal
+from navloom.runtime.live_platform import LivePlatform
+from navloom.runtime.memory import Memory
+from navloom.runtime.monitor import Monitor
+from navloom.runtime.presence import Presence
+from navloom.runtime.run_clock import RunClock
+from navloom.runtime.services import Services
+from navloom.runtime.switchboard import Switchboard
+from navloom.runtime.zenoh_bus import Bus
+
+__all__ = ["HUNG", "NodeProcess", "Share"]
+
+HUNG = 70
+"""Exit code of a process that gave up a node which hangs."""
+PATIENT = frozenset({"mapper", "planner", "recovery"})
+"""Roles whose step may take long."""
+LONG = 30.0
+"""s their step may take."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one process does.
+
+    Attributes:
+        name: Of the process.
+        sources: Its nodes.
+        link: How it joins the robot's network.
+        barrier: Ticks are held together instead of running by the clock.
+        start_ns: Platform host's monotonic clock at run clock 0.
+    """
+
+    name: str
+    sources: tuple[Source, ...]
+    link: Link
+    barrier: bool = False
+    start_ns: int = 0
+
+
+@dataclass(eq=False)
+class NodeProcess:
+    """Runs its share of a robot until it is told to end.
+
+    Attributes:
+        system: The robot; plugins are made for this share alone.
+        share: What runs here.
+        ending: Set to end.
+        runners: By source, once it runs.
+        hung: Node that was given up; empty for none.
+    """
+
+    system: System
+    share: Share
+    ending: threading.Event = field(default_factory=threading.Event)
+    runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
+    hung: str = ""
+
+    def run(self, say: Callable[[str], None] = lambda text: None, ready: Callable[[], None] = lambda: None) -> None:
+        """Join, step, leave. Returns when `ending` is set, or a node in charge hangs.
+
+        Raises:
+            ConfigError, LinkError, BusError: Nothing ran.
+        """
+        make_plugins(self.system, say, self.share.sources)
+        with Bus(self.share.link) as bus:
+            threads = self._start(bus, ready)
+            self._watch(threads)
+            self.ending.set()
+            for thread in threads:
+                thread.join(1.0)
+
+    def _start(self, bus: Bus, ready: Callable[[], None]) -> list[threading.Thread]:
+        robot = self.system.config.robot
+        keys = KeySpace(robot.realm, robot.name)
+        clock, memory = RunClock(), Memory()
+        board = Switchboard(bus, keys, self.share.barrier, None if self.share.barrier else clock.age_s)
+        nodes = self._nodes()
+        hosted = {source: make_cell(self.system, source, node, board) for source, node in nodes.items()}
+        if self.share.barrier:
+            self.runners = {source: self._barrier_runner(cell) for source, cell in hosted.items()}
+            runs: list[Callable[[], None]] = [runner.run for runner in self.runners.values()]
+            live: dict[Source, LiveRunner] = {}
+        else:
+            for answer in bus.ask(keys.process("*", "memory"), timeout=1.0):
+                memory.learn(answer.data)
+            presence = Presence(keys, set(nodes), self._came)
+            live = {source: self._live_runner(cell, clock, presence) for source, cell in hosted.items()}
+            self.runners = dict(live)
+            monitor = Monitor(self.system, board, clock, memory, self.ending.is_set)
+            fetching = threading.Thread(target=self._fetch, args=(board, presence), daemon=True)
+            for source, runner in live.items():
+                runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
+            self._restore(live, memory)
+            runs = [monitor.run, *(runner.run for runner in live.values())]
+        services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board)
+        board.connect()
+        services.offer()
+        if not self.share.barrier:
+            bus.watch(keys.alive("*", "*"), presence.change)
+            fetching.start()
+        threads = [threading.Thread(target=run, daemon=True) for run in runs]
+        for thread in threads:
+            thread.start()
+        for source in nodes:
+            bus.announce(keys.alive(*source))
+        ready()
+        return threads
+
+    def _nodes(self) -> dict[Source, Node]:
+        """The nodes of this share in the order of the graph."""
+        plugins = role_nodes(self.system, self.share.sources)
+        made: dict[Source, Node] = {}
+        for source in all_sources(self.system):
+            if source in self.share.sources:
+                own = own_node(self.system, source[0], lambda role, name: False, is_live=not self.share.barrier)
+                made[source] = own if own is not None else plugins[source]
+        return made
+
+    def _barrier_runner(self, hosted: Hosted) -> BarrierRunner:
+        def check() -> None:
+            if self.ending.is_set():
+                raise BarrierEnded
+
+        source = hosted.cell.source
+        roles = [spec.role for spec in self.system.specs]
+        period = self.system.config.run.period
+        return BarrierRunner(
+            hosted.cell, hosted.requests, hosted.selection, roles, period,
+            lambda values: self.configure(source, values), check,
+        )  # fmt: skip
+
+    def _live_runner(self, hosted: Hosted, clock: RunClock, presence: Presence) -> LiveRunner:
+        config = self.system.config
+        role = hosted.cell.source[0]
+        common = (hosted, clock, config.run.period, self.ending.is_set)
+        if role == "platform":
+            return LivePlatform(*common, config.gate.stop_deadline, self.share.start_ns)
+        if role == "gate":
+            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive)
+        return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
+
+    def configure(self, source: Source, values: tuple[str, ...]) -> None:
+        """Change an instance's parameters, all or none. Raises ConfigError for what does not fit."""
+        self.system.plugin(*source).configure(changed_params(self.system, *source, values))
+
+    def _restore(self, live: Mapping[Source, LiveRunner], memory: Memory) -> None:
+        """Go on where an earlier process of this share was, as far as others remember."""
+        for source, runner in live.items():
+            if memory.selected:
+                runner.cell.recall(memory.selected, max(0, memory.epoch))
+            version, values = memory.parameters.get(" ".join(source), (0, ()))
+            if values:
+                self.configure(source, values)
+                runner.cell.versions = version
+                runner.cell.outlets["parameters"].publish(Parameters(version, values), 0, 0, 0, 0)
+            node = runner.cell.node
+            if isinstance(node, GateNode) and memory.epoch >= 0:
+                node.restore(memory.epoch, memory.selected, memory.stop[1])
+            if isinstance(node, GoalNode) and memory.goal[0] >= 0:
+                node.machine.begin(memory.goal[0] + 1, memory.goal[1])
+
+    def _came(self, source: Source, again: bool) -> None:
+        """Somebody came up: the goal must know of a mapper or planner that did so again."""
+        for runner in self.runners.values():
+            if isinstance(runner, LiveGoal) and again:
+                runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
+
+    def _fetch(self, board: Switchboard, presence: Presence) -> None:
+        """Ask each instance that comes up for the last of what it keeps."""
+        while not self.ending.is_set():
+            source = presence.next_arrival(0.2)
+            if source is not None:
+                board.fetch(source)
+
+    def _watch(self, threads: Sequence[threading.Thread]) -> None:
+        """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
+        limit = self.system.config.live.hang_timeout
+        while not self.ending.wait(0.1):
+            now = time.monotonic()
+            for (role, name), runner in self.runners.items():
+                since = getattr(runner, "busy_since", None)
+                allowed = max(limit, LONG) if role in PATIENT else limit
+                if since is not None and now - since > allowed and runner.cell.instance.active:
+                    self.hung = f"{role} {name} has been in one step for {allowed:g} s"
+                    return
+            if not all(thread.is_alive() for thread in threads):
+                self.hung = "a node's thread ended by itself"
+                return
+
+
+def leave(process: NodeProcess) -> int:
+    """Exit code; a process with a hanging node ends at once, since its thread cannot be ended."""
+    if process.hung:
+        os._exit(HUNG)
+    return 0

@@ -1,0 +1,55 @@
+"""Where a node's messages leave: to readers in the same process by reference, to all others over the bus."""
+
+from __future__ import annotations
+
+from navloom.messages import Envelope, Message
+from navloom.messages.codec import encode, schema_label
+from navloom.runtime.mailbox import Inlet
+from navloom.runtime.quality import quality_of
+from navloom.runtime.zenoh_bus import Bus, Publication, Question
+
+__all__ = ["Outlet"]
+
+
+class Outlet:
+    """One port of one instance.
+
+    Args:
+        key: Of the stream.
+        bus: The process's.
+        lossless: Nothing may be dropped on the way: under a barrier, where each message is waited for.
+        retained: Who joins later is given the last message.
+    """
+
+    def __init__(self, key: str, bus: Bus, lossless: bool, retained: bool) -> None:
+        self.key = key
+        self.readers: list[Inlet] = []
+        self.sequence = 0
+        self.last: tuple[Message, Envelope] | None = None
+        self._bus, self._lossless = bus, lossless
+        self._ways: dict[type[Message], tuple[Publication, str]] = {}
+        if retained:
+            bus.serve(key, self._answer)
+
+    def publish(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
+        """Send a message to all who read it."""
+        self.sequence += 1
+        envelope = Envelope(self.key, self.sequence, tick, stamp_ns, cause_ns, epoch)
+        self.last = (message, envelope)
+        for inlet in self.readers:
+            inlet.give(self.last)
+        kind = type(message)
+        way = self._ways.get(kind) or self._open(kind)
+        way[0].put(encode(message, envelope), way[1])
+
+    def _open(self, kind: type[Message]) -> tuple[Publication, str]:
+        way = self._bus.publication(self.key, quality_of(kind), self._lossless), schema_label(kind)
+        self._ways[kind] = way
+        return way
+
+    def _answer(self, question: Question) -> None:
+        last = self.last
+        if last is None:
+            question.drop()
+        else:
+            question.answer(self.key, encode(*last), schema_label(type(last[0])))

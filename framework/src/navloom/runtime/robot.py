@@ -1,0 +1,142 @@
+"""A live robot as the one who starts it sees it: its folder, its processes, and whether everybody is there."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+from navloom.runtime.build import System
+from navloom.runtime.cell import Source
+from navloom.runtime.cells import all_sources
+from navloom.runtime.directory import DirectoryError, RobotFolder, Running
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.network import Network
+from navloom.runtime.node_process import Share
+from navloom.runtime.supervisor import Supervisor, node_task, router_task, spread
+from navloom.runtime.zenoh_bus import Bus
+
+__all__ = ["Robot", "StartError"]
+
+
+class StartError(RuntimeError):
+    """The robot did not come up; the text says who is missing and what it said last."""
+
+
+class Robot:
+    """Processes of a robot on this host, supervised. Use it in a `with` statement.
+
+    Args:
+        system: The robot.
+        network: How its processes find each other.
+        host: Share of the config's `[live.hosts]` to start; None for all of it.
+        barrier: Ticks are held together, and no process is started again.
+        say: Told what happens.
+
+    Raises:
+        DirectoryError: It is up already, or its folder cannot be used.
+    """
+
+    def __init__(
+        self, system: System, network: Network, host: str | None, barrier: bool, say: Callable[[str], None]
+    ) -> None:
+        config = system.config
+        self.system, self.network, self.barrier = system, network, barrier
+        self.keys = KeySpace(config.robot.realm, config.robot.name)
+        self.folder = RobotFolder(config.robot.realm, config.robot.name)
+        self.started_ns = time.monotonic_ns()
+        self._shares = spread(config, all_sources(system), host)
+        self._say = say
+        self._alive: set[str] = set()
+        self._changed = threading.Condition()
+
+    def __enter__(self) -> Robot:
+        self.folder.make()
+        if not self.folder.lock():
+            running = self.folder.read()
+            who = f" (process {running.pid})" if running is not None else ""
+            raise DirectoryError(
+                f"robot {self.keys.prefix} is up already{who}: `navloom down --robot {self.keys.prefix}` ends it, "
+                "--set robot.name=NAME starts another"
+            )
+        self.folder.clear()
+        links = self.network.links(self.folder, list(self._shares))
+        shares = [
+            Share(name, sources, links[name], self.barrier, self.started_ns) for name, sources in self._shares.items()
+        ]
+        loaded = self.system.loaded
+        tasks = [node_task(loaded, share) for share in shares]
+        router = self.network.router_link()
+        if router is not None:
+            tasks.insert(0, router_task(router))
+        self.supervisor = Supervisor(loaded.config.live, self.folder, tasks, self._say)
+        try:
+            self.supervisor.start()
+            self.folder.write(self.running())
+            self.bus = Bus(self.network.outsider(self.folder, list(self._shares)))
+            self.bus.watch(self.keys.alive("*", "*"), self._change)
+        except BaseException:
+            self._stop()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._stop()
+        finally:
+            self.bus.close()
+
+    def running(self) -> Running:
+        """For the runtime file."""
+        ends = self.network.outsider(self.folder, list(self._shares))
+        return Running(
+            self.keys.realm, self.keys.robot, os.getpid(), ends.connect, ends.mode == "client",
+            self.system.loaded.name, self.barrier, str(ends.credentials or ""),
+        )  # fmt: skip
+
+    def missing(self) -> list[Source]:
+        """Nodes of the whole robot that are not there."""
+        sources = [source for source in all_sources(self.system) if source[0] != "operator"]
+        with self._changed:
+            return [source for source in sources if self.keys.alive(*source) not in self._alive]
+
+    def wait_complete(self, timeout: float, progress: Callable[[Sequence[Source]], None] = lambda left: None) -> None:
+        """Wait until every node is there.
+
+        Raises:
+            StartError: Somebody is missing after s, or a process will not start.
+        """
+        limit = time.monotonic() + timeout
+        while missing := self.missing():
+            progress(missing)
+            for child in self.supervisor.poll(restarts=not self.barrier):
+                if self.barrier or child.state == "failed" or child.why == "ended with code 2":
+                    raise StartError(
+                        f"process {child.task.name} {child.why}: {self.supervisor.tail(child) or 'it said nothing'}"
+                    )
+            if time.monotonic() > limit:
+                names = ", ".join(f"{role} {name}" for role, name in missing)
+                raise StartError(f"not there after {timeout:g} s: {names}; {self._advice(missing)}")
+            with self._changed:
+                self._changed.wait(0.2)
+
+    def _advice(self, missing: Sequence[Source]) -> str:
+        here = {source for sources in self._shares.values() for source in sources}
+        away = [source for source in missing if source not in here]
+        if away:
+            return "they belong to other hosts: start those with `navloom up --host NAME`, and see `navloom doctor`"
+        said = [f"{name}: {self.supervisor.tail(child)}" for name, child in self.supervisor.children.items()]
+        return "their processes said last: " + " | ".join(said)
+
+    def _change(self, key: str, alive: bool) -> None:
+        with self._changed:
+            (self._alive.add if alive else self._alive.discard)(key)
+            self._changed.notify_all()
+
+    def _stop(self) -> None:
+        self.supervisor.stop()
+        self.folder.clear()

@@ -1,0 +1,38 @@
+"""Entry of a router process: `python -m navloom.runtime.router_main FILE`."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from pathlib import Path
+
+from navloom.runtime.links import Link
+from navloom.runtime.node_main import die_with_parent, end_on_signal, link_from_json
+from navloom.runtime.zenoh_bus import Bus
+
+__all__ = ["main", "route"]
+
+
+def route(link: Link, ending: threading.Event) -> None:
+    """Pass messages on until told to end."""
+    with Bus(link):
+        ending.wait()
+
+
+def main() -> int:
+    """Route with the link of a file until told to end."""
+    spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
+    die_with_parent(int(spec["parent"]))
+    ending = threading.Event()
+    end_on_signal(ending)
+    try:
+        route(link_from_json(spec["link"]), ending)
+    except Exception as error:
+        print(f"router: {error}", file=sys.stderr, flush=True)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

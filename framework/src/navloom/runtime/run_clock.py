@@ -1,0 +1,53 @@
+"""The platform's clock as another process knows it: its newest stamp and the time since that came in."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+__all__ = ["RunClock"]
+
+
+class RunClock:
+    """Follows the run clock by the platform's stamps. Only differences of this host's own monotonic clock are used.
+
+    Args:
+        monotonic_ns: This host's clock.
+    """
+
+    def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self._monotonic_ns = monotonic_ns
+        self._newest = (-1, 0, -1)
+
+    def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
+        """A platform output came in."""
+        self._newest = (stamp_ns, arrived_ns, tick)
+
+    @property
+    def is_known(self) -> bool:
+        """The platform has been heard."""
+        return self._newest[2] >= 0
+
+    @property
+    def tick(self) -> int:
+        """Tick of the newest platform output; -1 before the first."""
+        return self._newest[2]
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the newest platform output; -1 before the first."""
+        return self._newest[0]
+
+    def now_ns(self) -> int:
+        """What the platform's clock shows by now, transport left out; -1 before it was heard."""
+        stamp, arrived, tick = self._newest
+        return -1 if tick < 0 else stamp + max(0, self._monotonic_ns() - arrived)
+
+    def silence_s(self) -> float:
+        """Since the newest platform output came in; 0 before the first."""
+        _, arrived, tick = self._newest
+        return 0.0 if tick < 0 else (self._monotonic_ns() - arrived) * 1e-9
+
+    def age_s(self, cause_ns: int) -> float | None:
+        """Age of what derives from a platform stamp; None before the platform was heard."""
+        return None if not self.is_known else (self.now_ns() - cause_ns) * 1e-9

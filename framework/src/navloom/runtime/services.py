@@ -1,0 +1,244 @@
+"""What a process's nodes answer: goals, stops, swaps, parameters, and what they are."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import threading
+import tomllib
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from navloom.config import ConfigError
+from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
+from navloom.runtime.build import System, changed_params
+from navloom.runtime.cell import Source
+from navloom.runtime.cells import Hosted
+from navloom.runtime.checks import place_problem
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.live import LiveRunner
+from navloom.runtime.live_gate import LiveGate
+from navloom.runtime.live_goal import LiveGoal
+from navloom.runtime.live_platform import LivePlatform
+from navloom.runtime.memory import Memory
+from navloom.runtime.run_clock import RunClock
+from navloom.runtime.switchboard import Switchboard
+from navloom.runtime.zenoh_bus import Bus, Question
+
+__all__ = ["Services", "ServiceError"]
+
+APPLY = 2.0
+"""s a node may take to come to a change."""
+
+Handler = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+class ServiceError(ValueError):
+    """A request that is not done; the text says why."""
+
+
+class Services:
+    """Answers for the nodes of one process, on threads of its own."""
+
+    def __init__(
+        self,
+        system: System,
+        process: str,
+        keys: KeySpace,
+        bus: Bus,
+        hosted: Mapping[Source, Hosted],
+        live: Mapping[Source, LiveRunner],
+        memory: Memory,
+        clock: RunClock,
+        board: Switchboard,
+    ) -> None:
+        self._system, self._process, self._keys, self._bus = system, process, keys, bus
+        self._hosted, self._live, self._memory, self._clock, self._board = hosted, live, memory, clock, board
+        self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="service")
+        self._goals = threading.Lock()
+
+    def offer(self) -> None:
+        """Declare everything that can be asked of this process."""
+        for source in self._hosted:
+            self._serve(source, "describe", lambda given, source=source: self._describe(source))  # type: ignore[misc]
+            if source in self._system.parts:
+                self._serve(source, "params/get", lambda given, source=source: self._get(source))  # type: ignore[misc]
+        for source, runner in self._live.items():
+            if source in self._system.parts:
+                self._serve(source, "params/set", lambda given, source=source: self._set(source, given))  # type: ignore[misc]
+            if isinstance(runner, LiveGoal):
+                self._serve(source, "submit", lambda given, runner=runner: self._submit(runner, given))  # type: ignore[misc]
+                self._serve(source, "cancel", lambda given, runner=runner: self._cancel(runner))  # type: ignore[misc]
+            if isinstance(runner, LiveGate):
+                self._serve(source, "swap", lambda given, runner=runner: self._swap(runner, given))  # type: ignore[misc]
+                for do in ("stop", "resume", "release"):
+                    self._serve(source, do, lambda given, runner=runner, do=do: self._gate(runner, do))  # type: ignore[misc]
+        if self._live:
+            self._bus.serve(self._keys.process(self._process, "memory"), self._recall)
+
+    def _serve(self, source: Source, service: str, handler: Handler) -> None:
+        key = self._keys.port(*source, service)
+
+        def pass_on(question: Question) -> None:
+            self._pool.submit(self._handle, key, question, handler)
+
+        self._bus.serve(key, pass_on)
+
+    def _handle(self, key: str, question: Question, handler: Handler) -> None:
+        try:
+            given = json.loads(question.data) if question.data else {}
+            if not isinstance(given, dict):
+                raise ServiceError(f"got {type(given).__name__}, expected an object")
+            question.answer(key, json.dumps(handler(given)).encode(), "json")
+        except (ServiceError, ConfigError) as error:
+            question.refuse(str(error))
+        except (ValueError, KeyError, TypeError) as error:
+            question.refuse(f"request not understood: {type(error).__name__}: {error}")
+
+    def _recall(self, question: Question) -> None:
+        question.answer(question_key(self._keys, self._process), self._memory.to_bytes(), "json")
+
+    # --- what they are ----------------------------------------------------------------------------------------------
+
+    def _describe(self, source: Source) -> dict[str, Any]:
+        cell = self._hosted[source].cell
+        part = self._system.parts.get(source)
+        streams: dict[str, Any] = {}
+        for feed in cell.feeds:
+            streams[feed.inlet.key.removeprefix(f"{self._keys.prefix}/")] = feed.inlet.counts.summary()
+        found: dict[str, Any] = {
+            "role": source[0],
+            "instance": source[1],
+            "plugin": part.table.plugin if part is not None else None,
+            "process": self._process,
+            "pid": os.getpid(),
+            "host": platform.node(),
+            "active": cell.instance.active,
+            "enabled": cell.instance.enabled,
+            "tick": cell.instance.stepped,
+            "epoch": cell.epoch,
+            "versions": _versions(),
+            "config_sha256": self._system.loaded.sha256(),
+            "clock_ns": self._clock.now_ns(),
+            "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
+            "streams": streams,
+        }
+        runner = self._live.get(source)
+        if runner is not None and runner.busy_since is not None:
+            found["busy"] = True
+        if isinstance(runner, LivePlatform):
+            found |= {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops}
+        return found
+
+    def _get(self, source: Source) -> dict[str, Any]:
+        plugin, version = self._system.plugin(*source), self._hosted[source].cell.versions
+        return {"version": version, "values": plugin.params.model_dump(mode="json")}
+
+    # --- what they do -----------------------------------------------------------------------------------------------
+
+    def _set(self, source: Source, given: dict[str, Any]) -> dict[str, Any]:
+        """Check all values, then have the node take them between two steps."""
+        values = tuple(str(value) for value in given["values"])
+        _refuse_doubles(values)
+        changed_params(self._system, *source, values)
+        runner = self._live[source]
+
+        def apply() -> None:
+            plugin = self._system.plugin(*source)
+            plugin.configure(changed_params(self._system, *source, values))
+            cell = runner.cell
+            cell.versions += 1
+            known = {_name(value): value for value in self._memory.parameters.get(" ".join(source), (0, ()))[1]}
+            known |= {_name(value): value for value in values}
+            changed = Parameters(cell.versions, tuple(known[name] for name in sorted(known)))
+            self._memory.parameters[" ".join(source)] = (cell.versions, changed.values)
+            tick = max(0, self._clock.tick)
+            stamp = max(0, self._clock.stamp_ns)
+            cell.outlets["parameters"].publish(changed, tick, stamp, stamp, cell.epoch)
+
+        self._apply(runner, apply)
+        return self._get(source)
+
+    def _submit(self, runner: LiveGoal, given: dict[str, Any]) -> dict[str, Any]:
+        x, y, heading = _number(given, "x"), _number(given, "y"), given.get("heading")
+        heading = None if heading is None else math.remainder(_number(given, "heading"), math.tau)
+        via = tuple(Point2D(float(px), float(py)) for px, py in given.get("via", ()))
+        if not self._clock.is_known:
+            raise ServiceError("rejected: the platform has not been heard yet")
+        problem = place_problem(self._system, x, y, heading)
+        if problem:
+            raise ServiceError(f"rejected: {problem}")
+        with self._goals:
+            number = self._memory.last_goal + 1
+            self._memory.last_goal = number
+        goal = Goal(number, x, y, heading, via)
+        self._apply(runner, lambda: runner.submit(OperatorRequest("goal", goal)))
+        return {"goal_id": number}
+
+    def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
+        self._apply(runner, lambda: runner.submit(OperatorRequest("cancel")))
+        return {"goal_id": self._memory.goal[1]}
+
+    def _swap(self, runner: LiveGate, given: dict[str, Any]) -> dict[str, Any]:
+        role, name = str(given["role"]), str(given["instance"])
+        names = [known for owner, known in self._system.parts if owner == role]
+        if role == "platform" or not names:
+            raise ServiceError(f"{role!r} is no role that can be swapped")
+        if name not in names:
+            raise ServiceError(f"there is no {role} {name!r}; there are {', '.join(names)}")
+        self._apply(runner, lambda: runner.obey(OperatorRequest("swap", None, role, name)))
+        return {"pending": runner.gate.pending, "selected": runner.gate.selected[role], "epoch": runner.gate.epoch}
+
+    def _gate(self, runner: LiveGate, do: str) -> dict[str, Any]:
+        self._apply(runner, lambda: runner.obey(OperatorRequest(do)))  # type: ignore[arg-type]
+        return {"done": do}
+
+    def _apply(self, runner: LiveRunner, change: Callable[[], None]) -> None:
+        """Have a node's own thread do something, and wait for it."""
+        done, failure = threading.Event(), []
+
+        def do() -> None:
+            try:
+                change()
+            except Exception as error:
+                failure.append(error)
+            done.set()
+
+        runner.change(do)
+        if not done.wait(APPLY):
+            raise ServiceError(f"{' '.join(runner.cell.source)} does not step: it has been asked, but did not answer")
+        if failure:
+            raise ServiceError(str(failure[0]))
+
+
+def question_key(keys: KeySpace, process: str) -> str:
+    """Where a process's memory is asked for."""
+    return keys.process(process, "memory")
+
+
+def _number(given: Mapping[str, Any], name: str) -> float:
+    value = given[name]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ServiceError(f"rejected: {name} is {value!r}, expected a finite number")
+    return float(value)
+
+
+def _name(assignment: str) -> str:
+    return assignment.partition("=")[0].strip()
+
+
+def _refuse_doubles(values: tuple[str, ...]) -> None:
+    try:
+        tomllib.loads("\n".join(values))
+    except tomllib.TOMLDecodeError as error:
+        raise ServiceError(f"parameters {', '.join(values)}: not TOML assignments: {error}") from None
+
+
+def _versions() -> dict[str, str]:
+    """Of what must agree between the hosts of one robot."""
+    found = {name: importlib.metadata.version(name) for name in ("navloom", "eclipse-zenoh", "numpy")}
+    return found | {"python": platform.python_version()}

@@ -1,0 +1,220 @@
+"""Starts a robot's processes, starts those that crash again, and leaves none behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from navloom.config import Loaded
+from navloom.config.schema import Config, LiveTable
+from navloom.runtime.cell import Source
+from navloom.runtime.directory import RobotFolder
+from navloom.runtime.links import Link
+from navloom.runtime.node_main import link_to_json, share_to_json
+from navloom.runtime.node_process import HUNG, Share
+
+__all__ = ["Child", "Supervisor", "Task", "node_task", "router_task", "spread"]
+
+FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
+"""s before the first restart, and at most before a later one."""
+HEALTHY = 5.0
+"""s a process must run for its next crash to count as a first one."""
+STOP_WAIT = 1.5
+"""s each group of processes may take to end in order, before it is killed."""
+
+
+def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:
+    """Nodes of each process of a host, or of all. An alternative lives with its role unless it is placed by name.
+
+    Args:
+        config: With the `[live]` table.
+        sources: Every instance.
+        host: Name of the host; None for all processes.
+    """
+    placed = {node: process for process, nodes in config.live.processes.items() for node in nodes}
+    shares: dict[str, list[Source]] = {process: [] for process in config.live.processes}
+    for role, name in sources:
+        if role != "operator":
+            shares[placed.get(f"{role}.{name}", placed[role])].append((role, name))
+    wanted = config.live.hosts[host] if host is not None else list(shares)
+    return {process: tuple(found) for process, found in shares.items() if found and process in wanted}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a process is started with.
+
+    Attributes:
+        name: Of the process.
+        module: Python module that is run with the path of a JSON file.
+        given: What the file holds.
+        roles: Of the nodes it runs, for the order in which processes end.
+    """
+
+    name: str
+    module: str
+    given: Mapping[str, Any]
+    roles: frozenset[str] = frozenset()
+
+
+def node_task(loaded: Loaded, share: Share) -> Task:
+    """The process of a share."""
+    given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
+    return Task(share.name, "navloom.runtime.node_main", given, frozenset(role for role, _ in share.sources))
+
+
+def router_task(link: Link) -> Task:
+    """The process of a router."""
+    return Task("router", "navloom.runtime.router_main", {"link": link_to_json(link)})
+
+
+@dataclass(eq=False)
+class Child:
+    """A process and its fate.
+
+    Attributes:
+        task: What it does.
+        process: It, while there is one.
+        crashes: Times of those within the window, s, monotonic.
+        restarts: How often it was started again.
+        state: starting, running, waiting (for its restart), failed or ended.
+        why: How it ended last.
+    """
+
+    task: Task
+    process: subprocess.Popen[bytes] | None = None
+    started: float = 0.0
+    again_at: float = 0.0
+    wait: float = FIRST_WAIT
+    crashes: deque[float] = field(default_factory=deque)
+    restarts: int = 0
+    state: str = "starting"
+    why: str = ""
+
+
+class Supervisor:
+    """Keeps the processes of one host running.
+
+    Args:
+        live: Limits of restarts.
+        folder: The robot's.
+        tasks: What each process does.
+        say: Told what happens to them.
+    """
+
+    def __init__(self, live: LiveTable, folder: RobotFolder, tasks: Sequence[Task], say: Callable[[str], None]) -> None:
+        self._live, self._folder, self._say = live, folder, say
+        self.children = {task.name: Child(task) for task in tasks}
+
+    def start(self) -> None:
+        """Start all of them."""
+        for child in self.children.values():
+            self._start(child)
+
+    def poll(self, restarts: bool = True) -> list[Child]:
+        """Look after them: those that ended by themselves since the last look; they are started again in due time."""
+        fallen = []
+        now = time.monotonic()
+        for child in self.children.values():
+            if child.process is not None and child.process.poll() is not None:
+                self._bury(child, now)
+                fallen.append(child)
+            elif child.state == "waiting" and restarts and now >= child.again_at:
+                child.restarts += 1
+                self._start(child)
+            elif child.state == "running" and now - child.started > HEALTHY:
+                child.wait = FIRST_WAIT
+        return fallen
+
+    def stop(self) -> None:
+        """End them in order: those that compute, the gate, which stops the robot, the platform, and the router."""
+        for group in (self._group(lambda roles: bool(roles) and not roles & {"gate", "platform"}),
+                      self._group(lambda roles: "gate" in roles and "platform" not in roles),
+                      self._group(bool),
+                      self._group(lambda roles: True)):  # fmt: skip
+            for child in group:
+                _send(child, signal.SIGTERM)
+            limit = time.monotonic() + STOP_WAIT
+            for child in group:
+                self._await_end(child, limit)
+
+    def tail(self, child: Child, lines: int = 3) -> str:
+        """The last lines a process wrote."""
+        with contextlib.suppress(OSError):
+            text = (self._folder.path / f"{child.task.name}.log").read_text("utf-8", "replace")
+            return "; ".join(line.strip() for line in text.splitlines()[-lines:])
+        return ""
+
+    def _start(self, child: Child) -> None:
+        name = child.task.name
+        spec = self._folder.path / f"{name}.task.json"
+        spec.write_text(json.dumps({**child.task.given, "parent": os.getpid()}), "utf-8")
+        with (self._folder.path / f"{name}.log").open("ab" if child.restarts else "wb") as log:
+            child.process = subprocess.Popen(
+                [sys.executable, "-m", child.task.module, str(spec)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,  # Ctrl-C reaches the supervisor alone, which ends them in order
+            )
+        child.started = time.monotonic()
+        child.state = "running"
+
+    def _bury(self, child: Child, now: float) -> None:
+        assert child.process is not None
+        code = child.process.returncode
+        child.process = None
+        child.why = _why(code)
+        child.crashes.append(now)
+        while child.crashes and now - child.crashes[0] > self._live.restart_window:
+            child.crashes.popleft()
+        name = child.task.name
+        if len(child.crashes) > self._live.restart_limit:
+            child.state = "failed"
+            self._say(
+                f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
+                f"left down. It said last: {self.tail(child)}"
+            )
+            return
+        child.state, child.again_at = "waiting", now + child.wait
+        self._say(
+            f"process {name} {child.why}; it is started again in {child.wait:g} s. It said last: {self.tail(child)}"
+        )
+        child.wait = min(2 * child.wait, LONGEST_WAIT)
+
+    def _group(self, belongs: Callable[[frozenset[str]], bool]) -> list[Child]:
+        return [child for child in self.children.values() if child.process is not None and belongs(child.task.roles)]
+
+    def _await_end(self, child: Child, limit: float) -> None:
+        process = child.process
+        if process is None:
+            return
+        try:
+            process.wait(max(0.0, limit - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        child.process, child.state = None, "ended"
+
+
+def _send(child: Child, number: signal.Signals) -> None:
+    if child.process is not None:
+        with contextlib.suppress(ProcessLookupError):
+            child.process.send_signal(number)
+            child.process.send_signal(signal.SIGCONT)  # one that was stopped could not end
+
+
+def _why(code: int) -> str:
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return f"was ended by {signal.Signals(-code).name}"
+    return "gave up a node that hangs" if code == HUNG else f"ended with code {code}"

@@ -1,0 +1,79 @@
+"""A process's streams: which of its nodes read what, from a node beside them or from the network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.mailbox import LARGEST, Inlet, Mailbox, Packet
+from navloom.runtime.outlet import Outlet
+from navloom.runtime.quality import RETAINED, is_retained
+from navloom.runtime.zenoh_bus import Bus
+
+__all__ = ["Switchboard"]
+
+
+class Switchboard:
+    """Makes inlets and outlets, then connects them.
+
+    Args:
+        bus: The process's session.
+        keys: Of the robot.
+        lossless: No stream may drop a message.
+        age: Age in s of what derives from a Platform stamp, where it is known.
+    """
+
+    def __init__(
+        self, bus: Bus, keys: KeySpace, lossless: bool, age: Callable[[int], float | None] | None = None
+    ) -> None:
+        self.bus, self.keys, self.lossless = bus, keys, lossless
+        self._age = age
+        self._inlets: dict[str, list[Inlet]] = {}
+        self._outlets: dict[str, Outlet] = {}
+
+    def inlet(self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None) -> Inlet:
+        """A reader of a stream; a lossless one has no limit."""
+        key = self.keys.port(*source, port)
+        inlet = Inlet(key, mailbox, None if self.lossless else limit, self._age)
+        self._inlets.setdefault(key, []).append(inlet)
+        return inlet
+
+    def outlet(self, source: tuple[str, str], port: str) -> Outlet:
+        """A stream that leaves this process."""
+        key = self.keys.port(*source, port)
+        if key in self._outlets:
+            return self._outlets[key]
+        self._outlets[key] = Outlet(key, self.bus, self.lossless, is_retained(source[0], port))
+        return self._outlets[key]
+
+    def connect(self) -> None:
+        """Lead every inlet to its stream: a neighbour's by reference, all others over the bus."""
+        for key, inlets in self._inlets.items():
+            if key in self._outlets:
+                self._outlets[key].readers = inlets
+            else:
+                self.bus.subscribe(key, self._receive)
+
+    def fetch(self, source: tuple[str, str]) -> None:
+        """Ask an instance that came up for the last messages of what it keeps."""
+        role, _ = source
+        for port in ("parameters", *sorted(port for owner, port in RETAINED if owner == role)):
+            key = self.keys.port(*source, port)
+            if key in self._inlets and key not in self._outlets:
+                for answer in self.bus.ask(key):
+                    if not answer.refusal:
+                        self._receive(answer.key, answer.data, answer.label)
+
+    def inlets(self) -> Iterable[tuple[str, list[Inlet]]]:
+        """Every stream read here, with its readers."""
+        return self._inlets.items()
+
+    def _receive(self, key: str, data: bytes | None, label: str) -> None:
+        inlets = self._inlets.get(key, ())
+        if data is None:
+            for inlet in inlets:
+                inlet.refuse(f"larger than {LARGEST} bytes")
+            return
+        packet = Packet(data, label)
+        for inlet in inlets:
+            inlet.give(packet)

@@ -1,0 +1,190 @@
+"""The only module that speaks Zenoh: one session a process, closed whatever happens."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import zenoh
+
+from navloom.runtime.links import Link, settings
+from navloom.runtime.mailbox import LARGEST
+from navloom.runtime.quality import Quality
+
+__all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
+
+MEDIA = "application/x-navloom;"
+_CONGESTION = {
+    "drop": zenoh.CongestionControl.DROP,
+    "block": zenoh.CongestionControl.BLOCK,
+    "block_first": zenoh.CongestionControl.BLOCK_FIRST,
+}
+_PRIORITY = {
+    "real_time": zenoh.Priority.REAL_TIME,
+    "interactive_high": zenoh.Priority.INTERACTIVE_HIGH,
+    "interactive_low": zenoh.Priority.INTERACTIVE_LOW,
+    "data_high": zenoh.Priority.DATA_HIGH,
+    "data": zenoh.Priority.DATA,
+    "data_low": zenoh.Priority.DATA_LOW,
+    "background": zenoh.Priority.BACKGROUND,
+}
+
+Receive = Callable[[str, bytes | None, str], None]
+"""Takes key, bytes (None where there were too many) and schema label, on the network's thread: it must not wait."""
+
+
+class BusError(OSError):
+    """The network could not be joined."""
+
+
+class Answer(NamedTuple):
+    """One answer to a question: its key, bytes and schema label; `refusal` in words where there is none."""
+
+    key: str
+    data: bytes
+    label: str
+    refusal: str
+
+
+class Question:
+    """A question that waits for its answer."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+        payload = query.payload
+        self.data = b"" if payload is None or len(payload) > LARGEST else payload.to_bytes()
+
+    def answer(self, key: str, data: bytes, label: str = "") -> None:
+        """Answer once; a question that nobody waits for any more is let go."""
+        with contextlib.suppress(zenoh.ZError):
+            self._query.reply(key, data, encoding=MEDIA + label)
+        self._query.drop()
+
+    def refuse(self, reason: str) -> None:
+        """Say why there is no answer."""
+        with contextlib.suppress(zenoh.ZError):
+            self._query.reply_err(reason.encode())
+        self._query.drop()
+
+    def drop(self) -> None:
+        """Leave it to others."""
+        self._query.drop()
+
+
+class Publication:
+    """A stream that this process publishes; readers within the process are served by reference, not by this."""
+
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+
+    def put(self, data: bytes, label: str) -> None:
+        """Send a message. A link that is gone loses it, as the stream's quality allows."""
+        with contextlib.suppress(zenoh.ZError):
+            self._publisher.put(data, encoding=MEDIA + label)
+
+
+class Bus:
+    """One session on a robot's network. Use it in a `with` statement: an open session hangs the process at its end.
+
+    Raises:
+        LinkError: A link that is refused; BusError: one that does not work.
+    """
+
+    def __init__(self, link: Link) -> None:
+        config = zenoh.Config.from_json5(json.dumps(settings(link)))
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            ends = ", ".join((*link.listen, *link.connect))
+            raise BusError(f"the network at {ends or 'no endpoint'} cannot be joined: {error}") from None
+        self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))
+        self._held: list[Any] = []
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._held.clear()
+        with contextlib.suppress(zenoh.ZError):
+            self._session.close()  # type: ignore[no-untyped-call]
+
+    def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
+        """A stream to publish to; lossless waits where it would drop."""
+        congestion = quality.off_host if self._off_host else quality.congestion
+        publisher = self._session.declare_publisher(
+            key,
+            congestion_control=_CONGESTION["block" if lossless else congestion],
+            priority=_PRIORITY[quality.priority],
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        return Publication(publisher)
+
+    def subscribe(self, key_expr: str, receive: Receive) -> None:
+        """Hear a stream, or several with `*`, for as long as the session lasts."""
+
+        def take(sample: Any) -> None:
+            payload = sample.payload
+            data = None if len(payload) > LARGEST else payload.to_bytes()
+            with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
+                receive(str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
+
+        self._held.append(self._session.declare_subscriber(key_expr, zenoh.handlers.Callback(take, indirect=False)))
+
+    def announce(self, key: str) -> None:
+        """Show others that something is alive, until the session ends."""
+        self._held.append(self._session.liveliness().declare_token(key))
+
+    def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
+        """Be told who is alive, who comes and who goes."""
+
+        def take(sample: Any) -> None:
+            with contextlib.suppress(Exception):
+                change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        handler = zenoh.handlers.Callback(take, indirect=False)
+        self._held.append(self._session.liveliness().declare_subscriber(key_expr, handler, history=True))
+
+    def serve(self, key: str, take: Callable[[Question], None]) -> None:
+        """Answer questions; `take` is called on the network's thread and must only pass them on."""
+
+        def pass_on(query: Any) -> None:
+            with contextlib.suppress(Exception):
+                take(Question(query))
+
+        handler = zenoh.handlers.Callback(pass_on, indirect=False)
+        self._held.append(self._session.declare_queryable(key, handler, complete=True))
+
+    def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
+        """Answers of all who serve a key, as they come, for at most this many s."""
+        replies = self._session.get(
+            key_expr,
+            payload=data,
+            timeout=timeout,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                sample = reply.ok
+                label = str(sample.encoding).removeprefix(MEDIA)
+                yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
+            elif reply.err is not None:
+                yield Answer("", b"", "", reply.err.payload.to_string())
+
+
+def _is_local(endpoint: str) -> bool:
+    """It ends on this host."""
+    protocol, _, address = endpoint.partition("/")
+    return protocol.startswith("unix") or address.startswith(("127.", "localhost", "[::1]"))

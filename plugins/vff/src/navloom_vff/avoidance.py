@@ -1,0 +1,262 @@
+"""One tick of the VFF: scans and pose in, velocity and reasons out (Borenstein & Koren 1989)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from navloom_improved_vfh.certainty import new_window, occupied_cells, place_beams, scroll_window
+from navloom_improved_vfh.clearance import footprint_edges, free_command
+from navloom_improved_vfh.search import Progress, RotationSearch, Trap
+from navloom_improved_vfh.steering import wrap
+from numpy.typing import NDArray
+
+from navloom_vff.following import WallFollowing, is_turned_away, wall_direction
+from navloom_vff.forces import damping_factor, force_constant, repulsive_force, resultant, travel_cosine
+from navloom_vff.himm import count_readings
+from navloom_vff.steering import forward_speed, low_pass, slowed_for_turn, turn_rate
+
+if TYPE_CHECKING:
+    from navloom_vff.params import VffParams
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
+
+    footprint: Floats
+    max_linear: float
+    max_angular: float
+    max_acceleration: float
+    max_deceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Beams:
+    """Readings of all range sensors in one tick, base frame.
+
+    Attributes:
+        origins: (n, 2), m. bearings: (n,), rad. half_angles: (n,), rad; 0 for a laser.
+        ranges: (n,), m, +inf for no echo. limits: (n, 2), range_min and range_max of each, m.
+    """
+
+    origins: Floats
+    bearings: Floats
+    half_angles: Floats
+    ranges: Floats
+    limits: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Answer of one tick.
+
+    Attributes:
+        speed: m/s. turn: rad/s. status: As the Avoider role names it.
+        direction: delta, rad, pose frame, or None while trapped.
+        why: One phrase.
+    """
+
+    speed: float
+    turn: float
+    status: Literal["clear", "steering", "trapped"]
+    direction: float | None
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one tick is decided on, pose frame but for the cells.
+
+    Attributes:
+        pose: x, y, m, heading, rad. speed: m/s. target: m.
+        distance: To the target, m. bearing: theta_t, rad.
+        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
+        push: F_r. cosine: forces.travel_cosine(). factor: forces.damping_factor().
+    """
+
+    pose: Pose
+    speed: float
+    target: Point
+    distance: float
+    bearing: float
+    cells: Floats
+    push: Point
+    cosine: float
+    factor: float
+
+
+def disc_radius(footprint: Floats, disc: str) -> float:
+    """Radius, m, of the disc about the base that encloses the (k, 2) footprint, or lies within it; 0 for a point."""
+    if disc == "point":
+        return 0.0
+    if disc == "enclosing":
+        return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+    return float(footprint_edges(footprint)[:, 2].min())
+
+
+class ForceField:
+    """The VFF of one robot: its certainty window, its turn rate, and the wall it follows."""
+
+    def __init__(self, params: VffParams, robot: Robot, period: float) -> None:
+        self.params, self.robot, self.period = params, robot, period
+        self.edges = footprint_edges(robot.footprint)
+        self.radius = disc_radius(robot.footprint, params.disc)
+        self.constant = force_constant(params.balance)
+        self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
+        self.max_speed = min(params.max_speed, robot.max_linear)
+        self.histogram = np.zeros(params.sectors)
+        self._wall_angle = math.radians(params.wall_angle_deg)
+        self._cells = np.zeros((params.window * params.window, 3))
+        self._votes = np.zeros((params.window, params.window), np.uint8)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the window and the wall."""
+        p = self.params
+        self.grid, self.origin = new_window(p.window)
+        self.following = WallFollowing()
+        self.progress = Progress(p.progress_step, p.target_shift)
+        self.trap = Trap(p.release_distance, math.radians(p.release_deg))
+        self.rotation = RotationSearch(math.radians(p.rotation_deg))
+        self._turn = 0.0
+
+    def step(self, beams: Beams | None, pose: Pose, speed: float, target: Point) -> Decision:
+        """Decide for one tick.
+
+        Args:
+            beams: Readings of this tick, None where there are none.
+            pose: x, y, m, heading, rad, of the base in the pose frame.
+            speed: Present forward speed, m/s.
+            target: x_t, y_t, m, pose frame.
+        """
+        if beams is not None and beams.ranges.size:
+            self.sense(beams, pose)
+        view = self.look(pose, speed, target)
+        if self.trap.place is not None:
+            if self.trap.holds(pose, target, self.params.target_shift):
+                return Decision(0.0, 0.0, "trapped", None, "trapped: neither robot nor target moved since")
+            self.following.end()
+            self.rotation.end()
+            self.progress.restart()
+        if self._has_new_target(target):
+            self.following.end()
+        self.progress.note(view.distance, target)
+        if self.rotation.follow(pose[2]):
+            return self._send(view, 0.0, self.rotation.sign * self.max_turn, pose[2], "blocked: turning the other way")
+        self.rotation.end()
+        self._follow_or_leave(view)
+        return self._steer(view)
+
+    def sense(self, beams: Beams, pose: Pose) -> None:
+        """Enter the readings of one tick into the window."""
+        p = self.params
+        extent = 0.75 * p.window * p.cell
+        scroll_window(self.grid, self.origin, pose[0], pose[1], p.cell)
+        placed = place_beams(
+            pose, beams.origins, beams.bearings, beams.half_angles, beams.ranges, beams.limits, p.clear_margin, extent
+        )
+        count_readings(
+            self.grid, self.origin, p.cell, placed, beams.limits, p.blind_depth, p.count_up, p.count_down, self._votes
+        )
+
+    def look(self, pose: Pose, speed: float, target: Point) -> View:
+        """Target, occupied cells and their force."""
+        p, heading = self.params, pose[2]
+        distance = math.dist(target, pose[:2])
+        bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
+        count = occupied_cells(self.grid, self.origin, p.cell, pose, self.edges, self._cells)
+        cells = self._cells[:count]
+        horizon = distance + self.radius if p.stops_at_target else math.inf
+        x, y = repulsive_force(cells, self.radius, self.constant, p.least_distance, horizon, heading, self.histogram)
+        cosine = travel_cosine((x, y), 0.0)
+        factor = damping_factor(cosine, p.damping, p.may_pull)
+        c, s = math.cos(heading), math.sin(heading)
+        return View(pose, speed, target, distance, bearing, cells, (c * x - s * y, s * x + c * y), cosine, factor)
+
+    def _has_new_target(self, target: Point) -> bool:
+        last = self.progress._target
+        return last is not None and math.dist(last, target) > self.params.target_shift
+
+    def _follow_or_leave(self, view: View) -> None:
+        """Begin or end following a wall."""
+        p, following, heading = self.params, self.following, view.pose[2]
+        away = is_turned_away(heading, view.bearing)
+        if following.side == 0:
+            led_away = is_turned_away(resultant(view.push, view.factor, view.bearing), view.bearing)
+            hesitates = self.progress.stalled > p.hesitation
+            if view.push != (0.0, 0.0) and (hesitates or (away and (led_away or p.trap_rule == "heading"))):
+                following.begin(view.push, heading, self._wall_angle, view.distance)
+        elif view.push == (0.0, 0.0) or (
+            not away and (not p.leaves_nearer or view.distance < following.start - p.progress_step)
+        ):
+            following.end()
+
+    def _steer(self, view: View) -> Decision:
+        """Turn to the resultant and drive as fast as the push from ahead allows."""
+        p, heading, side = self.params, view.pose[2], self.following.side
+        pull = wall_direction(view.push, side, self._wall_angle) if side else view.bearing
+        direction = resultant(view.push, view.factor, pull)
+        wanted = turn_rate(direction, heading, p.turn_gain, self.max_turn)
+        self._turn = low_pass(self._turn, wanted, self.period, p.time_constant)
+        strength = math.hypot(*view.push)
+        speed = forward_speed(strength, view.cosine, self.max_speed, p.slows_leaving, p.slow_force)
+        speed = max(min(p.min_speed, self.max_speed), speed)
+        if p.slows_for_turns:
+            speed = slowed_for_turn(speed, direction, heading)
+        off = math.degrees(wrap(direction - view.bearing))
+        why = f"push {strength:.2f}, {off:+.0f} deg off the target"
+        if side:
+            why += ", following the wall on the " + ("left" if side > 0 else "right")
+        return self._send(view, speed, self._turn, direction, why)
+
+    def _send(self, view: View, speed: float, turn: float, direction: float, why: str) -> Decision:
+        """Reduce the command to what is free, and watch whether the robot gets anywhere with it."""
+        p, r, progress = self.params, self.robot, self.progress
+        sent = (speed, turn)
+        if p.arc_check:
+            sent = free_command(
+                view.cells, self.edges, view.speed, sent, p.creep, self.period,
+                r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
+            )  # fmt: skip
+        if sent != (speed, turn):
+            why += ", reduced by what is on the arc"
+        is_clear = view.push == (0.0, 0.0)
+        progress.stalled = 0.0 if is_clear else progress.stalled + self.period
+        progress.blocked = progress.blocked + self.period if sent == (0.0, 0.0) else 0.0
+        if progress.stalled > p.patience:
+            return self._give_up(view, f"no progress in {p.patience:g} s")
+        if progress.blocked > p.blocked_patience:
+            progress.blocked = 0.0
+            progress.attempts += 1
+            if progress.attempts > p.attempts:
+                return self._give_up(view, "no room to move or turn")
+            self.rotation.sign = self.rotation.sign or (1 if turn > 0.0 else -1)
+            self.rotation.reverse(view.pose[2])
+            self._turn = 0.0
+        return Decision(*sent, "clear" if is_clear else "steering", direction, why)
+
+    def _give_up(self, view: View, why: str) -> Decision:
+        self.trap.place, self.trap.target = view.pose, view.target
+        self._turn = 0.0
+        return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)
+
+
+def warm_up(*choices: VffParams) -> None:
+    """Compile every kernel for the types one tick uses: beams of one scan, which nobody may change, and of several."""
+    square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
+    robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
+    limits = np.tile([0.3, 4.0], (2, 1))
+    for params in choices:
+        field = ForceField(params, robot, 0.05)
+        arrays = [np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2)]
+        field.step(Beams(*arrays, limits), (0.0, 0.0, 0.0), 0.0, (3.0, 0.0))
+        for array in arrays:
+            array.flags.writeable = False
+        field.step(Beams(*arrays, limits), (0.0, 0.0, 0.0), 0.0, (3.0, 0.0))

@@ -1,0 +1,47 @@
+"""The way out of a trap: when it is one, and how the wall is followed (Borenstein & Koren 1989)."""
+
+import math
+from dataclasses import dataclass
+
+from navloom_improved_vfh.steering import wrap
+
+RIGHT_ANGLE = 0.5 * math.pi
+
+
+def is_turned_away(direction: float, target: float) -> bool:
+    """|theta_0 - theta_t| > 90 deg: the sign of a trap; both rad."""
+    return abs(wrap(direction - target)) > RIGHT_ANGLE
+
+
+def wall_direction(push: tuple[float, float], side: int, angle: float) -> float:
+    """Direction, rad, of the pull that takes the target's place: theta_r + alpha or theta_r - alpha.
+
+    F_r points off the wall. With alpha between 90 and 180 deg the pull leads along the wall and into it, until the
+    wall pushes back as much: there R is parallel to the wall.
+
+    Args:
+        push: F_r. side: +1 keeps the wall on the left, -1 on the right. angle: alpha, rad.
+    """
+    return wrap(math.atan2(push[1], push[0]) + side * angle)
+
+
+@dataclass
+class WallFollowing:
+    """Whether a wall is being followed, and since where.
+
+    Attributes:
+        side: Wall on the left +1, on the right -1, none followed 0.
+        start: Distance to the target where it began, m.
+    """
+
+    side: int = 0
+    start: float = math.inf
+
+    def begin(self, push: tuple[float, float], heading: float, angle: float, distance: float) -> None:
+        """Follow the wall in the sense that is nearer to the heading, rad; the other arguments as above, distance in m."""
+        left, right = (abs(wrap(wall_direction(push, side, angle) - heading)) for side in (1, -1))
+        self.side, self.start = 1 if left < right else -1, distance
+
+    def end(self) -> None:
+        """The way to the target is free."""
+        self.side, self.start = 0, math.inf

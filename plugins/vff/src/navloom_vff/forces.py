@@ -1,0 +1,100 @@
+"""The virtual forces: Borenstein & Koren 1989, each equation in a function of its own.
+
+Forces are pure numbers: 1 is the pull of the target.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom_vff.himm import TOP
+
+TURN = 2.0 * math.pi
+
+
+def force_constant(balance: float) -> float:
+    """F_cr, m^2, with which one cell of full certainty pushes as hard as the target pulls at a distance, m."""
+    return balance * balance / TOP
+
+
+@njit(cache=True, nogil=True)
+def cell_force(certainty: float, distance: float, constant: float) -> float:
+    """|F(i, j)| = F_cr C(i, j) / d^2.
+
+    Args:
+        certainty: C, 0..15. distance: d, m, > 0. constant: F_cr, m^2.
+    """
+    return constant * certainty / (distance * distance)
+
+
+@njit(cache=True, nogil=True)
+def repulsive_force(
+    cells: NDArray[np.float64],
+    radius: float,
+    constant: float,
+    least: float,
+    horizon: float,
+    heading: float,
+    histogram: NDArray[np.float64],
+) -> tuple[float, float]:
+    """F_r, the sum of the forces of all cells: each pushes the robot's centre away from itself.
+
+    Args:
+        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
+        radius: Distances are from the disc of this radius, m; 0 makes the robot a point.
+        constant: F_cr, m^2. least: Shortest distance that counts, m, > 0.
+        horizon: Cells farther than this from the centre do not push, m.
+        heading: rad, of the base in the pose frame.
+        histogram: (sectors,), filled: the sum of the magnitudes by direction of the cell, pose frame, sector 0 from 0
+            rad, counter-clockwise.
+
+    Returns:
+        x and y in the base frame.
+    """
+    sectors = histogram.size
+    histogram[:] = 0.0
+    x = y = 0.0
+    for i in range(cells.shape[0]):
+        distance = math.hypot(cells[i, 0], cells[i, 1])
+        if distance > horizon or distance == 0.0:
+            continue
+        force = cell_force(cells[i, 2], max(distance - radius, least), constant)
+        x -= force * cells[i, 0] / distance
+        y -= force * cells[i, 1] / distance
+        bearing = heading + math.atan2(cells[i, 1], cells[i, 0])
+        histogram[math.floor(bearing * sectors / TURN) % sectors] += force
+    return x, y
+
+
+def travel_cosine(push: tuple[float, float], heading: float) -> float:
+    """cos(theta) = V . F_r / (|V| |F_r|): -1 where the robot heads at what pushes it, 0 along it, +1 away from it.
+
+    Args:
+        push: F_r, in the frame of the heading; no force gives 0.
+        heading: Direction of travel, rad. It stands for V, which has no direction while the robot stands.
+    """
+    strength = math.hypot(*push)
+    return (push[0] * math.cos(heading) + push[1] * math.sin(heading)) / strength if strength > 0.0 else 0.0
+
+
+def damping_factor(cosine: float, weight: float, may_pull: bool) -> float:
+    """F_r' / F_r = w + (1 - w) (-cos theta): whole towards an obstacle, w along it.
+
+    Away from it the printed formula gives 2 w - 1: below w = 0.5 the obstacle would pull the robot back.
+
+    Args:
+        cosine: travel_cosine(). weight: w, 0..1 (0.25). may_pull: False leaves 0 where the formula is negative.
+    """
+    factor = weight - (1.0 - weight) * cosine
+    return factor if may_pull else max(0.0, factor)
+
+
+def resultant(push: tuple[float, float], factor: float, pull: float) -> float:
+    """Direction delta of R = F_t + F_r', rad.
+
+    Args:
+        push: F_r. factor: damping_factor(). pull: Direction of the target force, rad, same frame; its magnitude is 1.
+    """
+    return math.atan2(math.sin(pull) + factor * push[1], math.cos(pull) + factor * push[0])

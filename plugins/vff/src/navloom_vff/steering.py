@@ -1,0 +1,40 @@
+"""From the resultant force to turn rate and speed: Borenstein & Koren 1989."""
+
+import math
+
+from navloom_improved_vfh.steering import wrap
+
+
+def turn_rate(direction: float, heading: float, gain: float, limit: float) -> float:
+    """Omega = K_s (delta - theta), the difference in [-pi, pi): rad, gain in 1/s, limit and result in rad/s."""
+    return max(-limit, min(limit, gain * wrap(direction - heading)))
+
+
+def low_pass(previous: float, wanted: float, period: float, time_constant: float) -> float:
+    """Omega'(i) = (T Omega(i) + (tau - T) Omega'(i - 1)) / tau, with tau = 0.4 s.
+
+    Args:
+        previous: Omega'(i - 1). wanted: Omega(i), in the same unit.
+        period: T, s. time_constant: tau, s; up to T nothing is filtered.
+    """
+    share = min(1.0, period / time_constant) if time_constant > 0.0 else 1.0
+    return previous + share * (wanted - previous)
+
+
+def forward_speed(strength: float, cosine: float, v_max: float, slows_leaving: bool, full: float) -> float:
+    """V = V_max where there is no force, else V_max (1 - |cos theta|).
+
+    Args:
+        strength: |F_r|. cosine: forces.travel_cosine(). v_max: m/s.
+        slows_leaving: True is the printed formula, which stops a robot that heads straight away from an obstacle.
+        full: Force from which the whole of |cos theta| counts, less in proportion; 0 is the printed formula, which
+            stops the robot before the weakest push.
+    """
+    share = min(1.0, strength / full) if full > 0.0 else float(strength > 0.0)
+    toward = abs(cosine) if slows_leaving else max(0.0, -cosine)
+    return v_max * (1.0 - share * toward)
+
+
+def slowed_for_turn(speed: float, direction: float, heading: float) -> float:
+    """The part of a speed, m/s, that leads in the direction wanted, rad: none from 90 degrees off."""
+    return speed * max(0.0, math.cos(direction - heading))

@@ -10,8 +10,15 @@ if TYPE_CHECKING:
     from navloom.messages import *  # noqa: F403
     from navloom.plugins import *  # noqa: F403
     from navloom.roles import *  # noqa: F403
+    from navloom.runtime.navigator import *  # noqa: F403
 
-_HOUSES = ("navloom.messages", "navloom.geometry.world", "navloom.roles", "navloom.plugins")
+_HOUSES = (
+    "navloom.messages",
+    "navloom.geometry.world",
+    "navloom.roles",
+    "navloom.plugins",
+    "navloom.runtime.navigator",
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from navloom.cli import config, graph, map, plan, plugins, run, worlds
+from navloom.cli import config, graph, map, operate, plan, plugins, run, up, worlds
 
 __all__ = ["app", "main"]
 
@@ -18,6 +18,14 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("run")(run.run)
+app.command("up")(up.up)
+app.command("down")(up.down)
+app.command("goal", context_settings=operate.NUMBERS)(operate.goal)
+app.command("cancel")(operate.cancel)
+app.command("swap")(operate.swap)
+app.command("stop")(operate.stop)
+app.command("resume")(operate.resume)
+app.add_typer(operate.params, name="params")
 app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
@@ -39,6 +47,9 @@ def main() -> None:
         if _is_wrong_request(error):
             _say(str(error))
             sys.exit(2)
+        if _is_failure(error):
+            _say(str(error))
+            sys.exit(1)
         _say(f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})")
         sys.exit(1)
 
@@ -49,9 +60,22 @@ def _is_wrong_request(error: Exception) -> bool:
     from navloom.dataflow.graph import GraphError
     from navloom.plugins import PluginError
     from navloom.roles import InputError
+    from navloom.runtime.client import Refused
+    from navloom.runtime.directory import DirectoryError
+    from navloom.runtime.links import LinkError
     from navloom.worlds import WorldError
 
-    return isinstance(error, (ConfigError, PluginError, GraphError, WorldError, InputError, OSError))
+    kinds = (ConfigError, PluginError, GraphError, WorldError, InputError, OSError, DirectoryError, LinkError, Refused)
+    return isinstance(error, kinds)
+
+
+def _is_failure(error: Exception) -> bool:
+    """Errors of what was asked for rightly and did not work."""
+    from navloom.runtime.client import ClientError
+    from navloom.runtime.conductor import BarrierError
+    from navloom.runtime.robot import StartError
+
+    return isinstance(error, (ClientError, BarrierError, StartError))
 
 
 def _place(error: Exception) -> str:

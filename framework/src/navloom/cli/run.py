@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-__all__ = ["run"]
+__all__ = ["print_summary", "run"]
 
 LABELS = {
     "plan_length_m": "plan, before pruning, m",
@@ -36,7 +37,7 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
-    from navloom.cli.output import print_json, print_table, stage
+    from navloom.cli.output import print_json, stage
     from navloom.config import load_config
     from navloom.study.episode import run_episode
     from navloom.study.results import ResultFolder
@@ -53,10 +54,17 @@ def run(
     if as_json:
         print_json(summary)
     else:
-        rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items()]
-        end = episode.result.place
-        typer.echo(f"{summary['outcome']}: {summary['reason']}, at ({end.x:.2f}, {end.y:.2f})")
-        print_table(("", ""), rows)
-        if out is not None:
-            typer.echo(f"kept in {out}: {', '.join(folder.names)}")
+        print_summary(episode, summary, out, folder.names)
     raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
+
+
+def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, kept: Sequence[str]) -> None:
+    """A run's result for people."""
+    from navloom.cli.output import print_table
+
+    rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items() if summary[key] is not None]
+    end = episode.result.place
+    typer.echo(f"{summary['outcome']}: {summary['reason']}, at ({end.x:.2f}, {end.y:.2f})")
+    print_table(("", ""), rows)
+    if out is not None:
+        typer.echo(f"kept in {out}: {', '.join(kept)}")

@@ -13,7 +13,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 from navloom.runtime.build import System
 
-__all__ = ["check_task", "place_problem"]
+__all__ = ["check_places", "check_task", "place_problem"]
 
 
 def check_task(system: System) -> None:
@@ -28,6 +28,11 @@ def check_task(system: System) -> None:
         raise ConfigError(
             "navigation.goal: is missing, and the world names none; give one, as in goal = { x = 0.0, y = 7.6 }"
         )
+    check_places(system)
+
+
+def check_places(system: System) -> None:
+    """Refuse a start, or a goal of the config, that the robot cannot stand at in the true world. Raises ConfigError."""
     start, goal = system.start, system.goal
     problem = place_problem(system, start.x, start.y, start.heading)
     if problem:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
 from collections.abc import Mapping
 from typing import Any
 
+from navloom.messages import Message
+from navloom.messages.codec import CodecError, decode
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.zenoh_bus import Bus
 
@@ -56,6 +59,14 @@ class Client:
                     "`navloom list` shows who is there, `navloom doctor` why not"
                 )
             time.sleep(0.05)
+
+    def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
+        """The last message of a stream whose publisher keeps it; None where there is none."""
+        for answer in self.bus.ask(self.keys.port(role, instance, port), timeout=timeout):
+            if not answer.refusal:
+                with contextlib.suppress(CodecError):
+                    return decode(answer.data, answer.label)[0]
+        return None
 
     def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
         """Every instance that answers, in order of role and name."""

@@ -104,14 +104,19 @@ class Robot:
         with self._changed:
             return [source for source in sources if self.keys.alive(*source) not in self._alive]
 
-    def wait_complete(self, timeout: float, progress: Callable[[Sequence[Source]], None] = lambda left: None) -> None:
-        """Wait until every node is there.
+    def wait_complete(
+        self,
+        timeout: float,
+        progress: Callable[[Sequence[Source]], None] = lambda left: None,
+        ends: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Wait until every node is there, or `ends` says that nobody waits any more.
 
         Raises:
             StartError: Somebody is missing after s, or a process will not start.
         """
         limit = time.monotonic() + timeout
-        while missing := self.missing():
+        while (missing := self.missing()) and not ends():
             progress(missing)
             for child in self.supervisor.poll(restarts=not self.barrier):
                 if self.barrier or child.state == "failed" or child.why == "ended with code 2":

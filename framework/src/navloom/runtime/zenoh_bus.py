@@ -118,6 +118,11 @@ class Bus:
         with contextlib.suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
 
+    def neighbours(self) -> int:
+        """Processes this one is linked to."""
+        info = self._session.info
+        return len(list(info.peers_zid())) + len(list(info.routers_zid()))
+
     def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
         """A stream to publish to; lossless waits where it would drop."""
         congestion = quality.off_host if self._off_host else quality.congestion

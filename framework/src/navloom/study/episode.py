@@ -51,7 +51,7 @@ class Episode:
             "outcome": result.outcome,
             "reason": result.reason,
             "config_sha256": self.system.loaded.sha256(),
-            "trace_sha256": log.trace_sha256,
+            "trace_sha256": log.trace_sha256 or None,
             "seed": self.system.config.run.seed,
             "sim_time_s": round((log.ticks - 1) * self.system.config.run.period, 9),
             "wall_s": log.wall_ns * 1e-9,

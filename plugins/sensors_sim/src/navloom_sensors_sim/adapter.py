@@ -24,6 +24,7 @@ from navloom import (
     position_at,
 )
 
+from navloom_sensors_sim.orders import Orders
 from navloom_sensors_sim.params import LaserSettings, PitchedLaserSettings, SensorsSimParams, SonarSettings
 from navloom_sensors_sim.robot import Robot
 from navloom_sensors_sim.scanners import LaserScanner, Moment, Sensor, SonarRing
@@ -64,6 +65,7 @@ class SensorsSim(Platform):
         self._robot = Robot(spec.footprint, spec.height, place, context.stream("odometry"))
         self.configure(self.params)
         self._tick, self._time_ns, self._swept = 0, 0, False
+        self._orders = Orders()
 
     def configure(self, params: SensorsSimParams) -> None:
         """Take new parameters: the robot stays where it is and drives on with them."""
@@ -75,13 +77,19 @@ class SensorsSim(Platform):
         """The pitched laser, unless it pitches all the time."""
         return sensor.kind == "pitched_laser" and sensor.settings.get("mode") != "continuous"
 
+    def drive(self, command: Twist2D, time_ns: int) -> None:
+        """Have the wheels take a command within the tick under way."""
+        self._orders.give(time_ns, command.vx, command.wz)
+
     def advance(self, given: PlatformInput) -> PlatformOutput:
         """Drive with the command until the time asked for, then read the sensors that are due."""
-        begin_ns, self._time_ns = self._time_ns, given.time_ns
+        begin_ns = self._time_ns if self._tick else given.time_ns  # a run may be taken up at any time
+        self._time_ns = given.time_ns
         robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
         scene.update(given.time_ns / 1e9, self._swept)
         if time > 0.0:
-            robot.drive(given.command.vx, given.command.wz, time, scene.obstacles)
+            command = (given.command.vx, given.command.wz)
+            robot.drive_through(self._orders.legs(begin_ns, given.time_ns, command), scene.obstacles)
         else:
             robot.stand(scene.obstacles)
         track, asked = robot.track if time > 0.0 else None, given.sweep_request

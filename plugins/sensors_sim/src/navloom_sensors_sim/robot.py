@@ -60,6 +60,22 @@ class Robot:
         constants, body = (self._drive, self._odometry), (self._footprint, self._height)
         drive_tick(self.state, self.track, *constants, command, noise, *body, obstacles)
 
+    def drive_through(self, legs: Sequence[tuple[float, float, float]], obstacles: Obstacles) -> None:
+        """Through one tick in which the command changes: speed, m/s, turn rate, rad/s, and how long it holds, s."""
+        if len(legs) == 1:
+            self.drive(*legs[0], obstacles)
+            return
+        tracks, begin, touched = [], 0.0, False
+        for vx, wz, time in legs:
+            self.drive(vx, wz, time, obstacles)
+            part = self.track.copy()
+            part[:, 0] += begin
+            tracks.append(part)
+            begin += time
+            touched = touched or self.state[STATE["touching"]] != 0.0
+        self.track = np.concatenate([part[:-1] for part in tracks] + [tracks[-1][-1:]])
+        self.state[STATE["touching"]] = touched
+
     def stand(self, obstacles: Obstacles) -> None:
         """Measures the clearance without moving."""
         x, y, heading = self.state[:3]

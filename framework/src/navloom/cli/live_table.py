@@ -1,0 +1,112 @@
+"""What `navloom up` shows while a robot is up: a table that is drawn anew where somebody looks, lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import IO, Any
+
+from navloom.cli.run import print_summary
+
+__all__ = ["LiveTable"]
+
+REDRAW = 0.25
+
+
+class LiveTable:
+    """Status of a live run on a terminal.
+
+    Args:
+        run: The `LiveRun`.
+        stream: Where it is shown.
+    """
+
+    def __init__(self, run: Any, stream: IO[str]) -> None:
+        self._run, self._stream = run, stream
+        self._live: Any = None
+        self._drawn = 0.0
+        self._told = ""
+        self._waits = ""
+
+    def __enter__(self) -> LiveTable:
+        if self._stream.isatty():
+            from rich.console import Console
+            from rich.live import Live
+
+            self._live = Live(console=Console(file=self._stream), auto_refresh=False, transient=True)
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def say(self, text: str) -> None:
+        """One line that stays."""
+        if self._live is not None:
+            self._live.console.print(f"navloom: {text}", highlight=False, markup=False)
+        else:
+            print(f"navloom: {text}", file=self._stream, flush=True)
+
+    def missing(self, left: Sequence[tuple[str, str]]) -> None:
+        """Who is not there yet."""
+        text = "waiting for " + ", ".join(f"{role} {name}" for role, name in left)
+        if self._live is not None:
+            self._live.update(text, refresh=True)
+        elif not self._waits:
+            self._waits = text
+            self.say("starting; the first run compiles kernels, later ones load them")
+
+    def look(self, robot: Any) -> None:
+        """Draw, where it is time."""
+        now = time.monotonic()
+        if self._live is None:
+            self._tell_changes()
+        elif now - self._drawn > REDRAW:
+            self._drawn = now
+            self._live.update(self._table(robot), refresh=True)
+
+    def result(self, episode: Any) -> None:
+        """A goal has ended."""
+        if self._live is not None:
+            self._live.update("", refresh=True)
+        print_summary(episode, episode.summary(), None, ())
+
+    def _tell_changes(self) -> None:
+        feedback, status = self._run.feedback, self._run.status
+        parts = []
+        if feedback is not None:
+            parts.append(f"goal {feedback.goal_id}: {feedback.state}" if feedback.goal_id else "no goal")
+        if status is not None:
+            parts.append(f"stopped: {status.reason}" if status.stopped else f"{status.source} {status.instance} drives")
+        text = "; ".join(parts)
+        if text and text != self._told:
+            self._told = text
+            self.say(text)
+
+    def _table(self, robot: Any) -> Any:
+        from rich.console import Group
+        from rich.table import Table
+        from rich.text import Text
+
+        feedback, status = self._run.feedback, self._run.status
+        head = Text(f"{robot.keys.prefix}  ")
+        if feedback is not None and feedback.goal_id:
+            head.append(f"goal {feedback.goal_id}: {feedback.state}, {feedback.distance:.2f} m left  ")
+        if status is not None:
+            stopped = status.reason not in ("", "no_trajectory")
+            text = f"stopped: {status.reason}" if status.stopped else f"{status.source} {status.instance} drives"
+            head.append(text, "bold red" if stopped else "")
+        table = Table("process", "pid", "state", "restarts", "nodes", box=None, pad_edge=False)
+        gone = set(robot.missing())
+        for name, child in robot.supervisor.children.items():
+            pid = str(child.process.pid) if child.process is not None else "-"
+            nodes = ", ".join(
+                f"{role}{' (gone)' if (role, instance) in gone else ''}"
+                for role, instance in child.task.given.get("share", {}).get("sources", ())
+            )
+            table.add_row(name, pid, child.state, str(child.restarts), nodes)
+        return Group(head, table)

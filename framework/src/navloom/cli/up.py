@@ -1,0 +1,153 @@
+"""`navloom up` and `navloom down`: a live robot with all its processes, and its end."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.live_options import RobotName
+from navloom.cli.run import print_summary
+
+__all__ = ["down", "up"]
+
+DOWN = 15.0
+"""s a robot may take to end."""
+
+
+def up(
+    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name: paper.")],
+    host: Annotated[str | None, typer.Option(metavar="NAME", help="Start this host's share of [live.hosts].")] = None,
+    barrier: Annotated[
+        bool, typer.Option("--barrier", help="Simulated time over the wire: the trace of `navloom run`.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="With --barrier: folder for result.json, trace.bin and run.png.")
+    ] = None,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Plain TCP to other hosts, in a closed test network only.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="End with the last goal, and print the result as JSON.")
+    ] = False,
+) -> None:
+    """Bring a robot up live: every process, supervised, until Ctrl-C or `navloom down`. Drives the config's goal."""
+    from navloom.cli.output import print_json
+    from navloom.config import ConfigError, load_config
+
+    loaded = load_config(config, set_ or (), seed)
+    for place in loaded.dropped:
+        typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
+    hosts = loaded.config.live.hosts
+    if host is not None and host not in hosts:
+        known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
+        raise ConfigError(f"--host {host}: {known}")
+    if barrier:
+        if host is not None or loaded.config.live.router:
+            raise ConfigError("--barrier runs on one host without a router: leave --host and live.router out")
+        _barrier(loaded, out, as_json)
+        return
+    if out is not None:
+        raise ConfigError("--out: a live run keeps no trace; use it with --barrier or `navloom run`")
+    episode = _live(loaded, host, insecure, as_json)
+    if episode is not None and as_json:
+        print_json(episode.summary())
+    reached = episode is None or episode.result.outcome == "succeeded"
+    raise typer.Exit(0 if reached else 1)
+
+
+def down(
+    robot: RobotName = None,
+    every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
+) -> None:
+    """End a robot that is up on this host: it stops, then its processes end in order."""
+    from navloom.runtime.directory import robots
+    from navloom.runtime.joining import find_robot
+
+    for running in list(robots()) if every else [find_robot(robot)]:
+        _end(running)
+        typer.echo(f"{running.realm}/{running.robot} is down")
+
+
+def _end(running: Any) -> None:
+    import contextlib
+    import os
+    import time
+
+    from navloom.runtime.directory import DirectoryError
+
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(running.pid, signal.SIGTERM)
+    limit = time.monotonic() + DOWN
+    while time.monotonic() < limit:
+        try:
+            os.kill(running.pid, 0)
+        except ProcessLookupError:
+            return
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(running.pid, os.WNOHANG)
+        time.sleep(0.02)
+    raise DirectoryError(
+        f"process {running.pid} did not end within {DOWN:g} s: `kill -9 {running.pid}` ends it at once"
+    )
+
+
+def _barrier(loaded: Any, out: Path | None, as_json: bool) -> None:
+    from navloom.cli.output import print_json, stage
+    from navloom.study.live_run import run_barrier
+    from navloom.study.results import ResultFolder
+
+    with ending() as event, ResultFolder(out) as folder, stage(as_json) as (say, progress):
+        episode = run_barrier(loaded, trace=folder.trace, say=say, progress=progress, ends=event.is_set)
+        summary = episode.summary()
+        folder.keep(episode, summary)
+    for fault in episode.log.faults:
+        typer.echo(f"navloom: {fault}", err=True)
+    if as_json:
+        print_json(summary)
+    else:
+        print_summary(episode, summary, out, folder.names)
+    raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
+
+
+def _live(loaded: Any, host: str | None, insecure: bool, as_json: bool) -> Any:
+    from navloom.cli.live_table import LiveTable
+    from navloom.study.live_run import LiveRun
+
+    with ending() as event:
+        run = LiveRun(loaded, host, insecure, _say, event)
+        with LiveTable(run, sys.stderr) as table:
+            run.say = table.say
+            return run.run(as_json, table.missing, table.look, None if as_json else table.result)
+
+
+@contextmanager
+def ending() -> Iterator[threading.Event]:
+    """An event that Ctrl-C and SIGTERM set; a second Ctrl-C ends at once."""
+    event = threading.Event()
+
+    def end(number: int, frame: Any) -> None:
+        if event.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        event.set()
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield event
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _say(text: str) -> None:
+    print(f"navloom: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,85 @@
+"""How a tool finds and joins a robot that is up."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from navloom.plugins.registry import nearest
+from navloom.runtime.client import Client
+from navloom.runtime.directory import DirectoryError, RobotFolder, Running, robots
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.links import Link
+from navloom.runtime.zenoh_bus import Bus
+
+__all__ = ["find_robot", "join"]
+
+FOUND = 2.0
+"""s to wait for the robot's first process."""
+
+
+def find_robot(robot: str | None) -> Running:
+    """The robot of a name REALM/NAME, or the only one that is up.
+
+    Raises:
+        DirectoryError: None, or several and no name.
+    """
+    found = list(robots())
+    names = [f"{one.realm}/{one.robot}" for one in found]
+    if robot is None:
+        if len(found) == 1:
+            return found[0]
+        if not found:
+            raise DirectoryError(
+                "no robot of this user is up on this host: start one with `navloom up CONFIG`, "
+                "or reach one elsewhere with --connect ENDPOINT"
+            )
+        raise DirectoryError(f"several robots are up: {', '.join(names)}; choose one with --robot")
+    if robot in names:
+        return found[names.index(robot)]
+    up = f"; up are {', '.join(names)}" if names else "; none is up"
+    raise DirectoryError(f"--robot {robot}: it is not up on this host{up}{nearest(robot, names) if names else ''}")
+
+
+@contextmanager
+def join(
+    robot: str | None = None,
+    connect: str | None = None,
+    keys: str | None = None,
+    identity: str = "operator",
+    insecure: bool = False,
+) -> Iterator[Client]:
+    """Join a robot's network as a tool, for the time of a `with` statement.
+
+    Args:
+        robot: REALM/NAME; None for the only one that is up, or, with `connect`, lab/r1.
+        connect: Endpoint of a router elsewhere; None looks on this host.
+        keys: Folder of certificates; None takes those the robot was started with.
+        identity: Name of the certificate.
+        insecure: Plain TCP to another host was asked for.
+
+    Raises:
+        DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
+    """
+    if connect is not None:
+        realm, _, name = (robot or "lab/r1").partition("/")
+        if not realm or not name:
+            raise DirectoryError(f"--robot {robot}: expected REALM/NAME, as in lab/r1")
+        folder = Path(keys) if keys else None
+        link = Link("client", (), (connect,), folder, identity if folder else None, insecure, realm, name)
+    else:
+        running = find_robot(robot)
+        realm, name = running.realm, running.robot
+        folder = Path(keys or running.keys) if keys or running.keys else None
+        if running.via_router:
+            link = Link("client", (), running.endpoints, folder, identity if folder else None, insecure, realm, name)
+        else:
+            sockets = tuple(RobotFolder(realm, name).sockets()) or running.endpoints
+            link = Link("peer", (), sockets, realm=realm, robot=name)
+    with Bus(link) as bus:
+        limit = time.monotonic() + FOUND
+        while bus.neighbours() < (len(link.connect) if link.mode == "peer" else 1) and time.monotonic() < limit:
+            time.sleep(0.01)
+        yield Client(bus, KeySpace(realm, name))

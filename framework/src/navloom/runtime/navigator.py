@@ -1,0 +1,192 @@
+"""Driving a live robot from Python: goals with feedback and results, stops, swaps and parameters."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from navloom.messages import Feedback, GoalResult, Point2D
+from navloom.runtime.client import Client, Refused
+from navloom.runtime.joining import join
+from navloom.runtime.mailbox import Inlet, Mailbox, Packet
+
+__all__ = ["GoalHandle", "Navigator"]
+
+ASK_AGAIN = 1.0
+"""s between looks at the robot's last result, in case it came while the link was down."""
+
+
+class GoalHandle:
+    """A goal on its way.
+
+    Attributes:
+        goal_id: Its number.
+        feedback: The newest, or None.
+        result: How it ended, or None.
+    """
+
+    def __init__(self, client: Client, mailbox: Mailbox, results: Inlet, feedbacks: Inlet, goal_id: int) -> None:
+        self.goal_id = goal_id
+        self.feedback: Feedback | None = None
+        self.result: GoalResult | None = None
+        self._client, self._mailbox = client, mailbox
+        self._results, self._feedbacks = results, feedbacks
+
+    def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
+        """Feedback as it comes, until the goal has ended; also while nodes of the robot restart.
+
+        Raises:
+            TimeoutError: It has not ended within s.
+        """
+        began = asked = time.monotonic()
+        seen = 0
+        while self.result is None:
+            seen = self._mailbox.wait(seen, 0.1)
+            for message, _ in self._results.take():
+                self._note(message)
+            for message, _ in self._feedbacks.take():
+                if isinstance(message, Feedback) and message.goal_id == self.goal_id:
+                    self.feedback = message
+                    yield message
+            now = time.monotonic()
+            if self.result is None and now - asked > ASK_AGAIN:
+                asked = now
+                self._note(self._client.last("goal", "main", "result"))
+            if timeout is not None and self.result is None and now - began > timeout:
+                raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
+
+    def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
+        """Wait for the result. Raises TimeoutError where it does not come within s."""
+        for feedback in self.updates(timeout):
+            if on_feedback is not None:
+                on_feedback(feedback)
+        assert self.result is not None
+        return self.result
+
+    def cancel(self) -> None:
+        """End it."""
+        self._client.call("goal", "main", "cancel", {})
+
+    def _note(self, message: object) -> None:
+        if isinstance(message, GoalResult):
+            if message.goal_id == self.goal_id:
+                self.result = message
+            elif message.goal_id > self.goal_id:
+                why = f"goal {message.goal_id} came after it, and its own result was missed"
+                self.result = GoalResult(self.goal_id, "cancelled", why, message.place)
+
+
+class Navigator:
+    """A live robot, to be used in a `with` statement.
+
+    Args:
+        robot: REALM/NAME; None for the only one that is up on this host.
+        connect: Endpoint of a router elsewhere.
+        keys: Folder of certificates, see `navloom keys`.
+        insecure: Plain TCP to another host is wanted.
+
+    Raises:
+        DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
+    """
+
+    def __init__(
+        self,
+        robot: str | None = None,
+        connect: str | None = None,
+        keys: str | Path | None = None,
+        insecure: bool = False,
+    ) -> None:
+        self._stack = ExitStack()
+        self._given = (robot, connect, str(keys) if keys is not None else None, insecure)
+        self._mailbox = Mailbox()
+
+    def __enter__(self) -> Navigator:
+        robot, connect, keys, insecure = self._given
+        self.client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
+        self._results = self._inlet("result")
+        self._feedbacks = self._inlet("feedback")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def go(
+        self, x: float, y: float, heading: float | None = None, via: Sequence[tuple[float, float]] = ()
+    ) -> GoalHandle:
+        """Send the robot to a place, m and rad, map frame, over some points. A goal on its way is pre-empted.
+
+        Raises:
+            Refused: Rejected at once, with the reason; ClientError: the goal's node does not answer.
+        """
+        given = {"x": x, "y": y, "heading": heading, "via": [list(point) for point in via]}
+        for value in (x, y, *([] if heading is None else [heading])):
+            if not math.isfinite(value):
+                raise Refused(f"rejected: {value} is not a finite number")
+        answer = self.client.call("goal", "main", "submit", given)
+        return GoalHandle(self.client, self._mailbox, self._results, self._feedbacks, int(answer["goal_id"]))
+
+    def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
+        """Send the robot to a place and wait for the result; a rejected goal is a result too."""
+        try:
+            handle = self.go(x, y, heading)
+        except Refused as refusal:
+            return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), Point2D(x, y))
+        return handle.wait(timeout)
+
+    def cancel(self) -> None:
+        """End the goal on its way."""
+        self.client.call("goal", "main", "cancel", {})
+
+    def stop(self) -> None:
+        """Stop the robot until `resume`."""
+        self.client.call("gate", "main", "stop", {})
+
+    def resume(self) -> None:
+        """Let the robot drive again after a stop or a contact."""
+        self.client.call("gate", "main", "resume", {})
+
+    def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
+        """Put another instance in charge once it has warmed up; gives the selection's epoch.
+
+        Raises:
+            Refused: There is no such instance; TimeoutError: it did not warm up within s.
+        """
+        answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
+        limit = time.monotonic() + timeout
+        while answer["selected"] != instance:
+            if time.monotonic() > limit:
+                raise TimeoutError(
+                    f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
+                    f"{answer['selected']} stays in charge until it has"
+                )
+            time.sleep(0.05)
+            answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
+        return int(answer["epoch"])
+
+    def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
+        """Parameters of an instance."""
+        values: dict[str, Any] = self.client.call(role, instance, "params/get", {})["values"]
+        return values
+
+    def set_parameters(self, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
+        """Change parameters between two ticks, all or none; TOML assignments `name = value`. Raises Refused."""
+        values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
+        return values
+
+    def _inlet(self, port: str) -> Inlet:
+        key = self.client.keys.port("goal", "main", port)
+        inlet = Inlet(key, self._mailbox, 64)
+
+        def receive(key: str, data: bytes | None, label: str) -> None:
+            if data is not None:
+                inlet.give(Packet(data, label))
+
+        self.client.bus.subscribe(key, receive)
+        return inlet

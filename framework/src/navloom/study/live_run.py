@@ -1,0 +1,267 @@
+"""A run of a live robot from its config: all its processes, its goal and events, and what it comes to."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import IO, Any
+
+from navloom.config import ConfigError, Loaded
+from navloom.dataflow.events import schedule
+from navloom.messages import (
+    Envelope,
+    Feedback,
+    GateStatus,
+    GoalResult,
+    Message,
+    OperatorRequest,
+    Point2D,
+    Selection,
+    StepReport,
+)
+from navloom.roles import Platform
+from navloom.runtime.build import System, assemble
+from navloom.runtime.cells import all_sources
+from navloom.runtime.checks import check_places, check_task
+from navloom.runtime.client import Client, ClientError, Refused
+from navloom.runtime.conductor import BarrierError, Conductor
+from navloom.runtime.keyspace import STEP
+from navloom.runtime.lockstep import RunLog
+from navloom.runtime.mailbox import Inlet, Mailbox
+from navloom.runtime.network import network_of
+from navloom.runtime.robot import Robot
+from navloom.runtime.switchboard import Switchboard
+from navloom.runtime.trace import TraceWriter
+from navloom.study.episode import Episode
+from navloom.study.recorder import Recorder
+
+__all__ = ["LiveRun", "run_barrier"]
+
+START = 60.0
+"""s a robot may take to come up: kernels may have to be compiled."""
+QUIET = 1.0
+"""s without a goal after which a run that was to end with its goals does."""
+
+
+def run_barrier(
+    loaded: Loaded,
+    *,
+    trace: IO[bytes] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[float, float], None] | None = None,
+    ends: Callable[[], bool] = lambda: False,
+) -> Episode:
+    """Run a config in its processes under the barrier: the same trace as in lockstep.
+
+    Raises:
+        ConfigError, PluginError: The request was wrong; StartError: the robot did not come up;
+        BarrierError: a node did not report a tick.
+    """
+    system = assemble(loaded)
+    check_task(system)
+    platform = system.parts[("platform", loaded.config.platform.instance)].cls
+    if not (issubclass(platform, Platform) and platform.is_simulated):
+        raise ConfigError(f"platform.plugin: {platform.name} is a real robot; simulated time is not for it")
+    recorder, run = Recorder(), loaded.config.run
+    with Robot(system, network_of(loaded.config, None, False), None, True, say) as robot:
+        robot.wait_complete(START, ends=ends)
+
+        def check() -> None:
+            if ends():
+                raise KeyboardInterrupt
+            for child in robot.supervisor.poll(restarts=False):
+                raise BarrierError(
+                    f"process {child.task.name} {child.why} in the run. It said last: {robot.supervisor.tail(child)}"
+                )
+
+        board = Switchboard(robot.bus, robot.keys, lossless=True)
+        conductor = Conductor(
+            system, board, schedule(loaded.config, system.goal), [recorder], TraceWriter(trace), check
+        )
+        board.connect()
+        ticks = math.ceil(round(run.stop_after / run.period, 6)) + 2
+        tell = None if progress is None else (lambda tick: progress(tick * run.period, run.stop_after))
+        return Episode(system, conductor.run(ticks, tell), recorder)
+
+
+@dataclass(eq=False)
+class LiveRun:
+    """A live robot and what its supervisor sees of it.
+
+    Args:
+        loaded: The config.
+        host: Share of it that runs here; None for all.
+        insecure: Plain TCP beyond this host was asked for.
+        say: Told what happens.
+
+    Attributes:
+        feedback, status: The goal's and the gate's newest word.
+        log, recorder: As of a run in lockstep.
+    """
+
+    loaded: Loaded
+    host: str | None
+    insecure: bool
+    say: Callable[[str], None]
+    ending: threading.Event = field(default_factory=threading.Event)
+    feedback: Feedback | None = None
+    status: GateStatus | None = None
+    log: RunLog = field(default_factory=RunLog)
+    recorder: Recorder = field(default_factory=Recorder)
+
+    def __post_init__(self) -> None:
+        self.system: System = assemble(self.loaded)
+        check_places(self.system)
+        self._mailbox = Mailbox()
+        self._inlets: list[tuple[tuple[str, str], str, Inlet]] = []
+        self._chosen: dict[str, str] = {}
+        self._spent: deque[tuple[int, int]] = deque(maxlen=4096)
+        self._began_ns = 0
+
+    def run(
+        self,
+        until_idle: bool,
+        progress: Callable[[Any], None] = lambda left: None,
+        look: Callable[[Robot], None] = lambda robot: None,
+        ended: Callable[[Episode], None] | None = None,
+    ) -> Episode | None:
+        """Bring it up, drive the config's goal and events, and stay until told to end.
+
+        Args:
+            until_idle: End when the last goal has ended.
+            progress: Told who is missing while it comes up.
+            look: Called now and then with the robot.
+            ended: Told of each goal that ended.
+
+        Returns:
+            What the goals came to; None where there was none.
+
+        Raises:
+            StartError: It did not come up; DirectoryError: it is up already.
+        """
+        network = network_of(self.loaded.config, self.host, self.insecure)
+        with Robot(self.system, network, self.host, False, self.say) as robot:
+            robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
+            if not self.ending.is_set():
+                self._listen(robot)
+                self.say("up: every node is there")
+                self._drive(robot, until_idle, look, ended)
+        return self._episode() if self.log.results else None
+
+    def _episode(self) -> Episode:
+        self.log.ticks = 1 + max((tick for tick, _ in self._spent), default=0)
+        self.log.tick_ns = [spent for _, spent in self._spent] or [0]
+        return Episode(self.system, self.log, self.recorder)
+
+    def _listen(self, robot: Robot) -> None:
+        """Hear what the run is judged by."""
+        board = Switchboard(robot.bus, robot.keys, lossless=False)
+        wanted = self.recorder.wants or frozenset()
+        for source in all_sources(self.system):
+            ports = {port for role, port in wanted if role == source[0]}
+            ports |= {"goal": {"result", "feedback"}, "gate": {"status", "selection"}}.get(source[0], set())
+            for port in sorted({*ports, STEP} if source[0] != "operator" else ()):
+                self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024)))
+        board.connect()
+        self._began_ns = time.perf_counter_ns()
+
+    def _drive(
+        self,
+        robot: Robot,
+        until_idle: bool,
+        look: Callable[[Robot], None],
+        tell: Callable[[Episode], None] | None,
+    ) -> None:
+        client = Client(robot.bus, robot.keys)
+        requests = deque(sorted(schedule(self.loaded.config, self.system.goal).items()))
+        is_ours = self.host is None
+        first: int | None = None
+        seen, idle_since, ended = 0, time.monotonic(), 0
+        while not self.ending.is_set():
+            seen = self._mailbox.wait(seen, 0.1)
+            tick = self._take()
+            if first is None and tick >= 0:
+                first = tick
+            while is_ours and first is not None and requests and tick - first >= requests[0][0]:
+                for request in requests.popleft()[1]:
+                    self._ask(client, request)
+                idle_since = time.monotonic()
+            robot.supervisor.poll()
+            look(robot)
+            if tell is not None and len(self.log.results) > ended:
+                tell(self._episode())
+            if len(self.log.results) > ended or (self.feedback is not None and self.feedback.goal_id):
+                ended, idle_since = len(self.log.results), time.monotonic()
+            if until_idle and not requests and time.monotonic() - idle_since > QUIET:
+                return
+
+    def _ask(self, client: Client, request: OperatorRequest) -> None:
+        """Do what the config's goal or one of its events asks for."""
+        try:
+            if request.goal is not None:
+                goal = request.goal
+                via = [[point.x, point.y] for point in goal.via]
+                given = {"x": goal.x, "y": goal.y, "heading": goal.heading, "via": via}
+                client.call("goal", "main", "submit", given)
+            elif request.do == "cancel":
+                client.call("goal", "main", "cancel", {})
+            elif request.do == "swap":
+                client.call("gate", "main", "swap", {"role": request.role, "instance": request.instance})
+            elif request.do == "set":
+                client.call(request.role, request.instance, "params/set", {"values": list(request.values)})
+            else:
+                client.call("gate", "main", request.do, {})
+        except Refused as refusal:
+            if request.goal is not None:
+                reason = str(refusal).removeprefix("rejected: ")
+                self.log.results.append(GoalResult(0, "rejected", reason, Point2D(request.goal.x, request.goal.y)))
+            self.say(f"{request.do}: {refusal}")
+        except ClientError as error:
+            self.say(f"{request.do}: {error}")
+
+    def _take(self) -> int:
+        """Take in what came; gives the newest tick of the platform."""
+        newest = -1
+        for source, port, inlet in self._inlets:
+            for message, envelope in inlet.take():
+                self._note(source, port, message, envelope)
+                if source[0] == "platform":
+                    newest = max(newest, envelope.tick)
+        return newest
+
+    def _note(self, source: tuple[str, str], port: str, message: Message, at: Envelope) -> None:
+        role, name = source
+        active = self._chosen.get(role, self._default(role)) == name
+        if isinstance(message, StepReport):
+            if active:
+                self._count(at.tick, message.duration_ns)
+                if role in self.log.step_ns and message.trigger:
+                    self.log.step_ns[role].append(message.duration_ns)
+        elif isinstance(message, GoalResult):
+            self.log.results.append(message)
+            self.log.wall_ns = time.perf_counter_ns() - self._began_ns
+        elif isinstance(message, Feedback):
+            self.feedback = message
+        elif isinstance(message, GateStatus):
+            self.status = message
+            self.log.gate_stops += message.stopped and message.reason not in ("no_trajectory", "ending")
+        elif isinstance(message, Selection):
+            self._chosen = dict(entry.split(" ", 1) for entry in message.instances)
+            self.log.swaps = message.epoch
+        else:
+            self.recorder.on_message(role, name, active, port, message, at)
+
+    def _default(self, role: str) -> str:
+        return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
+
+    def _count(self, tick: int, spent_ns: int) -> None:
+        """Sum what the nodes in charge spent on a tick."""
+        for place in range(len(self._spent) - 1, max(-1, len(self._spent) - 8), -1):
+            if self._spent[place][0] == tick:
+                self._spent[place] = (tick, self._spent[place][1] + spent_ns)
+                return
+        self._spent.append((tick, spent_ns))

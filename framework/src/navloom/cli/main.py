@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from navloom.cli import config, graph, map, operate, plan, plugins, run, up, worlds
+from navloom.cli import config, graph, map, nodes, operate, plan, plugins, run, teleop, up, worlds
 
 __all__ = ["app", "main"]
 
@@ -25,6 +25,9 @@ app.command("cancel")(operate.cancel)
 app.command("swap")(operate.swap)
 app.command("stop")(operate.stop)
 app.command("resume")(operate.resume)
+app.command("teleop", context_settings=operate.NUMBERS)(teleop.teleop)
+app.command("node")(nodes.node)
+app.command("router")(nodes.router)
 app.add_typer(operate.params, name="params")
 app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)

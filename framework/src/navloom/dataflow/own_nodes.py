@@ -26,11 +26,18 @@ class OperatorNode:
 
 
 class GoalNode:
-    """The goal's state machine on its ports."""
+    """The goal's state machine on its ports.
+
+    Attributes:
+        fault: What broke, for which the goal ends; empty for nothing.
+        is_lost: Live: the platform is not heard.
+        restarted: Live: roles whose instance came back since the last step.
+    """
 
     def __init__(self, machine: GoalMachine) -> None:
         self.machine = machine
         self.fault = ""
+        self.is_lost = False
         self.restarted: set[str] = set()
         self._answer: Path | PlanFailure | None = None
         self._selection: Selection | None = None
@@ -65,6 +72,10 @@ class GoalNode:
                 self.machine.cancel(seen)
         if self.fault:
             self.machine.fail(self.fault, seen)
+        if self.is_lost:
+            self.machine.hold(seen)
+        else:
+            self.machine.go_on(seen)
         for role in sorted(self.restarted):
             self.machine.restart_of(role, seen)
         self.restarted.clear()

@@ -74,7 +74,7 @@ class Feedback(Message):
 
     Attributes:
         goal_id: Which; 0 while there is none.
-        state: Where its state machine is.
+        state: Where its state machine is; "waiting" for a platform that fell silent.
         distance: Left along the trajectory, m.
         time_left: Estimate, s.
         cross_track: Distance from the trajectory, m, left positive.
@@ -82,7 +82,7 @@ class Feedback(Message):
     """
 
     goal_id: int
-    state: Literal["idle", "mapping", "planning", "driving", "recovering"]
+    state: Literal["idle", "mapping", "planning", "driving", "recovering", "waiting"]
     distance: float
     time_left: float
     cross_track: float

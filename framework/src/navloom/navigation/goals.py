@@ -31,6 +31,8 @@ from navloom.messages import (
 __all__ = ["GoalMachine", "GoalRules", "Seen"]
 
 NO_DRIVE = Drive(0, 0, None, False)
+LOST = 30.0
+"""s a goal waits for a platform that fell silent."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
 
 
@@ -151,11 +153,28 @@ class GoalMachine:
             unfinished: Goal it was at; 0 for none.
         """
         self._requests = tick
+        self._said = (unfinished, "")  # so that the next report says what holds now
         self._out.append(("drive", NO_DRIVE))
         self._out.append(("recovery", RecoveryRequest(False, 0, "")))
         if unfinished:
             place = Point2D(0.0, 0.0)
             self._out.append(("result", GoalResult(unfinished, "error", "restarted: the goal node began anew", place)))
+
+    def hold(self, seen: Seen) -> None:
+        """The platform is not heard: nobody drives on, and the goal waits for it."""
+        active = self._active
+        if active is None or self.state == "waiting":
+            return
+        if self.state == "recovering":
+            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+        self._set_drive(NO_DRIVE)
+        active.since = seen.time
+        self.state = "waiting"
+
+    def go_on(self, seen: Seen) -> None:
+        """The platform is heard again: plan anew from where it is."""
+        if self._active is not None and self.state == "waiting":
+            self._need_map(seen)
 
     def restart_of(self, role: str, seen: Seen) -> None:
         """A mapper that came back has no map, a planner that came back no request."""
@@ -236,6 +255,10 @@ class GoalMachine:
             self._need_map(seen)
         elif step.state == "failed":
             self._recover(active, active.why, seen)
+
+    def _while_waiting(self, active: _Active, seen: Seen) -> None:
+        if seen.time - active.since > LOST:
+            self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
     # --- what they share ------------------------------------------------------------------------------------------
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "STEP", "KeySpace"]
+__all__ = ["ALIVE", "LARGEST", "STEP", "KeySpace"]
 
 ALIVE = "alive"
-"""Liveliness token of an instance."""
+"""Where the liveliness tokens of an instance are."""
 STEP = "step"
 """Port of every node's step reports."""
+LARGEST = 64 * 2**20
+"""Bytes of a message at most; a larger one is counted and not copied."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class KeySpace:
         """A stream, or a service of an instance; "*" stands for any."""
         return f"{self.realm}/{self.robot}/{role}/{instance}/{port}"
 
-    def alive(self, role: str, instance: str) -> str:
-        """Liveliness token of an instance."""
-        return self.port(role, instance, ALIVE)
+    def alive(self, role: str, instance: str, life: str) -> str:
+        """Liveliness token of an instance in one life of its process."""
+        return self.port(role, instance, f"{ALIVE}/{life}")
 
     def process(self, name: str, service: str) -> str:
         """A service of a process."""

@@ -33,7 +33,7 @@ def settings(link: Link) -> dict[str, Any]:
         "listen": {"endpoints": list(link.listen)},
         "connect": {
             "endpoints": list(link.connect),
-            "timeout_ms": -1 if link.mode != "client" else 5000,
+            "timeout_ms": -1 if link.mode != "client" else 300,
             "exit_on_failure": link.mode == "client",
             "retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2},
         },

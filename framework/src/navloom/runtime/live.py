@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from navloom.dataflow.nodes import Outputs, Tick
-from navloom.messages import InputRead, Selection, StepReport
+from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted
 from navloom.runtime.run_clock import RunClock
@@ -88,7 +88,7 @@ class LiveRunner:
         for source, inlet in self.cell.reports.items():
             for message, envelope in inlet.take():
                 if isinstance(message, StepReport):
-                    self._hear(source, message, envelope.tick)
+                    self._hear(source, message, envelope)
         for feed in (self.selection, *self.cell.feeds):
             self._fill(feed)
         selection = self.selection.slot.message
@@ -97,8 +97,8 @@ class LiveRunner:
         while self._changes:
             self._changes.popleft()()
 
-    def _hear(self, source: Source, report: StepReport, tick: int) -> None:
-        self.done[source] = tick
+    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
+        self.done[source] = at.tick
         if report.fault:
             self.faults[source] = (self.faults.get(source, (0, ""))[0] + 1, report.fault)
         elif report.trigger:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from navloom.dataflow.nodes import Outputs, Tick
 from navloom.dataflow.own_nodes import GateNode
-from navloom.messages import Command, OperatorRequest, StepReport
+from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
@@ -116,8 +116,8 @@ class LiveGate(LiveRunner):
             return True
         return slots["controller"].tick >= number and slots["avoider"].tick >= number
 
-    def _hear(self, source: Source, report: StepReport, tick: int) -> None:
-        super()._hear(source, report, tick)
+    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
+        super()._hear(source, report, at)
         self._marks[source] = {mark.port: mark.sequence for mark in report.published}
         self._enabled[source] = report.enabled
         if source[0] == "goal":

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from navloom.dataflow.nodes import Outputs
 from navloom.dataflow.own_nodes import GoalNode
-from navloom.messages import OperatorRequest
+from navloom.messages import Envelope, OperatorRequest, StepReport
+from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.run_clock import RunClock
@@ -18,7 +19,7 @@ CHECK = 0.05
 WITHOUT_POSE = 0.2
 """s without a pose after which the goal steps by itself."""
 PLATFORM_SILENCE = 1.0
-"""s without the platform after which a goal is lost."""
+"""s without the platform after which a goal waits for it."""
 BROKEN = 20
 """Steps in a row that a plugin may fail in before its goal has failed."""
 
@@ -32,6 +33,8 @@ class LiveGoal(LiveRunner):
         self.goal = self.cell.node
         self._request = next(wire for wire in self.cell.instance.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
+        self._platform_reports = 0
+        self._began_anew = False
 
     def wait_time(self) -> float:
         """s to wait for news at most."""
@@ -47,6 +50,7 @@ class LiveGoal(LiveRunner):
     def step(self, trigger: str, number: int) -> Outputs:
         """One step of the goal's state machine, which is told what the process knows to be broken."""
         self.goal.fault = self._trouble()
+        self.goal.is_lost = self.clock.silence_s() > PLATFORM_SILENCE
         self._stepped_at = time.monotonic()
         return super().step(trigger, number)
 
@@ -56,9 +60,16 @@ class LiveGoal(LiveRunner):
         self._request.queue.append((2**62, request, 0))
         self._stepped_at -= WITHOUT_POSE
 
+    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
+        super()._hear(source, report, at)
+        if source[0] == "platform":
+            self._began_anew = self._began_anew or at.sequence < self._platform_reports
+            self._platform_reports = at.sequence
+
     def _trouble(self) -> str:
-        if self.clock.silence_s() > PLATFORM_SILENCE:
-            return f"the platform has been silent for {PLATFORM_SILENCE:g} s"
+        if self._began_anew:
+            self._began_anew = False
+            return "the platform began anew, and where the robot is now is not known"
         for (role, name), (times, text) in self.faults.items():
             if times >= BROKEN and self.in_charge((role, name)):
                 return f"{role} {name} failed {times} times in a row: {text}"

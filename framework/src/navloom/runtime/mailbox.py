@@ -12,10 +12,8 @@ from typing import Any
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError, decode
 
-__all__ = ["LARGEST", "Inlet", "Mailbox", "Packet", "StreamCounts"]
+__all__ = ["Inlet", "Mailbox", "Packet", "StreamCounts"]
 
-LARGEST = 64 * 2**20
-"""Bytes of a message at most; a larger one is counted and not copied."""
 AGES = 256
 
 

@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-import ctypes
+import contextlib
 import json
 import os
-import signal
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
 from navloom.config.loader import Loaded
 from navloom.runtime.build import assemble
-from navloom.runtime.links import Link
 from navloom.runtime.node_process import NodeProcess, Share, leave
+from navloom.runtime.process import die_with_parent, end_on_signal, link_from_json, link_to_json
 
-__all__ = [
-    "die_with_parent",
-    "end_on_signal",
-    "link_from_json",
-    "link_to_json",
-    "main",
-    "share_from_json",
-    "share_to_json",
-]
+__all__ = ["main", "share_from_json", "share_to_json"]
 
-PR_SET_PDEATHSIG = 1
-GRACE = 4.0
-"""s a process that was told to end may take; then it ends at once."""
+CONTROL_PRIORITY = -10
+"""Nice value of processes that neither map nor plan."""
 
 
 def main() -> int:
@@ -36,6 +25,9 @@ def main() -> int:
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
     sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes
+    roles = {role for role, _ in spec["share"]["sources"]}
+    if not roles & {"mapper", "planner"}:
+        go_first()
     process = NodeProcess(assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"]))
     end_on_signal(process.ending)
     name = process.share.name
@@ -49,39 +41,10 @@ def main() -> int:
     return leave(process)
 
 
-def die_with_parent(parent: int) -> None:
-    """Have the system tell this process to end when its parent dies, however that dies."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:  # it died before that
-        os._exit(1)
-
-
-def end_on_signal(ending: threading.Event) -> None:
-    """End in order on SIGTERM and SIGINT, and at once where that takes too long."""
-
-    def end(number: int, frame: Any) -> None:
-        if not ending.is_set():
-            ending.set()
-            last = threading.Timer(GRACE, os._exit, (1,))
-            last.daemon = True
-            last.start()
-
-    signal.signal(signal.SIGTERM, end)
-    signal.signal(signal.SIGINT, end)
-
-
-def link_to_json(link: Link) -> dict[str, Any]:
-    """A link as JSON."""
-    return {**vars(link), "credentials": str(link.credentials) if link.credentials else None}
-
-
-def link_from_json(given: dict[str, Any]) -> Link:
-    """A link from its JSON."""
-    folder = Path(given["credentials"]) if given["credentials"] else None
-    return Link(
-        **{**given, "listen": tuple(given["listen"]), "connect": tuple(given["connect"]), "credentials": folder}
-    )
+def go_first() -> None:
+    """Be scheduled before processes that only compute, where this user may ask for that."""
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, CONTROL_PRIORITY)
 
 
 def share_to_json(share: Share) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -39,6 +40,8 @@ PATIENT = frozenset({"mapper", "planner", "recovery"})
 """Roles whose step may take long."""
 LONG = 30.0
 """s their step may take."""
+JOIN = 60.0
+"""s to wait for the robot's router."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,7 @@ class NodeProcess:
         ending: Set to end.
         runners: By source, once it runs.
         hung: Node that was given up; empty for none.
+        life: Tells this process from one that takes its place.
     """
 
     system: System
@@ -77,6 +81,7 @@ class NodeProcess:
     ending: threading.Event = field(default_factory=threading.Event)
     runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
     hung: str = ""
+    life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
 
     def run(self, say: Callable[[str], None] = lambda text: None, ready: Callable[[], None] = lambda: None) -> None:
         """Join, step, leave. Returns when `ending` is set, or a node in charge hangs.
@@ -85,7 +90,7 @@ class NodeProcess:
             ConfigError, LinkError, BusError: Nothing ran.
         """
         make_plugins(self.system, say, self.share.sources)
-        with Bus(self.share.link) as bus:
+        with Bus(self.share.link, JOIN) as bus:
             threads = self._start(bus, ready)
             self._watch(threads)
             self.ending.set()
@@ -119,13 +124,13 @@ class NodeProcess:
         board.connect()
         services.offer()
         if not self.share.barrier:
-            bus.watch(keys.alive("*", "*"), presence.change)
+            bus.watch(keys.alive("*", "*", "*"), presence.change)
             fetching.start()
         threads = [threading.Thread(target=run, daemon=True) for run in runs]
         for thread in threads:
             thread.start()
         for source in nodes:
-            bus.announce(keys.alive(*source))
+            bus.announce(keys.alive(*source, self.life))
         ready()
         return threads
 

@@ -17,28 +17,33 @@ class Presence:
     Args:
         keys: Of the robot.
         own: Instances of this process, which are there as long as it is.
-        came: Told of an instance that came up, and whether it had been there before.
+        came: Told of an instance that came up, and whether it had been there before in another life.
     """
 
     def __init__(self, keys: KeySpace, own: Iterable[Source], came: Callable[[Source, bool], None]) -> None:
         self._keys, self._came = keys, came
         self._own = frozenset(own)
-        self._alive: dict[Source, bool] = {}
+        self._lives: dict[Source, set[str]] = {}
+        self._last: dict[Source, str] = {}
         self._arrivals: queue.Queue[Source] = queue.Queue()
 
     def change(self, key: str, alive: bool) -> None:
         """A token appeared or vanished; called on the network's thread."""
-        role, name, _ = self._keys.split(key)
-        source = (role, name)
-        was = self._alive.get(source)
-        self._alive[source] = alive
-        if alive and not was:
+        role, name, rest = self._keys.split(key)
+        source, life = (role, name), rest.rpartition("/")[2]
+        lives = self._lives.setdefault(source, set())
+        if alive and life not in lives:
+            lives.add(life)
             self._arrivals.put(source)
-            self._came(source, was is not None)
+            before = self._last.get(source, life)
+            self._last[source] = life
+            self._came(source, before != life)
+        elif not alive:
+            lives.discard(life)
 
     def is_alive(self, source: Source) -> bool:
         """Its token is there, or it is of this process."""
-        return source in self._own or self._alive.get(source, False)
+        return source in self._own or bool(self._lives.get(source))
 
     def next_arrival(self, timeout: float) -> Source | None:
         """Somebody who came up, once; None where nobody does within s."""

@@ -15,10 +15,14 @@ from navloom.runtime.directory import DirectoryError, RobotFolder, Running
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.network import Network
 from navloom.runtime.node_process import Share
+from navloom.runtime.presence import Presence
 from navloom.runtime.supervisor import Supervisor, node_task, router_task, spread
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Robot", "StartError"]
+
+JOIN = 15.0
+"""s to wait for the robot's router."""
 
 
 class StartError(RuntimeError):
@@ -49,8 +53,8 @@ class Robot:
         self.started_ns = time.monotonic_ns()
         self._shares = spread(config, all_sources(system), host)
         self._say = say
-        self._alive: set[str] = set()
         self._changed = threading.Condition()
+        self._presence = Presence(self.keys, (), self._came)
 
     def __enter__(self) -> Robot:
         self.folder.make()
@@ -75,8 +79,8 @@ class Robot:
         try:
             self.supervisor.start()
             self.folder.write(self.running())
-            self.bus = Bus(self.network.outsider(self.folder, list(self._shares)))
-            self.bus.watch(self.keys.alive("*", "*"), self._change)
+            self.bus = Bus(self.network.outsider(self.folder, list(self._shares)), JOIN)
+            self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
         except BaseException:
             self._stop()
             raise
@@ -101,8 +105,7 @@ class Robot:
     def missing(self) -> list[Source]:
         """Nodes of the whole robot that are not there."""
         sources = [source for source in all_sources(self.system) if source[0] != "operator"]
-        with self._changed:
-            return [source for source in sources if self.keys.alive(*source) not in self._alive]
+        return [source for source in sources if not self._presence.is_alive(source)]
 
     def wait_complete(
         self,
@@ -137,9 +140,8 @@ class Robot:
         said = [f"{name}: {self.supervisor.tail(child)}" for name, child in self.supervisor.children.items()]
         return "their processes said last: " + " | ".join(said)
 
-    def _change(self, key: str, alive: bool) -> None:
+    def _came(self, source: Source, again: bool) -> None:
         with self._changed:
-            (self._alive.add if alive else self._alive.discard)(key)
             self._changed.notify_all()
 
     def _stop(self) -> None:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 from navloom.runtime.links import Link
-from navloom.runtime.node_main import die_with_parent, end_on_signal, link_from_json
+from navloom.runtime.process import die_with_parent, end_on_signal, link_from_json
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["main", "route"]
 
 
-def route(link: Link, ending: threading.Event) -> None:
+def route(link: Link, ending: threading.Event, ready: Callable[[], None] = lambda: None) -> None:
     """Pass messages on until told to end."""
     with Bus(link):
+        ready()
         ending.wait()
 
 

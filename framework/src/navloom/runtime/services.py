@@ -8,6 +8,7 @@ import math
 import os
 import platform
 import threading
+import time
 import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -167,6 +168,9 @@ class Services:
         x, y, heading = _number(given, "x"), _number(given, "y"), given.get("heading")
         heading = None if heading is None else math.remainder(_number(given, "heading"), math.tau)
         via = tuple(Point2D(float(px), float(py)) for px, py in given.get("via", ()))
+        limit = time.monotonic() + APPLY
+        while not self._clock.is_known and time.monotonic() < limit:
+            time.sleep(0.02)
         if not self._clock.is_known:
             raise ServiceError("rejected: the platform has not been heard yet")
         problem = place_problem(self._system, x, y, heading)

@@ -19,8 +19,9 @@ from navloom.config.schema import Config, LiveTable
 from navloom.runtime.cell import Source
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.links import Link
-from navloom.runtime.node_main import link_to_json, share_to_json
+from navloom.runtime.node_main import share_to_json
 from navloom.runtime.node_process import HUNG, Share
+from navloom.runtime.process import link_to_json
 
 __all__ = ["Child", "Supervisor", "Task", "node_task", "router_task", "spread"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.mailbox import LARGEST, Inlet, Mailbox, Packet
+from navloom.runtime.keyspace import LARGEST, KeySpace
+from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
 from navloom.runtime.quality import RETAINED, is_retained
 from navloom.runtime.zenoh_bus import Bus

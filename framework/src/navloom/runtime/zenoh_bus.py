@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import zenoh
 
+from navloom.runtime.keyspace import LARGEST
 from navloom.runtime.links import Link, settings
-from navloom.runtime.mailbox import LARGEST
-from navloom.runtime.quality import Quality
+
+if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
+    from navloom.runtime.quality import Quality
 
 __all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
 
@@ -90,17 +93,27 @@ class Publication:
 class Bus:
     """One session on a robot's network. Use it in a `with` statement: an open session hangs the process at its end.
 
+    Args:
+        link: How to join.
+        patience: s to try for, where the router is not there yet.
+
     Raises:
         LinkError: A link that is refused; BusError: one that does not work.
     """
 
-    def __init__(self, link: Link) -> None:
-        config = zenoh.Config.from_json5(json.dumps(settings(link)))
-        try:
-            self._session = zenoh.open(config)
-        except zenoh.ZError as error:
-            ends = ", ".join((*link.listen, *link.connect))
-            raise BusError(f"the network at {ends or 'no endpoint'} cannot be joined: {error}") from None
+    def __init__(self, link: Link, patience: float = 3.0) -> None:
+        config = json.dumps(settings(link))
+        limit = time.monotonic() + patience
+        while True:
+            try:
+                self._session = zenoh.open(zenoh.Config.from_json5(config))
+                break
+            except zenoh.ZError as error:
+                if link.mode != "client" or time.monotonic() > limit:
+                    ends = ", ".join((*link.listen, *link.connect)) or "no endpoint"
+                    why = str(error).partition(" at /")[0]
+                    raise BusError(f"the network at {ends} cannot be joined: {why}") from None
+                time.sleep(0.1)
         self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))
         self._held: list[Any] = []
 

@@ -43,6 +43,8 @@ __all__ = ["LiveRun", "run_barrier"]
 
 START = 60.0
 """s a robot may take to come up: kernels may have to be compiled."""
+ASK_AGAIN = 2.0
+"""s between looks at the goal's last words, in case they came while the network was down."""
 QUIET = 1.0
 """s without a goal after which a run that was to end with its goals does."""
 
@@ -180,7 +182,7 @@ class LiveRun:
         requests = deque(sorted(schedule(self.loaded.config, self.system.goal).items()))
         is_ours = self.host is None
         first: int | None = None
-        seen, idle_since, ended = 0, time.monotonic(), 0
+        seen, idle_since, ended, asked = 0, time.monotonic(), 0, time.monotonic()
         while not self.ending.is_set():
             seen = self._mailbox.wait(seen, 0.1)
             tick = self._take()
@@ -192,12 +194,24 @@ class LiveRun:
                 idle_since = time.monotonic()
             robot.supervisor.poll()
             look(robot)
+            if self.feedback is not None and self.feedback.goal_id and time.monotonic() - asked > ASK_AGAIN:
+                asked = time.monotonic()
+                self._catch_up(client)
             if tell is not None and len(self.log.results) > ended:
                 tell(self._episode())
             if len(self.log.results) > ended or (self.feedback is not None and self.feedback.goal_id):
                 ended, idle_since = len(self.log.results), time.monotonic()
             if until_idle and not requests and time.monotonic() - idle_since > QUIET:
                 return
+
+    def _catch_up(self, client: Client) -> None:
+        """Take in what came while the network was down."""
+        result = client.last("goal", "main", "result", timeout=0.2)
+        if isinstance(result, GoalResult) and all(one.goal_id != result.goal_id for one in self.log.results):
+            self.log.results.append(result)
+        feedback = client.last("goal", "main", "feedback", timeout=0.2)
+        if isinstance(feedback, Feedback):
+            self.feedback = feedback
 
     def _ask(self, client: Client, request: OperatorRequest) -> None:
         """Do what the config's goal or one of its events asks for."""
@@ -242,7 +256,8 @@ class LiveRun:
                 if role in self.log.step_ns and message.trigger:
                     self.log.step_ns[role].append(message.duration_ns)
         elif isinstance(message, GoalResult):
-            self.log.results.append(message)
+            if all(one.goal_id != message.goal_id for one in self.log.results):
+                self.log.results.append(message)
             self.log.wall_ns = time.perf_counter_ns() - self._began_ns
         elif isinstance(message, Feedback):
             self.feedback = message

@@ -1,0 +1,70 @@
+"""`navloom node` and `navloom router`: parts of a robot, run by hand or by a service manager."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from navloom.cli.live_options import Insecure, Keys
+
+__all__ = ["node", "router"]
+
+
+def node(
+    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")],
+    names: Annotated[
+        list[str], typer.Argument(metavar="NAME…", help="Roles, role.instance, or processes of [live.processes].")
+    ],
+    connect: Annotated[
+        str | None, typer.Option("--connect", metavar="ENDPOINT", help="The robot's router; default: live.router.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+    ] = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+) -> None:
+    """Run chosen nodes of a robot here, until Ctrl-C. On one host they find each other, from elsewhere by a router."""
+    from navloom.cli.up import ending
+    from navloom.config import load_config
+    from navloom.runtime.build import assemble
+    from navloom.runtime.by_hand import share_by_hand
+    from navloom.runtime.node_process import NodeProcess, leave
+
+    system = assemble(load_config(config, set_ or (), seed))
+    with ending() as event, share_by_hand(system, names, connect, keys, insecure) as share:
+        process = NodeProcess(system, share, event)
+        sys.setswitchinterval(0.0005)
+        process.run(_say, lambda: _say(f"{', '.join(' '.join(source) for source in share.sources)}: ready"))
+    if process.hung:
+        _say(process.hung)
+    leave(process)
+
+
+def router(
+    listen: Annotated[str, typer.Argument(metavar="ENDPOINT", help="Where it listens, as tls/10.0.0.1:7447.")],
+    robot: Annotated[str, typer.Option(metavar="REALM/NAME", help="Whose keys its access rules protect.")] = "lab/r1",
+    keys: Keys = None,
+    insecure: Insecure = False,
+) -> None:
+    """Run a robot's router, until Ctrl-C: hosts that are not linked directly reach each other through it."""
+    from pathlib import Path
+
+    from navloom.cli.up import ending
+    from navloom.runtime.links import Link
+    from navloom.runtime.router_main import route
+
+    realm, slash, name = robot.partition("/")
+    if not slash or not realm or not name:
+        raise typer.BadParameter(f"--robot {robot}, expected REALM/NAME, as in lab/r1")
+    folder = Path(keys) if keys else None
+    link = Link("router", (listen,), (), folder, "router" if folder else None, insecure, realm, name)
+    with ending() as event:
+        route(link, event, lambda: _say(f"router of {robot}: listening at {listen}"))
+
+
+def _say(text: str) -> None:
+    print(f"navloom: {text}", file=sys.stderr, flush=True)

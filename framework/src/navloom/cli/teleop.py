@@ -1,0 +1,88 @@
+"""`navloom teleop`: drive a live robot by hand, through the gate and its limits."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.live_options import Connect, Insecure, Keys, RobotName
+
+__all__ = ["teleop"]
+
+RATE = 0.05
+"""s between two commands."""
+HOLD = 0.4
+"""s that a key press holds; terminals repeat keys faster than that."""
+WAYS = {"w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0), "q": (1.0, 1.0), "e": (1.0, -1.0)}
+
+
+def teleop(
+    vx: Annotated[float | None, typer.Option(metavar="V", help="Speed forward, m/s, instead of keys.")] = None,
+    wz: Annotated[float | None, typer.Option(metavar="W", help="Turn rate, deg/s, instead of keys.")] = None,
+    duration: Annotated[float, typer.Option("--for", metavar="S", help="s to drive with --vx and --wz.")] = 1.0,
+    speed: Annotated[float, typer.Option(metavar="V", help="m/s of the keys w and s.")] = 0.3,
+    turn: Annotated[float, typer.Option(metavar="W", help="deg/s of the keys a and d.")] = 20.0,
+    robot: RobotName = None,
+    connect: Connect = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+) -> None:
+    """Drive a live robot: w s a d, q and e in curves, space stops, x leaves it to itself. The gate limits and watches.
+
+    While teleop runs, nothing else drives. If it dies or its link breaks, the robot stands until `navloom resume`.
+    """
+    from navloom.runtime.driver import Driver
+    from navloom.runtime.joining import join
+
+    if vx is None and wz is None and not sys.stdin.isatty():
+        raise typer.BadParameter("standard input is no terminal: give --vx, --wz and --for")
+    with join(robot, connect, keys, insecure=insecure) as client, Driver(client) as driver:
+        if vx is not None or wz is not None:
+            limit = time.monotonic() + duration
+            while time.monotonic() < limit:
+                driver.send(vx or 0.0, wz or 0.0)
+                time.sleep(RATE)
+            driver.send(0.0, 0.0)
+            return
+        typer.echo("w s a d drive, q e in curves, space stops, x ends")
+        _by_keys(driver, speed, turn)
+
+
+def _by_keys(driver: Any, speed: float, turn: float) -> None:
+    way, pressed = (0.0, 0.0), 0.0
+    with _raw_terminal():
+        while True:
+            key = _key(RATE)
+            if key in ("x", "\x03", "\x04"):
+                return
+            if key:
+                way, pressed = WAYS.get(key, (0.0, 0.0)), time.monotonic()
+            elif time.monotonic() - pressed > HOLD:
+                way = (0.0, 0.0)
+            driver.send(way[0] * speed, way[1] * turn)
+
+
+def _key(timeout: float) -> str:
+    """A key pressed within s, or nothing."""
+    import select
+
+    ready, _, _ = select.select([sys.stdin], [], [], timeout)
+    return sys.stdin.read(1) if ready else ""
+
+
+@contextmanager
+def _raw_terminal() -> Iterator[None]:
+    import termios
+    import tty
+
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

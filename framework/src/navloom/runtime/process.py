@@ -1,0 +1,54 @@
+"""What every process of a robot does first: it ends with its parent, and in order when it is told to."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+from navloom.runtime.links import Link
+
+__all__ = ["die_with_parent", "end_on_signal", "link_from_json", "link_to_json"]
+
+PR_SET_PDEATHSIG = 1
+GRACE = 4.0
+"""s a process that was told to end may take; then it ends at once."""
+
+
+def die_with_parent(parent: int) -> None:
+    """Have the system tell this process to end when its parent dies, however that dies."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it died before that
+        os._exit(1)
+
+
+def end_on_signal(ending: threading.Event) -> None:
+    """End in order on SIGTERM and SIGINT, and at once where that takes too long."""
+
+    def end(number: int, frame: Any) -> None:
+        if not ending.is_set():
+            ending.set()
+            last = threading.Timer(GRACE, os._exit, (1,))
+            last.daemon = True
+            last.start()
+
+    signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGINT, end)
+
+
+def link_to_json(link: Link) -> dict[str, Any]:
+    """A link as JSON."""
+    return {**vars(link), "credentials": str(link.credentials) if link.credentials else None}
+
+
+def link_from_json(given: dict[str, Any]) -> Link:
+    """A link from its JSON."""
+    folder = Path(given["credentials"]) if given["credentials"] else None
+    return Link(
+        **{**given, "listen": tuple(given["listen"]), "connect": tuple(given["connect"]), "credentials": folder}
+    )

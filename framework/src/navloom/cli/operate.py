@@ -34,17 +34,15 @@ def goal(
 ) -> None:
     """Send a live robot to a place and follow it there. Exit 0: the goal was reached."""
     from navloom.cli.output import print_json
-    from navloom.messages import GoalResult, Point2D
     from navloom.runtime.client import Refused
-    from navloom.runtime.navigator import Navigator
+    from navloom.runtime.navigator import Navigator, rejection
 
     points = [_point(text) for text in via or ()]
     with Navigator(robot, connect, keys, insecure) as navigator:
         try:
             handle = navigator.go(x, y, None if heading is None else math.radians(heading), points)
         except Refused as refusal:
-            result = GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), Point2D(x, y))
-            _end(result, as_json)
+            _end(rejection(refusal, x, y), as_json)
         if no_wait:
             print_json({"goal_id": handle.goal_id}) if as_json else typer.echo(f"goal {handle.goal_id} accepted")
             return

@@ -84,18 +84,16 @@ def _end(running: Any) -> None:
     import os
     import time
 
-    from navloom.runtime.directory import DirectoryError
+    from navloom.runtime.directory import DirectoryError, RobotFolder
 
     with contextlib.suppress(ProcessLookupError):
         os.kill(running.pid, signal.SIGTERM)
+    folder = RobotFolder(running.realm, running.robot)
     limit = time.monotonic() + DOWN
     while time.monotonic() < limit:
-        try:
-            os.kill(running.pid, 0)
-        except ProcessLookupError:
+        if folder.lock():  # it holds the lock for as long as it lives
+            folder.unlock()
             return
-        with contextlib.suppress(ChildProcessError):
-            os.waitpid(running.pid, os.WNOHANG)
         time.sleep(0.02)
     raise DirectoryError(
         f"process {running.pid} did not end within {DOWN:g} s: `kill -9 {running.pid}` ends it at once"

@@ -100,6 +100,7 @@ class GateNode:
 
     Attributes:
         cause_ns: Platform stamp that the last command derives from.
+        lead: Ticks between the word of a selection and the first in which it holds; live more, for it has to get there.
         now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
         is_silent, gone: Live: see `Sensed`.
     """
@@ -110,6 +111,7 @@ class GateNode:
         self.is_warm = is_warm
         self.epoch = 0
         self.cause_ns = 0
+        self.lead = 1
         self.now_ns: int | None = None
         self.is_silent = False
         self.gone = ""
@@ -126,7 +128,7 @@ class GateNode:
         if self._take_over() or not self._has_selected:
             self._has_selected = True
             chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
-            out.append(("selection", Selection(self.epoch, tick.number + 1 if self.epoch else 0, chosen)))
+            out.append(("selection", Selection(self.epoch, tick.number + self.lead if self.epoch else 0, chosen)))
         sensed = self._sensed(given)
         twist, self.cause_ns, status = self.gate.decide(
             sensed, self._offers(given), _engaged(given), tick.epoch, self.pending

@@ -84,6 +84,12 @@ class RobotFolder:
             return False
         return True
 
+    def unlock(self) -> None:
+        """Leave the robot to another process."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
     def socket(self, process: str) -> str:
         """Endpoint of a process's socket."""
         path = self.path / f"{process}.sock"

@@ -92,7 +92,11 @@ class LiveRunner:
         for feed in (self.selection, *self.cell.feeds):
             self._fill(feed)
         selection = self.selection.slot.message
-        if isinstance(selection, Selection) and selection.epoch > self.cell.epoch:
+        if (
+            isinstance(selection, Selection)
+            and selection.epoch > self.cell.epoch
+            and selection.from_tick <= self.clock.tick
+        ):
             self.cell.select(selection)
         while self._changes:
             self._changes.popleft()()

@@ -18,6 +18,8 @@ __all__ = ["CHECK", "LiveGate"]
 
 CHECK = 0.01
 """s between two looks."""
+LEAD = 2
+"""Ticks a selection is announced ahead, so that every host knows it when it begins to hold."""
 HOLD = 0.4
 """Share of the period that a tick's commands may take to come in."""
 GOAL_SILENCE = 0.5
@@ -48,6 +50,7 @@ class LiveGate(LiveRunner):
         assert isinstance(self.cell.node, GateNode)
         self.gate = self.cell.node
         self.gate.is_warm = self._is_warm
+        self.gate.lead = LEAD
         self.deadline, self.is_alive = deadline, is_alive
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._marks: dict[Source, dict[str, int]] = {}
@@ -104,7 +107,7 @@ class LiveGate(LiveRunner):
 
     def _tick(self, number: int) -> Tick:
         time_ns = max(0, self.clock.stamp_ns)
-        return Tick(max(0, number), time_ns * 1e-9, time_ns, self.gate.epoch)
+        return Tick(max(0, number), time_ns * 1e-9, time_ns, self.cell.epoch)
 
     def _is_complete(self, number: int) -> bool:
         """Every command that this tick can bring is here."""

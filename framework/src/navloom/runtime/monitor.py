@@ -16,12 +16,26 @@ __all__ = ["Monitor"]
 
 
 class Monitor:
-    """Reads the streams that a process remembers."""
+    """Reads the streams that a process remembers.
+
+    Args:
+        system: The robot.
+        board: Streams of the process.
+        clock, memory: What is kept.
+        wake: Told of each "role instance" that is to take over.
+        ends: Whether the process is ending.
+    """
 
     def __init__(
-        self, system: System, board: Switchboard, clock: RunClock, memory: Memory, ends: Callable[[], bool]
+        self,
+        system: System,
+        board: Switchboard,
+        clock: RunClock,
+        memory: Memory,
+        wake: Callable[[str], None],
+        ends: Callable[[], bool],
     ) -> None:
-        self._clock, self._memory, self._ends = clock, memory, ends
+        self._clock, self._memory, self._wake, self._ends = clock, memory, wake, ends
         self._mailbox = Mailbox()
         platform = ("platform", system.config.platform.instance)
         streams = [(platform, "odometry"), (("gate", "main"), "selection"), (("gate", "main"), "status")]
@@ -41,4 +55,6 @@ class Monitor:
                     if isinstance(message, Odometry):
                         self._clock.observe(envelope.stamp_ns, inlet.arrived_ns, envelope.tick)
                     else:
+                        for entry in getattr(message, "pending", ()):
+                            self._wake(entry)
                         self._memory.note(source, message, envelope)

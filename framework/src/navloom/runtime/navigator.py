@@ -21,6 +21,12 @@ ASK_AGAIN = 1.0
 """s between looks at the robot's last result, in case it came while the link was down."""
 
 
+def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
+    """The result of a goal that was refused at once."""
+    place = Point2D(x, y) if math.isfinite(x) and math.isfinite(y) else Point2D(0.0, 0.0)
+    return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), place)
+
+
 class GoalHandle:
     """A goal on its way.
 
@@ -137,7 +143,7 @@ class Navigator:
         try:
             handle = self.go(x, y, heading)
         except Refused as refusal:
-            return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), Point2D(x, y))
+            return rejection(refusal, x, y)
         return handle.wait(timeout)
 
     def cancel(self) -> None:

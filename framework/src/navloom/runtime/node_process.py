@@ -114,7 +114,7 @@ class NodeProcess:
             presence = Presence(keys, set(nodes), self._came)
             live = {source: self._live_runner(cell, clock, presence) for source, cell in hosted.items()}
             self.runners = dict(live)
-            monitor = Monitor(self.system, board, clock, memory, self.ending.is_set)
+            monitor = Monitor(self.system, board, clock, memory, self._wake, self.ending.is_set)
             fetching = threading.Thread(target=self._fetch, args=(board, presence), daemon=True)
             for source, runner in live.items():
                 runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
@@ -186,6 +186,13 @@ class NodeProcess:
                 node.restore(memory.epoch, memory.selected, memory.stop[1])
             if isinstance(node, GoalNode) and memory.goal[0] >= 0:
                 node.machine.begin(memory.goal[0] + 1, memory.goal[1])
+
+    def _wake(self, entry: str) -> None:
+        """An instance that waits is to take over: it steps from now on."""
+        role, _, name = entry.partition(" ")
+        runner = self.runners.get((role, name))
+        if runner is not None:
+            runner.cell.instance.enabled = True
 
     def _came(self, source: Source, again: bool) -> None:
         """Somebody came up: the goal must know of a mapper or planner that did so again."""

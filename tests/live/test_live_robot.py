@@ -1,0 +1,191 @@
+"""A live robot over its processes, used as from two terminals."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from live_rig import COMMAND, Up, is_running, runtime_folder, up
+from navloom.runtime.navigator import Navigator
+
+PAPER = ["paper", "--set", "navigation.drive=false", "--set", "world.ref=paper_gates"]
+BESIDE = """
+[world]
+ref = "empty"
+
+[platform]
+plugin = "sensors_sim"
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+
+[mapper]
+plugin = "known_map"
+
+[navigation]
+drive = false
+speed = [0.1, 0.1]
+start = { x = 0.0, y = 0.0 }
+
+[[alternative]]
+name = "other"
+role = "avoider"
+plugin = "improved_vfh"
+shadow = false
+"""
+
+
+def test_a_goal_from_another_terminal_is_reached_and_everything_ends(tmp_path: Path) -> None:
+    with up(*PAPER) as robot:
+        robot.wait_for("every node is there")
+        pids = {int(str(node["pid"])) for node in _nodes(robot)}
+        assert len(pids) == 4
+        done = robot.run("goal", "0", "2.0", timeout=90)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stdout.splitlines()[-1].startswith("succeeded: the goal was reached")
+        assert any(line.startswith("driving:") for line in done.stdout.splitlines())
+        began = time.monotonic()
+        assert robot.run("down").returncode == 0
+        assert robot.process.wait(10) == 0
+        assert time.monotonic() - began < 10
+        assert not [pid for pid in pids if is_running(pid)]
+
+
+def _nodes(robot: Up) -> list[dict[str, object]]:
+    with _navigator(robot) as navigator:
+        return navigator.client.describe()
+
+
+class _navigator:
+    """A Navigator on the robot of another runtime folder than this process's."""
+
+    def __init__(self, robot: Up) -> None:
+        self._folder = robot.environment["NAVLOOM_RUNTIME_DIR"]
+
+    def __enter__(self) -> Navigator:
+        self._before = os.environ.get("NAVLOOM_RUNTIME_DIR")
+        os.environ["NAVLOOM_RUNTIME_DIR"] = self._folder
+        self._inner = Navigator()
+        return self._inner.__enter__()
+
+    def __exit__(self, *error: object) -> None:
+        self._inner.__exit__(None, None, None)
+        if self._before is None:
+            del os.environ["NAVLOOM_RUNTIME_DIR"]
+        else:
+            os.environ["NAVLOOM_RUNTIME_DIR"] = self._before
+
+
+def test_what_an_operator_can_do(tmp_path: Path) -> None:
+    config = tmp_path / "beside.toml"
+    config.write_text(BESIDE, "utf-8")
+    with up(str(config)) as robot:
+        robot.wait_for("every node is there")
+
+        # rejected at once, with the reason
+        done = robot.run("goal", "-500", "0")
+        assert done.returncode == 1 and "rejected: (-500, 0) is outside the world empty" in done.stdout
+        # parameters: all or none
+        before = robot.json("params", "get", "avoider.other")
+        assert robot.run("params", "set", "controller", "k3=1.25", "k1=0.8").returncode == 0
+        wrong = robot.run("params", "set", "controller", "k3=2.0", "k1=-1")
+        assert wrong.returncode == 2 and "controller.k1: got -1, input should be greater than 0" in wrong.stderr
+        now = robot.json("params", "get", "controller")
+        assert (now["k1"], now["k3"]) == (0.8, 1.25)
+        assert robot.json("params", "get", "avoider.other") == before
+
+        with _navigator(robot) as navigator:
+            handle = navigator.go(4.2, 0.0)
+            updates = handle.updates(timeout=60)
+            assert next(f for f in updates if f.state == "driving" and 0.0 < f.distance < 4.0)
+            # a swap in the middle of the drive, to an instance that has not run so far
+            assert robot.json("swap", "avoider", "other")["epoch"] == 1
+            wrong = robot.run("swap", "avoider", "othr")
+            assert wrong.returncode == 2 and "there is no avoider 'othr'; there are improved_vfh, other" in wrong.stderr
+            # stopped until resumed
+            stopped = robot.run("stop")
+            assert stopped.returncode == 0
+            robot.wait_for("stopped: operator")
+            resumed = len(robot.said)
+            assert robot.run("resume").returncode == 0
+            robot.wait_for("controller lyapunov_tracker drives", after=resumed)
+            # an operator drives himself, then leaves the robot to itself
+            by_hand = len(robot.said)
+            assert robot.run("teleop", "--vx", "-0.2", "--for", "0.5").returncode == 0
+            after = robot.wait_for("operator main drives", after=by_hand)
+            robot.wait_for("controller lyapunov_tracker drives", after=after)
+            # pre-empted, then cancelled
+            second = navigator.go(-3.0, 0.0)
+            assert handle.wait(30).outcome == "cancelled"
+            assert robot.run("cancel").returncode == 0
+            assert second.wait(30).reason == "by the operator"
+            assert navigator.drive_to(float("nan"), 0.0).outcome == "rejected"
+
+
+def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Path) -> None:
+    config = tmp_path / "beside.toml"
+    config.write_text(BESIDE, "utf-8")
+    with up(str(config)) as robot:
+        robot.wait_for("every node is there")
+        with _navigator(robot) as navigator:
+            navigator.set_parameters("controller", "lyapunov_tracker", ["k3 = 1.5"])
+            handle = navigator.go(4.2, 0.0)
+            assert next(f for f in handle.updates(timeout=60) if f.state == "driving" and 0.0 < f.distance < 4.0)
+            victim = next(node for node in navigator.client.describe() if node["role"] == "controller")
+            seen = len(robot.said)
+            os.kill(victim["pid"], signal.SIGKILL)
+            robot.wait_for("process drive was ended by SIGKILL; it is started again", after=seen)
+            stopped = robot.wait_for("stopped: ", after=seen)
+            robot.wait_for("controller lyapunov_tracker drives", after=stopped)
+            assert handle.wait(60).outcome == "succeeded"
+            # what was changed while it ran is not lost with the process
+            assert navigator.get_parameters("controller", "lyapunov_tracker")["k3"] == 1.5
+
+
+def test_no_process_outlives_its_supervisor() -> None:
+    with up(*PAPER) as robot:
+        robot.wait_for("every node is there")
+        pids = {int(str(node["pid"])) for node in _nodes(robot)}
+        robot.process.kill()
+        robot.process.wait()
+        limit = time.monotonic() + 10
+        while any(map(is_running, pids)) and time.monotonic() < limit:
+            time.sleep(0.02)
+        assert not [pid for pid in pids if is_running(pid)]
+        # and the folder of a dead robot is in nobody's way
+        assert "no robot of this user is up" in robot.run("down").stderr
+
+
+def test_a_robot_is_up_once(tmp_path: Path) -> None:
+    config = tmp_path / "beside.toml"
+    config.write_text(BESIDE, "utf-8")
+    with up(str(config)) as robot:
+        robot.wait_for("every node is there")
+        again = robot.run("up", str(config))
+        assert again.returncode == 2
+        assert f"robot lab/r1 is up already (process {robot.process.pid})" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["goal", "0", "0"], "no robot of this user is up on this host: start one with `navloom up CONFIG`"),
+        (["stop", "--robot", "lab/r9"], "--robot lab/r9: it is not up on this host; none is up"),
+        (["up", "paper", "--host", "base"], "--host base: the config has no [live.hosts]"),
+        (["up", "paper", "--set", 'live.processes={a=["platform"]}'], "processes leave out localizer"),
+        (["node", "paper", "contrller"], "node 'contrller': no such node or process; did you mean 'controller'?"),
+    ],
+    ids=["no-robot", "unknown-robot", "no-hosts", "nodes-left-out", "no-such-node"],
+)
+def test_wrong_requests_are_one_message(arguments: list[str], text: str, tmp_path: Path) -> None:
+    with runtime_folder() as folder:
+        environment = {**os.environ, "NAVLOOM_RUNTIME_DIR": str(folder)}
+        done = subprocess.run(
+            [*COMMAND, *arguments], env=environment, capture_output=True, text=True, timeout=60, check=False
+        )
+    assert done.returncode == 2 and text in done.stderr and "Traceback" not in done.stderr

@@ -120,18 +120,20 @@ class GateNode:
         self._required: tuple[str, ...] | None = None
         self._released: object = None
         self._has_selected = False
+        self._from_tick = 0
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         for request in given["request"]:
             self.obey(request, given["operator"])
         out: Outputs = []
-        if self._take_over() or not self._has_selected:
+        if self._take_over(tick.number) or not self._has_selected:
             self._has_selected = True
+            self._from_tick = tick.number + self.lead if self.epoch else 0
             chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
-            out.append(("selection", Selection(self.epoch, tick.number + self.lead if self.epoch else 0, chosen)))
+            out.append(("selection", Selection(self.epoch, self._from_tick, chosen)))
         sensed = self._sensed(given)
         twist, self.cause_ns, status = self.gate.decide(
-            sensed, self._offers(given), _engaged(given), tick.epoch, self.pending
+            sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch, self.pending
         )
         out.append(("command", Command(twist)))
         if status != self._status:
@@ -142,7 +144,7 @@ class GateNode:
     def check(self, tick: Tick, given: Inputs) -> Outputs:
         """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
         sensed = self._sensed(given)
-        reason = self.gate.choose(sensed, self._offers(given), _engaged(given), tick.epoch)[2]
+        reason = self.gate.choose(sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch)[2]
         if not reason or (self._status is not None and self._status.stopped):
             return []
         return self.stop(reason, sensed.platform_ns)
@@ -176,8 +178,10 @@ class GateNode:
             else:
                 self._pending.pop(request.role, None)
 
-    def _take_over(self) -> bool:
-        """Select the pending instances that are warm; True where there were any."""
+    def _take_over(self, number: int) -> bool:
+        """Select the pending instances that are warm, once the selection before holds; True where there were any."""
+        if number < self._from_tick:
+            return False
         warm = [role for role, name in self._pending.items() if self.is_warm(role, name)]
         for role in warm:
             self.selected[role] = self._pending.pop(role)
@@ -196,26 +200,27 @@ class GateNode:
             newest = max(newest, self.now_ns)
         return Sensed(newest, contact is not None and contact.touching, stamps, self.is_silent, self.gone)
 
-    def _offers(self, given: Inputs) -> dict[str, Offer | None]:
+    def _offers(self, given: Inputs, epoch: int) -> dict[str, Offer | None]:
         drive, recovering, operator = given["drive"], given["recovering"], given["operator"]
         offers: dict[str, Offer | None] = {}
         if operator and operator[0] is not self._released:
-            offers["operator"] = _offer("main", operator)
+            offers["operator"] = self._offer("operator", operator, epoch)
         if recovering is not None and recovering.active:
-            offers["recovery"] = _offer(self.selected["recovery"], given["recovery"])
+            offers["recovery"] = self._offer("recovery", given["recovery"], epoch)
         elif drive is not None and drive.path_id:
-            offers["controller"] = _offer(self.selected["controller"], given["controller"])
-            offers["avoider"] = _offer(self.selected["avoider"], given["avoider"])
+            offers["controller"] = self._offer("controller", given["controller"], epoch)
+            offers["avoider"] = self._offer("avoider", given["avoider"], epoch)
         return offers
+
+    def _offer(self, role: str, held: tuple[Command, Envelope] | None, epoch: int) -> Offer | None:
+        """A command on offer. One made before the selection began to hold is not asked to know it."""
+        if held is None:
+            return None
+        message, envelope = held
+        made_under = envelope.epoch if envelope.tick >= self._from_tick else epoch
+        return Offer(self.selected.get(role, "main"), message.twist, envelope.cause_ns, made_under)
 
 
 def _engaged(given: Inputs) -> bool:
     handover = given["handover"]
     return handover is not None and handover.engaged
-
-
-def _offer(instance: str, held: tuple[Command, Envelope] | None) -> Offer | None:
-    if held is None:
-        return None
-    message, envelope = held
-    return Offer(instance, message.twist, envelope.cause_ns, envelope.epoch)

@@ -1,0 +1,112 @@
+"""Swaps in the middle of a drive: every tick has its command, and never two drive."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+from live_rig import Up, up
+from navloom.messages import Command, GateStatus, Selection
+from navloom.messages.codec import decode
+from navloom.runtime.navigator import Navigator
+
+CONFIG = """
+[world]
+ref = "paper_gates_obstacle"
+
+[platform]
+plugin = "sensors_sim"
+
+[[sensor]]
+name = "laser"
+kind = "pitched_laser"
+geometry = "paper"
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+layout = "p3dx"
+
+[navigation]
+drive = false
+start = {{ x = 0.0, y = 0.0, heading_deg = 90.0 }}
+speed = [{speed}, {speed}]
+handover = "{handover}"
+
+[run]
+stop_after = 600.0
+
+[[alternative]]
+name = "forces"
+role = "avoider"
+plugin = "vff"
+shadow = true
+"""
+
+
+class Listener:
+    """Every command of the gate, its selections and its word on who drives, and the avoiders' commands."""
+
+    def __init__(self, navigator: Navigator) -> None:
+        self.commands: list[tuple[int, int]] = []
+        self.statuses: list[GateStatus] = []
+        self.selections: list[Selection] = []
+        self.lock = threading.Lock()
+        for key in ("gate/main/command", "gate/main/status", "gate/main/selection"):
+            navigator.client.bus.subscribe(f"lab/r1/{key}", self.hear)
+
+    def hear(self, key: str, data: bytes | None, label: str) -> None:
+        assert data is not None
+        message, envelope = decode(data, label)
+        with self.lock:
+            if isinstance(message, Command):
+                self.commands.append((envelope.tick, envelope.epoch))
+            elif isinstance(message, GateStatus):
+                self.statuses.append(message)
+            elif isinstance(message, Selection):
+                self.selections.append(message)
+
+
+def swap_while_driving(robot: Up, swaps: int, goal: tuple[float, float]) -> tuple[Listener, str, tuple[int, int]]:
+    os.environ["NAVLOOM_RUNTIME_DIR"] = robot.environment["NAVLOOM_RUNTIME_DIR"]
+    with Navigator() as navigator:
+        listener = Listener(navigator)
+        handle = navigator.go(*goal)
+        assert next(f for f in handle.updates(timeout=60) if f.state == "driving" and f.distance > 0.0)
+        first = listener.commands[-1][0]
+        for number in range(swaps):
+            navigator.swap("avoider", "forces" if number % 2 == 0 else "improved_vfh")
+        assert handle.result is None, "the drive ended before the last swap"
+        last = listener.commands[-1][0]
+        return listener, handle.wait(300).outcome, (first, last)
+
+
+def check(listener: Listener, outcome: str, span: tuple[int, int], swaps: int) -> None:
+    ticks = [tick for tick, _ in listener.commands if span[0] <= tick <= span[1]]
+    missing = sorted(set(range(span[0], span[1] + 1)) - set(ticks))
+    epochs = [epoch for _, epoch in listener.commands]
+    stops = [status.reason for status in listener.statuses if "selection" in status.reason]
+    assert (outcome, missing, stops) == ("succeeded", [], [])
+    assert epochs == sorted(epochs) and max(epochs) == swaps
+    assert [one.epoch for one in listener.selections][-swaps:] == list(range(1, swaps + 1))
+
+
+@pytest.mark.parametrize(
+    ("swaps", "speed", "handover"),
+    [
+        pytest.param(6, 0.3, "when_blocked", id="six"),
+        pytest.param(200, 0.1, "when_blocked", id="two-hundred", marks=pytest.mark.slow),
+    ],
+)
+def test_no_tick_is_without_a_command_and_never_two_drive(
+    swaps: int, speed: float, handover: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = tmp_path / "swaps.toml"
+    config.write_text(CONFIG.format(speed=speed, handover=handover), "utf-8")
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", "")
+    with up(str(config)) as robot:
+        robot.wait_for("every node is there")
+        goal = (0.0, 2.6) if swaps < 10 else (0.0, 7.6)
+        check(*swap_while_driving(robot, swaps, goal), swaps)

@@ -1,0 +1,80 @@
+"""Runtime folders: for one user, of one robot, and never in the way once their robot is gone."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+from navloom.runtime.directory import DirectoryError, RobotFolder, Running, robots
+from navloom.runtime.joining import find_robot
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "rt"))
+    return tmp_path / "rt"
+
+
+def running(robot: str, pid: int) -> Running:
+    return Running("lab", robot, pid, ("unixsock-stream//x",), False, "paper", False)
+
+
+def made(robot: str, pid: int) -> RobotFolder:
+    place = RobotFolder("lab", robot)
+    place.make()
+    place.write(running(robot, pid))
+    return place
+
+
+def test_a_robot_is_found_while_its_process_lives() -> None:
+    place = made("r1", os.getpid())
+    assert place.read() == running("r1", os.getpid())
+    assert list(robots()) == [running("r1", os.getpid())]
+    assert find_robot(None).robot == find_robot("lab/r1").robot == "r1"
+
+
+def test_one_whose_process_died_is_no_robot() -> None:
+    child = os.fork()
+    if child == 0:
+        os._exit(0)
+    os.waitpid(child, 0)
+    made("r1", child)
+    assert list(robots()) == []
+    with pytest.raises(DirectoryError, match="no robot of this user is up on this host: start one with"):
+        find_robot(None)
+
+
+def test_several_need_a_name_and_a_wrong_one_is_answered_with_the_nearest() -> None:
+    made("r1", os.getpid())
+    made("r2", os.getpid())
+    with pytest.raises(DirectoryError, match="several robots are up: lab/r1, lab/r2; choose one with --robot"):
+        find_robot(None)
+    with pytest.raises(DirectoryError, match="--robot lab/r22: it is not up on this host; up are lab/r1, lab/r2; did"):
+        find_robot("lab/r22")
+
+
+def test_the_folder_is_for_this_user_alone(folder: Path) -> None:
+    place = made("r1", 1)
+    assert stat.S_IMODE(place.path.stat().st_mode) == 0o700
+
+
+def test_a_robot_is_claimed_once() -> None:
+    first, second = made("r1", 1), RobotFolder("lab", "r1")
+    assert first.lock() and not second.lock()
+    first.unlock()
+    assert second.lock()
+
+
+def test_a_path_too_long_for_a_socket_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / ("x" * 90)))
+    with pytest.raises(DirectoryError, match="too long for a socket; set NAVLOOM_RUNTIME_DIR to a shorter path"):
+        RobotFolder("lab", "r1").socket("drive")
+
+
+def test_clearing_takes_what_a_robot_leaves() -> None:
+    place = made("r1", 1)
+    (place.path / "drive.sock").touch()
+    place.clear()
+    assert place.read() is None and place.sockets() == []

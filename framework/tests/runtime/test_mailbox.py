@@ -1,0 +1,76 @@
+"""Mailboxes: bounded, counted, and indifferent to what is thrown at them."""
+
+from __future__ import annotations
+
+import threading
+
+from navloom.messages import Contact, Envelope, Message
+from navloom.messages.codec import encode, schema_label
+from navloom.runtime.mailbox import Inlet, Mailbox, Packet
+
+KEY = "lab/r1/platform/p/contact"
+
+
+def packet(sequence: int, touching: bool = True) -> Packet:
+    return Packet(encode(Contact(touching), Envelope(KEY, sequence, sequence, 0, 0, 0)), schema_label(Contact))
+
+
+def sequences(inlet: Inlet) -> list[int]:
+    return [envelope.sequence for _, envelope in inlet.take()]
+
+
+def test_a_full_stream_drops_its_oldest_and_counts_it() -> None:
+    inlet = Inlet(KEY, Mailbox(), 2)
+    for number in range(1, 6):
+        inlet.give(packet(number))
+    assert sequences(inlet) == [4, 5]
+    assert (inlet.counts.received, inlet.counts.dropped) == (5, 3)
+
+
+def test_a_flood_of_one_stream_takes_nothing_from_another() -> None:
+    mailbox = Mailbox()
+    flooded, quiet = Inlet(KEY, mailbox, 16), Inlet("lab/r1/x/y/z", mailbox, 16)
+    quiet.give(packet(1))
+    for _ in range(10_000):
+        flooded.give(Packet(b"\x00" * 40, "navloom.Contact/1"))
+    assert sequences(quiet) == [1]
+    assert sequences(flooded) == []
+    assert (flooded.counts.dropped, flooded.counts.malformed) == (10_000 - 16, 16)
+    assert "navloom.Contact/1" in flooded.counts.complaint
+
+
+def test_bytes_are_decoded_once_for_all_readers() -> None:
+    mailbox, shared = Mailbox(), packet(1)
+    first, second = Inlet(KEY, mailbox, 1), Inlet(KEY, mailbox, 1)
+    first.give(shared)
+    second.give(shared)
+    [(one, _)], [(other, _)] = list(first.take()), list(second.take())
+    assert one is other
+
+
+def test_a_message_from_the_same_process_arrives_as_it_is() -> None:
+    inlet = Inlet(KEY, Mailbox(), 1)
+    message: Message = Contact(False)
+    inlet.give((message, Envelope(KEY, 1, 1, 0, 0, 0)))
+    assert next(inlet.take())[0] is message
+
+
+def test_ages_are_kept_where_the_clock_is_known() -> None:
+    ages = iter([0.5, None, 0.25])
+    inlet = Inlet(KEY, Mailbox(), None, lambda cause: next(ages))
+    for number in range(3):
+        inlet.give(packet(number))
+    list(inlet.take())
+    summary = inlet.counts.summary()
+    assert (summary["age_p50_s"], summary["age_p99_s"]) == (0.5, 0.5)
+
+
+def test_waiting_ends_with_news_or_with_time() -> None:
+    mailbox = Mailbox()
+    assert mailbox.wait(0, 0.0) == 0
+    inlet = Inlet(KEY, mailbox, 1)
+    thread = threading.Thread(target=lambda: inlet.give(packet(1)))
+    thread.start()
+    assert mailbox.wait(0, 10.0) == 1
+    thread.join()
+    assert mailbox.wait(0, 10.0) == 1  # news that were not seen are not waited for

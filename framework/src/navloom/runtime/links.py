@@ -1,19 +1,64 @@
-"""How a process joins a robot's network."""
+"""How a process joins a robot's network, and which ways are refused."""
 
 from __future__ import annotations
 
+import ipaddress
+import re
+import socket
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navloom.runtime.access import AccessError, read_identities, rules
+from navloom.runtime.keyspace import LARGEST
+
+__all__ = ["Endpoint", "Link", "LinkError", "settings"]
+
+LEASE = 1000
+"""ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
+FIND_WAIT, FIND_WAIT_FAR = 2000, 5000
+"""ms a client tries to find its router, on this host and on another. Two TLS links with 0.2 s there and back take 1.3 s."""
+OPEN_WAIT = 5000
+"""ms a neighbour may take over its handshake, so that idle strangers cannot hold the places of others for long."""
+GATHER = 500
+"""ms a peer's opening waits, at most, until it is linked to every peer that is there. It must be: a process that comes
+back asks the others what it must not forget, such as a latched stop, as soon as it is open."""
+DROP_WAIT = 1000
+"""us a droppable message waits for a place in the queue: a twentieth of the shortest usual period."""
+DROP_WAIT_FRAGMENTS = 50_000
+"""us for the parts of a large droppable message together: one period of 0.05 s; later the next one is newer."""
+CLOSE_WAIT = 1_500_000
+"""us a message that must arrive waits before the link is given up: longer than LEASE, so that a link to the dead ends
+by that, and shorter than live.hang_timeout, so that no writer is taken for hung because its reader is."""
+SEND_BUFFER = 65_536
+"""bytes in the kernel of a link that leaves the host: priorities end where it begins."""
+POOL = 64 * 2**20
+"""bytes of shared memory for large messages; taken when the first one is sent."""
+URGENT, REST = "prio=0-3", "prio=4-7"
+"""Priorities of the two links to another host: commands and poses do not wait behind a map. A client whose router
+started again gets one of them back, which then carries everything: https://github.com/eclipse-zenoh/zenoh/issues/2130
+"""
+
+_LOCAL, _PLAIN, _SECURE = ("unixsock-stream",), ("tcp", "udp"), ("tls",)
+_MODES = ("peer", "client", "router")
+
 
 class LinkError(ValueError):
-    """A link that is refused."""
+    """A link that is refused; the text says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """How a process joins a robot's network."""
+    """How a process joins a robot's network.
+
+    Attributes:
+        mode: peer, client or router.
+        listen, connect: Endpoints, as unixsock-stream//run/x/drive.sock, tcp/127.0.0.1:7447 or tls/10.0.0.1:7447.
+        credentials: Folder with ca.pem, NAME.pem and NAME-key.pem, and identities.json for who listens; or None.
+        identity: The NAME.
+        insecure: Plain TCP beyond this host was asked for.
+        realm, robot: Of the keys that the rules of a TLS listener protect.
+    """
 
     mode: str
     listen: tuple[str, ...] = ()
@@ -25,17 +70,248 @@ class Link:
     robot: str = "r1"
 
 
+@dataclass(frozen=True)
+class Endpoint:
+    """One end of a connection.
+
+    Attributes:
+        text: As it was given.
+        protocol: unixsock-stream, tcp, udp or tls.
+        host: Name or address without brackets, or the path of a socket.
+        port: 0 for a socket.
+        priorities: "prio=1-3", or empty for all.
+    """
+
+    text: str
+    protocol: str
+    host: str
+    port: int = 0
+    priorities: str = ""
+
+    @staticmethod
+    def parse(text: str) -> Endpoint:
+        """Take an endpoint apart. Raises LinkError where it is none."""
+        protocol, slash, address = text.partition("/")
+        if not slash or protocol not in (*_LOCAL, *_PLAIN, *_SECURE):
+            raise LinkError(
+                f"endpoint {text!r}: unknown protocol {protocol!r}, expected tls/HOST:PORT, tcp/HOST:PORT, "
+                "udp/HOST:PORT or unixsock-stream/PATH"
+            )
+        if "#" in text:
+            raise LinkError(f"endpoint {text!r}: settings after # are not taken; certificates come from --keys")
+        address, _, priorities = address.partition("?")
+        if priorities and not re.fullmatch(r"prio=[0-7]-[0-7]", priorities):
+            raise LinkError(f"endpoint {text!r}: {priorities!r} after ?, expected prio=1-3")
+        if protocol in _LOCAL:
+            if not address.startswith("/"):
+                raise LinkError(f"endpoint {text!r}: expected an absolute path, as unixsock-stream//run/robot/x.sock")
+            return Endpoint(text, protocol, address, 0, priorities)
+        found = re.fullmatch(r"(?:\[([^\]]+)\]|([^\[\]:]+)):([0-9]{1,5})", address)
+        if found is None or not 0 < int(found[3]) < 65536:
+            raise LinkError(
+                f"endpoint {text!r}: expected {protocol}/HOST:PORT with a port of 1 to 65535, "
+                f"as {protocol}/127.0.0.1:7447 or {protocol}/[::1]:7447"
+            )
+        return Endpoint(text, protocol, found[1] or found[2], int(found[3]), priorities)
+
+    @property
+    def is_secure(self) -> bool:
+        """Encrypted, with certificates on both sides."""
+        return self.protocol in _SECURE
+
+    @property
+    def is_wildcard(self) -> bool:
+        """Every interface of the host."""
+        return self.host == "*" or (self._address is not None and self._address.is_unspecified)
+
+    @property
+    def is_local(self) -> bool:
+        """It cannot be reached from another host. A name other than localhost can lead anywhere."""
+        if self.protocol in _LOCAL or self.host == "localhost":
+            return True
+        return self._address is not None and self._address.is_loopback
+
+    @property
+    def _address(self) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+        if self.protocol in _LOCAL:
+            return None
+        try:
+            address = ipaddress.ip_address(self.host)
+        except ValueError:
+            try:  # "0" and "0x7f.1" are addresses to the system's resolver
+                return ipaddress.IPv4Address(socket.inet_aton(self.host))
+            except OSError:
+                return None
+        mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+        return mapped or address
+
+
 def settings(link: Link) -> dict[str, Any]:
-    """What goes into zenoh's configuration."""
-    return {
+    """What goes, as JSON, into Zenoh's configuration.
+
+    Raises:
+        LinkError: The link is refused: unsafe, incomplete or not understood.
+    """
+    if link.mode not in _MODES:
+        raise LinkError(f"mode {link.mode!r}: expected {', '.join(_MODES)}")
+    listen = [Endpoint.parse(text) for text in link.listen]
+    connect = [Endpoint.parse(text) for text in link.connect]
+    for end in listen:
+        _refuse_listening(link, end)
+    for end in connect:
+        _refuse_connecting(link, end)
+    ends = [*listen, *connect]
+    is_client = link.mode == "client"
+    found: dict[str, Any] = {
         "mode": link.mode,
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "listen": {"endpoints": list(link.listen)},
+        "scouting": {
+            "delay": 0 if link.mode == "router" else GATHER,
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+        },
+        "listen": {"endpoints": list(link.listen), "exit_on_failure": True},
         "connect": {
-            "endpoints": list(link.connect),
-            "timeout_ms": -1 if link.mode != "client" else 300,
-            "exit_on_failure": link.mode == "client",
+            "endpoints": [_two_links(end) if _leaves(end) else end.text for end in connect],
+            "timeout_ms": _find_wait(connect) if is_client else -1,
+            "exit_on_failure": is_client,
             "retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2},
         },
-        "transport": {"link": {"tx": {"lease": 1000, "keep_alive": 4}}},
+        "timestamping": {"enabled": False},
+        "adminspace": {"enabled": False},
+        "transport": _transport(link, ends),
     }
+    if any(end.is_secure for end in listen):
+        found["access_control"] = _access(link, listen)
+    return found
+
+
+def _refuse_listening(link: Link, end: Endpoint) -> None:
+    if end.is_wildcard and not end.is_secure:
+        raise LinkError(
+            f"listening at {end.text}: everybody who reaches this host could drive the robot, so every interface is "
+            f"listened at over TLS only: make certificates with `navloom keys new DIR` and use tls/…:{end.port}, "
+            "or name one address"
+        )
+    if not end.is_local and not end.is_secure and not link.insecure:
+        raise LinkError(f"listening at {end.text}: {_plain(end)}")
+    if end.protocol in _LOCAL:
+        _refuse_open_folder(end)
+
+
+def _refuse_connecting(link: Link, end: Endpoint) -> None:
+    if end.is_wildcard:
+        raise LinkError(f"connecting to {end.text}: it names every interface, expected the address of one host")
+    if not end.is_local and not end.is_secure and not link.insecure:
+        raise LinkError(f"connecting to {end.text}: {_plain(end)}")
+
+
+def _plain(end: Endpoint) -> str:
+    return (
+        f"{end.protocol} beyond this host can be read and forged by others; make certificates with `navloom keys new "
+        f"DIR`, use tls/{end.text.partition('/')[2]} and --keys DIR, or, in a closed test network, add --insecure"
+    )
+
+
+def _refuse_open_folder(end: Endpoint) -> None:
+    folder = Path(end.host).parent
+    try:
+        mode = folder.stat().st_mode
+    except OSError as error:
+        raise LinkError(f"listening at {end.text}: folder {folder}: {error.strerror}") from None
+    if mode & 0o077:
+        raise LinkError(
+            f"listening at {end.text}: other users can enter {folder} (mode {mode & 0o777:04o}); `chmod 700 {folder}`"
+        )
+
+
+def _find_wait(connect: list[Endpoint]) -> int:
+    return FIND_WAIT_FAR if any(_leaves(end) for end in connect) else FIND_WAIT
+
+
+def _leaves(end: Endpoint) -> bool:
+    return end.is_secure or not end.is_local
+
+
+def _two_links(end: Endpoint) -> str | dict[str, Any]:
+    if end.priorities:
+        return end.text
+    return {"strategy": "allOf", "locators": [f"{end.text}?{URGENT}", f"{end.text}?{REST}"]}
+
+
+def _transport(link: Link, ends: list[Endpoint]) -> dict[str, Any]:
+    two = any(_leaves(end) for end in ends)
+    buffer = {"so_sndbuf": SEND_BUFFER} if two else {}
+    queue = {
+        "congestion_control": {
+            "drop": {"wait_before_drop": DROP_WAIT, "max_wait_before_drop_fragments": DROP_WAIT_FRAGMENTS},
+            "block": {"wait_before_close": CLOSE_WAIT},
+        }
+    }
+    return {
+        "unicast": {
+            "open_timeout": OPEN_WAIT,
+            "accept_timeout": OPEN_WAIT,
+            "max_links": 2 if two else 1,
+        },
+        "link": {
+            "protocols": sorted({end.protocol for end in ends}),
+            "tx": {"lease": LEASE, "keep_alive": 4, "queue": queue},
+            "rx": {"max_message_size": LARGEST + 2**20},
+            "tcp": buffer,
+            "tls": {**_credentials(link), **buffer} if any(end.is_secure for end in ends) else {},
+        },
+        "shared_memory": {"enabled": True, "transport_optimization": {"enabled": True, "pool_size": POOL}},
+    }
+
+
+def _credentials(link: Link) -> dict[str, Any]:
+    """Zenoh's TLS settings, with every file looked at: its own errors name none."""
+    if link.credentials is None or link.identity is None:
+        raise LinkError(
+            "TLS without certificates: make them with `navloom keys new DIR`, then give --keys DIR or set live.keys"
+        )
+    folder = link.credentials
+    authority, certificate, key = (
+        folder / name for name in ("ca.pem", f"{link.identity}.pem", f"{link.identity}-key.pem")
+    )
+    for path in (authority, certificate, key):
+        _refuse_unreadable(path, folder)
+    mode = key.stat().st_mode
+    if mode & 0o077:
+        raise LinkError(f"private key {key}: other users can read it (mode {mode & 0o777:04o}); `chmod 600 {key}`")
+    return {
+        "root_ca_certificate": str(authority),
+        "listen_certificate": str(certificate),
+        "listen_private_key": str(key),
+        "connect_certificate": str(certificate),
+        "connect_private_key": str(key),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
+
+
+def _refuse_unreadable(path: Path, folder: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            is_pem = file.read(11) == b"-----BEGIN "
+    except OSError as error:
+        there = sorted(other.stem for other in folder.glob("*.pem") if (folder / f"{other.stem}-key.pem").exists())
+        known = f"; {folder} has certificates of {', '.join(there)}" if there else ""
+        raise LinkError(f"certificate file {path}: {error.strerror}{known}; `navloom keys` makes them") from None
+    if not is_pem:
+        raise LinkError(f"certificate file {path}: not in PEM form; `navloom keys` makes such files")
+
+
+def _access(link: Link, listen: list[Endpoint]) -> dict[str, Any]:
+    for end in listen:
+        if not end.is_secure:
+            raise LinkError(
+                f"listening at {end.text} beside TLS: access goes by certificate, so nobody could do anything there; "
+                "listen at TLS endpoints alone"
+            )
+    assert link.credentials is not None
+    try:
+        return rules(link.realm, link.robot, read_identities(link.credentials, link.realm, link.robot))
+    except AccessError as error:
+        raise LinkError(str(error)) from None

@@ -42,6 +42,11 @@ class Outlet:
         way = self._ways.get(kind) or self._open(kind)
         way[0].put(encode(message, envelope), way[1])
 
+    def prepare(self, kind: type[Message]) -> None:
+        """Declare the stream before its first message, which would have to wait for that."""
+        if kind not in self._ways:
+            self._open(kind)
+
     def _open(self, kind: type[Message]) -> tuple[Publication, str]:
         way = self._bus.publication(self.key, quality_of(kind), self._lossless), schema_label(kind)
         self._ways[kind] = way

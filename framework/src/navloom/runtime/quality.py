@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from navloom.messages import (
+    AvoiderStatus,
     Command,
     Contact,
     Drive,
     GateStatus,
     GoalResult,
+    HandOver,
     MapUpdate,
     Message,
     Odometry,
@@ -31,8 +33,9 @@ from navloom.messages import (
     Trajectory,
     Truth,
 )
+from navloom.runtime.keyspace import STEP
 
-__all__ = ["RETAINED", "Quality", "is_retained", "quality_of"]
+__all__ = ["RETAINED", "Quality", "first_kind", "is_retained", "quality_of"]
 
 Congestion = Literal["drop", "block", "block_first"]
 Priority = Literal["real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"]
@@ -109,6 +112,30 @@ RETAINED: frozenset[tuple[str, str]] = frozenset(
 A queryable of our own on the port's key rather than Zenoh's advanced publisher: that one needs time stamps of the
 hosts' clocks, and refuses messages from a host whose clock runs ahead.
 """
+
+
+FIRST: dict[tuple[str, str], type[Message]] = {
+    ("platform", "odometry"): Odometry,
+    ("platform", "contact"): Contact,
+    ("localizer", "pose"): PoseEstimate,
+    ("goal", "drive"): Drive,
+    ("goal", "plan"): PlanRequest,
+    ("planner", "path"): Path,
+    ("reference", "trajectory"): Trajectory,
+    ("reference", "reference"): Reference,
+    ("controller", "command"): TrackingCommand,
+    ("avoider", "command"): Command,
+    ("avoider", "status"): AvoiderStatus,
+    ("avoider", "handover"): HandOver,
+    ("gate", "command"): Command,
+    ("gate", "status"): GateStatus,
+}
+"""What streams carry whose first message must not wait for a declaration."""
+
+
+def first_kind(role: str, port: str) -> type[Message] | None:
+    """The message to declare a stream for ahead of time; None where it can wait."""
+    return StepReport if port == STEP else FIRST.get((role, port))
 
 
 def is_retained(role: str, port: str) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from navloom.runtime.keyspace import LARGEST, KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
-from navloom.runtime.quality import RETAINED, is_retained
+from navloom.runtime.quality import RETAINED, first_kind, is_retained
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
@@ -43,8 +43,11 @@ class Switchboard:
         key = self.keys.port(*source, port)
         if key in self._outlets:
             return self._outlets[key]
-        self._outlets[key] = Outlet(key, self.bus, self.lossless, is_retained(source[0], port))
-        return self._outlets[key]
+        outlet = self._outlets[key] = Outlet(key, self.bus, self.lossless, is_retained(source[0], port))
+        kind = first_kind(source[0], port)
+        if kind is not None:
+            outlet.prepare(kind)
+        return outlet
 
     def connect(self) -> None:
         """Lead every inlet to its stream: a neighbour's by reference, all others over the bus."""

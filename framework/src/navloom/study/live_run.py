@@ -102,7 +102,7 @@ class LiveRun:
 
     Attributes:
         feedback, status: The goal's and the gate's newest word.
-        log, recorder: As of a run in lockstep.
+        log, recorder: As of a run in lockstep, of the newest goal: a robot may be up for weeks.
     """
 
     loaded: Loaded
@@ -122,7 +122,9 @@ class LiveRun:
         self._inlets: list[tuple[tuple[str, str], str, Inlet]] = []
         self._chosen: dict[str, str] = {}
         self._spent: deque[tuple[int, int]] = deque(maxlen=4096)
-        self._began_ns = 0
+        self._began_ns = time.perf_counter_ns()
+        self._ended: deque[GoalResult] = deque()
+        self._newest_goal = self._first_tick = 0
 
     def run(
         self,
@@ -155,7 +157,8 @@ class LiveRun:
         return self._episode() if self.log.results else None
 
     def _episode(self) -> Episode:
-        self.log.ticks = 1 + max((tick for tick, _ in self._spent), default=0)
+        newest = max((tick for tick, _ in self._spent), default=self._first_tick)
+        self.log.ticks = 1 + newest - self._first_tick
         self.log.tick_ns = [spent for _, spent in self._spent] or [0]
         return Episode(self.system, self.log, self.recorder)
 
@@ -169,7 +172,6 @@ class LiveRun:
             for port in sorted({*ports, STEP} if source[0] != "operator" else ()):
                 self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024)))
         board.connect()
-        self._began_ns = time.perf_counter_ns()
 
     def _drive(
         self,
@@ -182,7 +184,7 @@ class LiveRun:
         requests = deque(sorted(schedule(self.loaded.config, self.system.goal).items()))
         is_ours = self.host is None
         first: int | None = None
-        seen, idle_since, ended, asked = 0, time.monotonic(), 0, time.monotonic()
+        seen, idle_since, asked = 0, time.monotonic(), time.monotonic()
         while not self.ending.is_set():
             seen = self._mailbox.wait(seen, 0.1)
             tick = self._take()
@@ -197,21 +199,37 @@ class LiveRun:
             if self.feedback is not None and self.feedback.goal_id and time.monotonic() - asked > ASK_AGAIN:
                 asked = time.monotonic()
                 self._catch_up(client)
-            if tell is not None and len(self.log.results) > ended:
-                tell(self._episode())
-            if len(self.log.results) > ended or (self.feedback is not None and self.feedback.goal_id):
-                ended, idle_since = len(self.log.results), time.monotonic()
+            if self._ended or (self.feedback is not None and self.feedback.goal_id):
+                idle_since = time.monotonic()
+            while self._ended:
+                self.log.results = [self._ended.popleft()]
+                if tell is not None:
+                    tell(self._episode())
             if until_idle and not requests and time.monotonic() - idle_since > QUIET:
                 return
 
     def _catch_up(self, client: Client) -> None:
         """Take in what came while the network was down."""
         result = client.last("goal", "main", "result", timeout=0.2)
-        if isinstance(result, GoalResult) and all(one.goal_id != result.goal_id for one in self.log.results):
-            self.log.results.append(result)
+        if isinstance(result, GoalResult):
+            self._end(result)
         feedback = client.last("goal", "main", "feedback", timeout=0.2)
         if isinstance(feedback, Feedback):
             self.feedback = feedback
+
+    def _end(self, result: GoalResult) -> None:
+        """A goal has ended; the same may be heard twice."""
+        if all(one.goal_id != result.goal_id for one in (*self.log.results, *self._ended)):
+            self._ended.append(result)
+            self.log.wall_ns = time.perf_counter_ns() - self._began_ns
+
+    def _begin(self, goal_id: int, tick: int) -> None:
+        """A goal begins: what the one before left is forgotten, but for the map."""
+        self._newest_goal, self._first_tick = goal_id, tick
+        self._spent.clear()
+        self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
+        self.recorder = Recorder(map=self.recorder.map)
+        self._began_ns = time.perf_counter_ns()
 
     def _ask(self, client: Client, request: OperatorRequest) -> None:
         """Do what the config's goal or one of its events asks for."""
@@ -232,7 +250,7 @@ class LiveRun:
         except Refused as refusal:
             if request.goal is not None:
                 reason = str(refusal).removeprefix("rejected: ")
-                self.log.results.append(GoalResult(0, "rejected", reason, Point2D(request.goal.x, request.goal.y)))
+                self._ended.append(GoalResult(0, "rejected", reason, Point2D(request.goal.x, request.goal.y)))
             self.say(f"{request.do}: {refusal}")
         except ClientError as error:
             self.say(f"{request.do}: {error}")
@@ -256,11 +274,11 @@ class LiveRun:
                 if role in self.log.step_ns and message.trigger:
                     self.log.step_ns[role].append(message.duration_ns)
         elif isinstance(message, GoalResult):
-            if all(one.goal_id != message.goal_id for one in self.log.results):
-                self.log.results.append(message)
-            self.log.wall_ns = time.perf_counter_ns() - self._began_ns
+            self._end(message)
         elif isinstance(message, Feedback):
             self.feedback = message
+            if message.goal_id > self._newest_goal:
+                self._begin(message.goal_id, at.tick)
         elif isinstance(message, GateStatus):
             self.status = message
             self.log.gate_stops += message.stopped and message.reason not in ("no_trajectory", "ending")

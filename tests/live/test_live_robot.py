@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -13,6 +14,10 @@ from live_rig import COMMAND, Up, is_running, runtime_folder, up
 from navloom.runtime.navigator import Navigator
 
 PAPER = ["paper", "--set", "navigation.drive=false", "--set", "world.ref=paper_gates"]
+SPLIT = {
+    "platform": "robot", "localizer": "robot", "mapper": "think", "planner": "think", "goal": "think",
+    "reference": "drive", "controller": "drive", "avoider": "drive", "recovery": "drive", "gate": "safe",
+}  # fmt: skip
 BESIDE = """
 [world]
 ref = "empty"
@@ -43,8 +48,12 @@ shadow = false
 def test_a_goal_from_another_terminal_is_reached_and_everything_ends(tmp_path: Path) -> None:
     with up(*PAPER) as robot:
         robot.wait_for("every node is there")
-        pids = {int(str(node["pid"])) for node in _nodes(robot)}
-        assert len(pids) == 4
+        nodes = robot.json("list")
+        assert sorted(node["role"] for node in nodes) == sorted({*SPLIT})
+        assert {node["role"]: node["process"] for node in nodes} == SPLIT
+        pids = {node["pid"] for node in nodes}
+        assert len(pids) == 4 and all(is_running(pid) for pid in pids)
+        _look_in(robot)
         done = robot.run("goal", "0", "2.0", timeout=90)
         assert done.returncode == 0, done.stdout + done.stderr
         assert done.stdout.splitlines()[-1].startswith("succeeded: the goal was reached")
@@ -54,6 +63,25 @@ def test_a_goal_from_another_terminal_is_reached_and_everything_ends(tmp_path: P
         assert robot.process.wait(10) == 0
         assert time.monotonic() - began < 10
         assert not [pid for pid in pids if is_running(pid)]
+
+
+def _look_in(robot: Up) -> None:
+    """Every command that looks, on a robot that stands."""
+    status = robot.json("status")
+    assert status["robot"] == "lab/r1" and status["gate_status"]["reason"] == "no_trajectory"
+    assert status["silent_nodes"] == [] and status["goal_result"] is None
+    lines = robot.run("echo", "platform/odometry", "--count", "2", "--fields", "pose.x,stamp_ns", "--json").stdout
+    first, second = map(json.loads, lines.splitlines())
+    assert set(first["message"]) == {"pose.x", "stamp_ns"}
+    assert second["message"]["stamp_ns"] > first["message"]["stamp_ns"]
+    assert second["envelope"]["sequence"] > first["envelope"]["sequence"]
+    found = robot.json("hz", "*/odometry", "--for", "2")["platform/sensors_sim/odometry"]
+    assert found["messages"] > 5 and found["malformed"] == 0 and found["bytes_per_s"] > 100
+    wrong = robot.run("echo", "gate/comand")
+    assert wrong.returncode == 2 and "did you mean 'gate/command'?" in wrong.stderr
+    assert isinstance(robot.json("doctor")["findings"], list)
+    nobody = robot.run("doctor", "--connect", "tcp/127.0.0.1:9")
+    assert nobody.returncode == 1 and "cannot be joined" in nobody.stdout and "navloom router" in nobody.stdout
 
 
 def _nodes(robot: Up) -> list[dict[str, object]]:

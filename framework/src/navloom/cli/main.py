@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from navloom.cli import config, graph, map, nodes, operate, plan, plugins, run, teleop, up, worlds
+from navloom.cli import config, graph, looking, map, nodes, operate, plan, plugins, run, teleop, up, worlds
 
 __all__ = ["app", "main"]
 
@@ -26,6 +26,11 @@ app.command("swap")(operate.swap)
 app.command("stop")(operate.stop)
 app.command("resume")(operate.resume)
 app.command("teleop", context_settings=operate.NUMBERS)(teleop.teleop)
+app.command("list")(looking.list_nodes)
+app.command("status")(looking.status)
+app.command("echo")(looking.echo)
+app.command("hz")(looking.hz)
+app.command("doctor")(looking.doctor)
 app.command("node")(nodes.node)
 app.command("router")(nodes.router)
 app.add_typer(operate.params, name="params")
@@ -66,9 +71,21 @@ def _is_wrong_request(error: Exception) -> bool:
     from navloom.runtime.client import Refused
     from navloom.runtime.directory import DirectoryError
     from navloom.runtime.links import LinkError
+    from navloom.runtime.looking import NoStream
     from navloom.worlds import WorldError
 
-    kinds = (ConfigError, PluginError, GraphError, WorldError, InputError, OSError, DirectoryError, LinkError, Refused)
+    kinds = (
+        ConfigError,
+        PluginError,
+        GraphError,
+        WorldError,
+        InputError,
+        OSError,
+        DirectoryError,
+        LinkError,
+        NoStream,
+        Refused,
+    )
     return isinstance(error, kinds)
 
 

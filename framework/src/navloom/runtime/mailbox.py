@@ -41,6 +41,13 @@ class Packet:
             raise opened
         return opened
 
+    def try_open(self) -> tuple[Message, Envelope] | None:
+        """The same; None for what is no message."""
+        try:
+            return self.open()
+        except CodecError:
+            return None
+
 
 @dataclass
 class StreamCounts:
@@ -131,6 +138,13 @@ class Inlet:
         self.counts.received += 1
         self.counts.malformed += 1
         self.counts.complaint = complaint
+
+    def packets(self) -> Iterator[Packet]:
+        """What waits, as it came off the wire, oldest first. For one reader's thread only."""
+        while self._waiting:
+            item = self._waiting.popleft()
+            if isinstance(item, Packet):
+                yield item
 
     def take(self) -> Iterator[tuple[Message, Envelope]]:
         """What waits, oldest first; what is malformed is counted and passed over. For the node's thread only."""

@@ -125,6 +125,8 @@ class Services:
             "versions": _versions(),
             "config_sha256": self._system.loaded.sha256(),
             "clock_ns": self._clock.now_ns(),
+            "wall_ns": time.time_ns(),
+            "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "streams": streams,
         }
@@ -217,6 +219,15 @@ class Services:
             raise ServiceError(f"{' '.join(runner.cell.source)} does not step: it has been asked, but did not answer")
         if failure:
             raise ServiceError(str(failure[0]))
+
+
+def shared_memory_mb() -> float | None:
+    """Free shared memory of this host, which large messages between its processes pass through; None without any."""
+    try:
+        status = os.statvfs("/dev/shm")
+    except OSError:
+        return None
+    return status.f_bavail * status.f_frsize / 2**20
 
 
 def question_key(keys: KeySpace, process: str) -> str:

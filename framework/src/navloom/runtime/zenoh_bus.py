@@ -172,6 +172,11 @@ class Bus:
         handler = zenoh.handlers.Callback(take, indirect=False)
         self._held.append(self._session.liveliness().declare_subscriber(key_expr, handler, history=True))
 
+    def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
+        """Tokens that are there."""
+        replies = self._session.liveliness().get(key_expr, timeout=timeout)
+        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+
     def serve(self, key: str, take: Callable[[Question], None]) -> None:
         """Answer questions; `take` is called on the network's thread and must only pass them on."""
 

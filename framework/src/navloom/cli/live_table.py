@@ -73,7 +73,10 @@ class LiveTable:
         """A goal has ended."""
         if self._live is not None:
             self._live.update("", refresh=True)
-        print_summary(episode, episode.summary(), None, ())
+        if self._run.judges:
+            print_summary(episode, episode.summary(), None, ())
+        else:
+            self.say(f"{episode.result.outcome}: {episode.result.reason}")
 
     def _tell_changes(self) -> None:
         feedback, status = self._run.feedback, self._run.status

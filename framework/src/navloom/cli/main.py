@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from navloom.cli import config, graph, looking, map, nodes, operate, plan, plugins, run, teleop, up, worlds
+from navloom.cli import config, graph, keys, looking, map, nodes, operate, plan, plugins, run, teleop, up, worlds
 
 __all__ = ["app", "main"]
 
@@ -39,6 +39,7 @@ app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)
+app.add_typer(keys.app, name="keys")
 app.add_typer(config.app, name="config")
 
 

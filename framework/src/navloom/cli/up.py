@@ -120,10 +120,13 @@ def _barrier(loaded: Any, out: Path | None, as_json: bool) -> None:
 
 def _live(loaded: Any, host: str | None, insecure: bool, as_json: bool) -> Any:
     from navloom.cli.live_table import LiveTable
+    from navloom.config import ConfigError
     from navloom.study.live_run import LiveRun
 
     with ending() as event:
         run = LiveRun(loaded, host, insecure, _say, event)
+        if as_json and not run.judges:
+            raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with LiveTable(run, sys.stderr) as table:
             run.say = table.say
             return run.run(as_json, table.missing, table.look, None if as_json else table.result)

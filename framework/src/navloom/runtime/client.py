@@ -56,7 +56,7 @@ class Client:
             if time.monotonic() > limit:
                 raise ClientError(
                     f"robot {self.keys.prefix}: {role} {instance} does not answer ({service}); "
-                    "`navloom list` shows who is there, `navloom doctor` why not"
+                    "`navloom list` shows who is there, `navloom doctor` why not; a certificate may not be let ask this"
                 )
             time.sleep(0.05)
 

@@ -156,8 +156,10 @@ def _check_identity(identity: Identity) -> None:
 
 
 def _alternative_name(host: str) -> x509.GeneralName:
+    address = None
     with contextlib.suppress(ValueError):
         address = ipaddress.ip_address(host)
+    if address is not None:
         if address.is_unspecified:
             raise KeysError(f"--host {host}: names no host, expected the address that others connect to")
         return x509.IPAddress(address)

@@ -17,7 +17,7 @@ __all__ = ["Endpoint", "Link", "LinkError", "settings"]
 LEASE = 1000
 """ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
 FIND_WAIT, FIND_WAIT_FAR = 2000, 5000
-"""ms a client tries to find its router, on this host and on another. Two TLS links with 0.2 s there and back take 1.3 s."""
+"""ms a client tries to find its router, on this host and on another: with 0.2 s there and back, TLS takes 1.3 s."""
 OPEN_WAIT = 5000
 """ms a neighbour may take over its handshake, so that idle strangers cannot hold the places of others for long."""
 GATHER = 500

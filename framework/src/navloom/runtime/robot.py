@@ -79,7 +79,7 @@ class Robot:
         try:
             self.supervisor.start()
             self.folder.write(self.running())
-            self.bus = Bus(self.network.outsider(self.folder, list(self._shares)), JOIN)
+            self.bus = Bus(self.network.outsider(self.folder, list(self._shares), "nodes"), JOIN)
             self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
         except BaseException:
             self._stop()

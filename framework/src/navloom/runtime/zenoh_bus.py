@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import zenoh
 
 from navloom.runtime.keyspace import LARGEST
+from navloom.runtime.link_faults import why_not
 from navloom.runtime.links import Link, settings
 
 if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
@@ -111,7 +112,7 @@ class Bus:
             except zenoh.ZError as error:
                 if link.mode != "client" or time.monotonic() > limit:
                     ends = ", ".join((*link.listen, *link.connect)) or "no endpoint"
-                    why = str(error).partition(" at /")[0]
+                    why = why_not(link) or str(error).partition(" at /")[0]
                     raise BusError(f"the network at {ends} cannot be joined: {why}") from None
                 time.sleep(0.1)
         self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))

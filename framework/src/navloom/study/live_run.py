@@ -34,6 +34,7 @@ from navloom.runtime.lockstep import RunLog
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.network import network_of
 from navloom.runtime.robot import Robot
+from navloom.runtime.supervisor import spread
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.trace import TraceWriter
 from navloom.study.episode import Episode
@@ -101,6 +102,7 @@ class LiveRun:
         say: Told what happens.
 
     Attributes:
+        judges: The run is judged here, where the platform is: other hosts are spared all that is judged by.
         feedback, status: The goal's and the gate's newest word.
         log, recorder: As of a run in lockstep, of the newest goal: a robot may be up for weeks.
     """
@@ -118,6 +120,8 @@ class LiveRun:
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
         check_places(self.system)
+        shares = spread(self.loaded.config, all_sources(self.system), self.host)
+        self.judges = any(role == "platform" for share in shares.values() for role, _ in share)
         self._mailbox = Mailbox()
         self._inlets: list[tuple[tuple[str, str], str, Inlet]] = []
         self._chosen: dict[str, str] = {}
@@ -165,13 +169,15 @@ class LiveRun:
         return Episode(self.system if is_own else replace(self.system, goal=None), self.log, self.recorder)
 
     def _listen(self, robot: Robot) -> None:
-        """Hear what the run is judged by."""
+        """Hear how it goes, and what the run is judged by, where it is: that would fill a slow link to another host."""
         board = Switchboard(robot.bus, robot.keys, lossless=False)
-        wanted = self.recorder.wants or frozenset()
+        wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
         for source in all_sources(self.system):
             ports = {port for role, port in wanted if role == source[0]}
             ports |= {"goal": {"result", "feedback"}, "gate": {"status", "selection"}}.get(source[0], set())
-            for port in sorted({*ports, STEP} if source[0] != "operator" else ()):
+            if self.judges and source[0] != "operator":
+                ports.add(STEP)
+            for port in sorted(ports):
                 self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024)))
         board.connect()
 

@@ -1,0 +1,82 @@
+"""`navloom keys`: certificates for a robot that spans hosts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Make certificates for a robot that spans hosts.", no_args_is_help=True)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of certificates.")]
+Hosts = Annotated[
+    list[str] | None,
+    typer.Option("--host", metavar="ADDR", help="Name or address others connect to; repeats. Default: this host."),
+]
+Days = Annotated[int, typer.Option(metavar="N", help="Days the certificates are good for.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command()
+def new(
+    folder: Folder,
+    realm: Annotated[str, typer.Option(metavar="NAME", help="robot.realm of the config.")] = "lab",
+    robot: Annotated[str, typer.Option(metavar="NAME", help="robot.name of the config.")] = "r1",
+    host: Hosts = None,
+    days: Days = 825,
+    as_json: AsJson = False,
+) -> None:
+    """Make an authority, and certificates of the router, the nodes, an operator and a viewer."""
+    from datetime import UTC, datetime
+
+    from navloom.cli.output import print_json
+    from navloom.runtime.access import common_name
+    from navloom.runtime.keys import HOSTS, Order, new_authority
+
+    order = Order(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
+    made = new_authority(folder, order)
+    if as_json:
+        entries = [{"name": one.name, "kind": one.kind, "common_name": common_name(one, realm, robot)} for one in made]
+        print_json({"folder": str(folder), "hosts": list(order.hosts), "days": days, "identities": entries})
+        return
+    typer.echo("Copy to each host, into a folder of its user alone (mode 700):")
+    for one in made:
+        files = f"ca.pem {one.name}.pem {one.name}-key.pem" + _LIST.get(one.kind, "")
+        typer.echo(f"  {_FOR[one.kind]}: {files}")
+    typer.echo(f"ca-key.pem stays in {folder}, and nowhere else: who has it can let anybody in")
+
+
+@app.command()
+def add(
+    folder: Folder,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the certificate, as alice.")],
+    kind: Annotated[str, typer.Option(metavar="KIND", help="nodes, operator, viewer or shadow.")],
+    instance: Annotated[str, typer.Option(metavar="ROLE.NAME", help="The one instance a shadow is.")] = "",
+    host: Hosts = None,
+    days: Days = 825,
+    as_json: AsJson = False,
+) -> None:
+    """Make one more certificate. Listeners take it once they have the new identities.json and start again."""
+    from datetime import UTC, datetime
+
+    from navloom.cli.output import print_json
+    from navloom.runtime.access import Identity
+    from navloom.runtime.keys import add_identity
+
+    add_identity(folder, Identity(name, kind, instance), host or (), days, datetime.now(UTC))
+    if as_json:
+        print_json({"folder": str(folder), "name": name, "kind": kind, "instance": instance, "days": days})
+        return
+    typer.echo(f"{folder / name}.pem: {kind}; copy identities.json to the router's host and start the router again")
+
+
+_FOR = {
+    "router": "the router",
+    "nodes": "processes of the robot",
+    "operator": "who drives, sets goals and swaps",
+    "viewer": "who looks on",
+}
+_LIST = {"router": " identities.json"}

@@ -1,0 +1,251 @@
+"""Certificates: what is in them, and that nothing is overwritten or half written."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from datetime import UTC, datetime, timedelta
+from ipaddress import IPv4Address
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import load_pem_private_key
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+from navloom.runtime import keys
+from navloom.runtime.access import IDENTITIES, Identity, read_identities
+from navloom.runtime.keys import HOSTS, KeysError, Order, add_identity, new_authority
+
+NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
+ORDER = Order("lab", "r1", ("base.local", "10.0.0.1"), 30, NOW)
+ALICE = Identity("alice", "viewer")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = tmp_path / "keys"
+    new_authority(made, ORDER)
+    return made
+
+
+def certificate(folder: Path, name: str) -> x509.Certificate:
+    return x509.load_pem_x509_certificate((folder / f"{name}.pem").read_bytes())
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_the_folder_holds_an_authority_and_four_identities_for_its_user_alone(folder: Path) -> None:
+    names = ("ca", "nodes", "operator", "router", "viewer")
+    expected = sorted([IDENTITIES, *(f"{name}.pem" for name in names), *(f"{name}-key.pem" for name in names)])
+    assert sorted(path.name for path in folder.iterdir()) == expected
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert {path.stat().st_mode & 0o777 for path in folder.glob("*-key.pem")} == {0o600}
+    assert [path.name for path in folder.parent.iterdir()] == ["keys"]
+
+
+@pytest.mark.parametrize("name", ["router", "nodes", "operator", "viewer"])
+def test_a_certificate_is_signed_by_the_authority_and_fits_its_key(folder: Path, name: str) -> None:
+    found, authority = certificate(folder, name), certificate(folder, "ca")
+    found.verify_directly_issued_by(authority)
+    key = load_pem_private_key((folder / f"{name}-key.pem").read_bytes(), None)
+    assert isinstance(key, ec.EllipticCurvePrivateKey) and key.curve.name == "secp256r1"
+    assert key.public_key() == found.public_key()
+    assert found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == f"{name}:{name}@lab/r1"
+    assert not found.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
+
+
+def test_a_certificate_starts_a_day_early_and_ends_when_it_was_ordered_to(folder: Path) -> None:
+    found = certificate(folder, "viewer")
+    assert found.not_valid_before_utc == NOW - timedelta(days=1)
+    assert found.not_valid_after_utc == NOW + timedelta(days=30)
+    assert certificate(folder, "ca").not_valid_after_utc == NOW + timedelta(days=3650)
+
+
+@pytest.mark.parametrize(
+    ("name", "serves"), [("router", True), ("nodes", True), ("operator", False), ("viewer", False)]
+)
+def test_only_who_may_be_connected_to_can_pose_as_a_server(folder: Path, name: str, serves: bool) -> None:
+    extensions = certificate(folder, name).extensions
+    uses = set(extensions.get_extension_for_class(x509.ExtendedKeyUsage).value)
+    server = {ExtendedKeyUsageOID.SERVER_AUTH} if serves else set()
+    assert uses == {ExtendedKeyUsageOID.CLIENT_AUTH} | server
+    named = [extension.value for extension in extensions if isinstance(extension.value, x509.SubjectAlternativeName)]
+    assert len(named) == int(serves)
+    for names in named:
+        assert names.get_values_for_type(x509.DNSName) == ["base.local"]
+        assert names.get_values_for_type(x509.IPAddress) == [IPv4Address("10.0.0.1")]
+
+
+def test_a_folder_that_exists_is_left_as_it_is(folder: Path, tmp_path: Path) -> None:
+    before = contents(folder)
+    with pytest.raises(KeysError, match="exists already and is not overwritten"):
+        new_authority(folder, ORDER)
+    assert contents(folder) == before
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(KeysError, match="exists already"):
+        new_authority(link, ORDER)
+
+
+def test_a_folder_that_cannot_be_finished_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(number: int) -> None:
+        raise OSError(28, "No space left on device", "disk")
+
+    monkeypatch.setattr(keys.os, "fsync", full)
+    with pytest.raises(KeysError, match="No space left on device"):
+        new_authority(tmp_path / "deep" / "keys", ORDER)
+    assert list((tmp_path / "deep").iterdir()) == []
+
+
+def test_a_folder_within_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", "utf-8")
+    with pytest.raises(KeysError, match=r"Not a directory|File exists"):
+        new_authority(tmp_path / "file" / "keys", ORDER)
+
+
+def test_an_added_identity_is_signed_and_listed(folder: Path) -> None:
+    shadow = Identity("shadow.avoider.forces", "shadow", "avoider.forces")
+    add_identity(folder, ALICE, (), 7, NOW)
+    add_identity(folder, shadow, (), 7, NOW)
+    for name in ("alice", "shadow.avoider.forces"):
+        certificate(folder, name).verify_directly_issued_by(certificate(folder, "ca"))
+        assert (folder / f"{name}-key.pem").stat().st_mode & 0o777 == 0o600
+    assert read_identities(folder, "lab", "r1")[-2:] == (ALICE, shadow)
+    assert not list(folder.glob(".*"))
+
+
+def test_a_name_that_is_taken_is_refused_and_nothing_changes(folder: Path) -> None:
+    before = contents(folder)
+    for name in ("viewer", "router"):
+        with pytest.raises(KeysError, match=f"certificate of '{name}' already"):
+            add_identity(folder, Identity(name, "operator"), (), 7, NOW)
+    assert contents(folder) == before
+
+
+def test_a_name_of_which_only_a_file_is_left_is_taken_as_well(folder: Path) -> None:
+    add_identity(folder, ALICE, (), 7, NOW)
+    given = json.loads((folder / IDENTITIES).read_text("utf-8"))
+    given["identities"].pop()
+    (folder / IDENTITIES).write_text(json.dumps(given), "utf-8")
+    (folder / "alice.pem").unlink()
+    before = contents(folder)
+    with pytest.raises(KeysError, match="'alice' already"):
+        add_identity(folder, ALICE, (), 7, NOW)
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize("broken_step", [1, 2])
+def test_a_certificate_that_cannot_be_finished_is_taken_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
+) -> None:
+    before, done, link = contents(folder), [], os.link
+
+    def fail(source: Path, target: Path) -> None:
+        done.append(target)
+        if len(done) == broken_step:
+            raise OSError(5, "Input/output error", str(target))
+        link(source, target)
+
+    monkeypatch.setattr(keys.os, "link", fail)
+    with pytest.raises(KeysError, match="Input/output error"):
+        add_identity(folder, ALICE, (), 7, NOW)
+    assert contents(folder) == before
+
+
+def test_two_that_add_at_once_are_both_listed(folder: Path) -> None:
+    names = [f"v{number}" for number in range(6)]
+    adding = [
+        threading.Thread(target=add_identity, args=(folder, Identity(name, "viewer"), (), 7, NOW)) for name in names
+    ]
+    for thread in adding:
+        thread.start()
+    for thread in adding:
+        thread.join()
+    assert {one.name for one in read_identities(folder, "lab", "r1")} >= set(names)
+
+
+def test_without_the_authoritys_key_nothing_is_added(folder: Path) -> None:
+    (folder / "ca-key.pem").unlink()
+    before = contents(folder)
+    with pytest.raises(KeysError, match=r"ca-key.pem: No such file.*authority's private key stays there"):
+        add_identity(folder, ALICE, (), 7, NOW)
+    assert contents(folder) == before
+
+
+def test_an_authority_that_does_not_fit_is_refused(folder: Path, tmp_path: Path) -> None:
+    new_authority(tmp_path / "other", ORDER)
+    (folder / "ca-key.pem").write_bytes((tmp_path / "other" / "ca-key.pem").read_bytes())
+    with pytest.raises(KeysError, match="does not belong to"):
+        add_identity(folder, ALICE, (), 7, NOW)
+    (folder / "ca-key.pem").write_text("nothing", "utf-8")
+    with pytest.raises(KeysError, match="broken"):
+        add_identity(folder, ALICE, (), 7, NOW)
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (Order("lab/x", "r1", HOSTS, 30, NOW), "--realm 'lab/x'"),
+        (Order("lab", "*", HOSTS, 30, NOW), "--robot '\\*'"),
+        (Order("lab", "r1", HOSTS, 0, NOW), "--days 0: expected 1 to 3650"),
+        (Order("lab", "r1", HOSTS, 3651, NOW), "--days 3651"),
+        (Order("lab", "r1", ("tls/10.0.0.1:7447",), 30, NOW), "--host 'tls/10.0.0.1:7447'"),
+        (Order("lab", "r1", ("0.0.0.0",), 30, NOW), "--host 0.0.0.0: names no host"),
+        (Order("lab", "r" * 60, HOSTS, 30, NOW), "characters, a certificate takes 64"),
+    ],
+    ids=["realm", "robot", "no days", "too many days", "endpoint", "wildcard", "long name"],
+)
+def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: Order, words: str) -> None:
+    with pytest.raises(KeysError, match=words):
+        new_authority(tmp_path / "keys", order)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("identity", "hosts", "words"),
+    [
+        (Identity("ca", "viewer"), (), "name 'ca'"),
+        (Identity("a/b", "viewer"), (), "name 'a/b'"),
+        (Identity("nodes-key", "viewer"), (), "not ending in -key"),
+        (Identity("bob", "router"), (), "--kind router: expected nodes, operator, viewer, shadow"),
+        (Identity("bob", "viewer", "avoider.forces"), (), "only for --kind shadow"),
+        (Identity("bob", "viewer"), ("10.0.0.2",), "nobody connects to a viewer"),
+        (Identity("bob", "shadow"), (), "--instance \\(none\\).*expected ROLE.NAME"),
+        (Identity("bob", "shadow", "gate.main"), (), "roles are localizer, mapper"),
+        (Identity("bob", "shadow", "platform.sim"), (), "roles are localizer, mapper"),
+        (Identity("bob", "shadow", "avoider.*"), (), "expected ROLE.NAME"),
+        (Identity("n" * 60, "viewer"), (), "a certificate takes 64"),
+    ],
+    ids=[
+        "the authority's name",
+        "path",
+        "name of a key",
+        "second router",
+        "needless instance",
+        "needless host",
+        "no instance",
+        "gate",
+        "platform",
+        "wildcard",
+        "long name",
+    ],
+)
+def test_an_identity_that_does_not_fit_changes_nothing(
+    folder: Path, identity: Identity, hosts: tuple[str, ...], words: str
+) -> None:
+    before = contents(folder)
+    with pytest.raises(KeysError, match=words):
+        add_identity(folder, identity, hosts, 7, NOW)
+    assert contents(folder) == before
+
+
+def test_a_folder_that_is_none_of_ours_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(KeysError, match="navloom keys new"):
+        add_identity(tmp_path, ALICE, (), 7, NOW)
+    (tmp_path / IDENTITIES).write_text("[]", "utf-8")
+    with pytest.raises(KeysError, match="not a list of identities"):
+        add_identity(tmp_path, ALICE, (), 7, NOW)

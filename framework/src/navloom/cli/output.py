@@ -11,6 +11,9 @@ from typing import Any
 
 __all__ = ["print_json", "print_table", "shown", "stage"]
 
+WIDE = 1000
+"""Columns of a table that goes to a file or another program: none is cut."""
+
 
 def print_json(value: Any) -> None:
     """One JSON value on standard output; numbers that JSON lacks become null."""
@@ -35,7 +38,8 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     table = Table(*columns, box=None, pad_edge=False)
     for row in rows:
         table.add_row(*(shown(value) for value in row))
-    Console(soft_wrap=True, highlight=False).print(table)
+    width = None if sys.stdout.isatty() else WIDE
+    Console(soft_wrap=True, highlight=False, width=width).print(table)
 
 
 def shown(value: Any) -> str:

@@ -117,7 +117,8 @@ class NodeProcess:
             monitor = Monitor(self.system, board, clock, memory, self._wake, self.ending.is_set)
             fetching = threading.Thread(target=self._fetch, args=(board, presence), daemon=True)
             for source, runner in live.items():
-                runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
+                if source in self.system.parts:
+                    runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
             self._restore(live, memory)
             runs = [monitor.run, *(runner.run for runner in live.values())]
         services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board)

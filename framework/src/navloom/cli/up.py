@@ -147,7 +147,8 @@ def ending() -> Iterator[threading.Event]:
         yield event
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            # Who was told to end is ending: another Ctrl-C must not break that off.
+            signal.signal(number, signal.SIG_IGN if event.is_set() else handler)
 
 
 def _say(text: str) -> None:

@@ -46,7 +46,7 @@ def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
 def share_by_hand(
     system: System, names: Sequence[str], connect: str | None, keys: str | None, insecure: bool
 ) -> Iterator[Share]:
-    """The share of a process that nobody supervises, for as long as it runs."""
+    """The share of a process that nobody supervises, for as long as it runs. Its socket is called as its first node."""
     sources = chosen_sources(system, names)
     network = network_of(system.config, None, insecure)
     if connect is not None:
@@ -60,8 +60,11 @@ def share_by_hand(
         return
     folder = RobotFolder(network.realm, network.robot)
     folder.make()
+    name = ".".join(sources[0])
     own = folder.socket(name)
-    others = tuple(end for end in folder.sockets() if end != own)
+    # A process started at the same moment has no socket yet: whatever it will be called is tried until it is there.
+    possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
+    others = tuple(dict.fromkeys(end for end in (*folder.sockets(), *possible) if end != own))
     if folder.read() is None:
         folder.write(Running(network.realm, network.robot, os.getpid(), (own,), False, system.loaded.name, False))
     try:

@@ -36,10 +36,10 @@ class Vff(Avoider):
         avoidance.warm_up(VffParams())
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
-        pose, target = given.estimate.pose, given.target
+        pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
         beams = self._beams(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
-        decision = self._method.step(beams, place, given.estimate.twist.vx, (target.x, target.y))
+        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y))
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from navloom_improved_vfh.certainty import new_window, occupied_cells, place_beams, scroll_window
 from navloom_improved_vfh.clearance import footprint_edges, free_command
-from navloom_improved_vfh.search import Progress, RotationSearch, Trap
+from navloom_improved_vfh.search import Progress, Trap
 from navloom_improved_vfh.steering import wrap
 from numpy.typing import NDArray
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
+SPEED_ERROR, TURN_ERROR = 0.1, 0.2  # m/s, rad/s: a robot this far off its command is not following it
 
 
 @dataclass(frozen=True)
@@ -75,14 +76,14 @@ class View:
     """What one tick is decided on, pose frame but for the cells.
 
     Attributes:
-        pose: x, y, m, heading, rad. speed: m/s. target: m.
+        pose: x, y, m, heading, rad. twist: m/s and rad/s. target: m.
         distance: To the target, m. bearing: theta_t, rad.
         cells: (n, 3), occupied: x, y, m, base frame, and certainty.
         push: F_r. cosine: forces.travel_cosine(). factor: forces.damping_factor().
     """
 
     pose: Pose
-    speed: float
+    twist: tuple[float, float]
     target: Point
     distance: float
     bearing: float
@@ -124,33 +125,32 @@ class ForceField:
         self.following = WallFollowing()
         self.progress = Progress(p.progress_step, p.target_shift)
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
-        self.rotation = RotationSearch(math.radians(p.rotation_deg))
+        self._target: Point | None = None
+        self._sent = (0.0, 0.0)
         self._turn = 0.0
 
-    def step(self, beams: Beams | None, pose: Pose, speed: float, target: Point) -> Decision:
+    def step(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         """Decide for one tick.
 
         Args:
             beams: Readings of this tick, None where there are none.
             pose: x, y, m, heading, rad, of the base in the pose frame.
-            speed: Present forward speed, m/s.
+            twist: Present forward speed, m/s, and turn rate, rad/s.
             target: x_t, y_t, m, pose frame.
         """
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
-        view = self.look(pose, speed, target)
+        view = self.look(pose, twist, target)
         if self.trap.place is not None:
             if self.trap.holds(pose, target, self.params.target_shift):
                 return Decision(0.0, 0.0, "trapped", None, "trapped: neither robot nor target moved since")
+            self._target = None
+        if self._target is None or math.dist(target, self._target) > self.params.target_shift:
+            self._target = target
             self.following.end()
-            self.rotation.end()
             self.progress.restart()
-        if self._has_new_target(target):
-            self.following.end()
-        self.progress.note(view.distance, target)
-        if self.rotation.follow(pose[2]):
-            return self._send(view, 0.0, self.rotation.sign * self.max_turn, pose[2], "blocked: turning the other way")
-        self.rotation.end()
+        if self.progress.note(view.distance, self._target):
+            self.following.hesitated = 0.0
         self._follow_or_leave(view)
         return self._steer(view)
 
@@ -166,7 +166,7 @@ class ForceField:
             self.grid, self.origin, p.cell, placed, beams.limits, p.blind_depth, p.count_up, p.count_down, self._votes
         )
 
-    def look(self, pose: Pose, speed: float, target: Point) -> View:
+    def look(self, pose: Pose, twist: tuple[float, float], target: Point) -> View:
         """Target, occupied cells and their force."""
         p, heading = self.params, pose[2]
         distance = math.dist(target, pose[:2])
@@ -178,25 +178,28 @@ class ForceField:
         cosine = travel_cosine((x, y), 0.0)
         factor = damping_factor(cosine, p.damping, p.may_pull)
         c, s = math.cos(heading), math.sin(heading)
-        return View(pose, speed, target, distance, bearing, cells, (c * x - s * y, s * x + c * y), cosine, factor)
-
-    def _has_new_target(self, target: Point) -> bool:
-        last = self.progress._target
-        return last is not None and math.dist(last, target) > self.params.target_shift
+        return View(pose, twist, target, distance, bearing, cells, (c * x - s * y, s * x + c * y), cosine, factor)
 
     def _follow_or_leave(self, view: View) -> None:
         """Begin or end following a wall."""
         p, following, heading = self.params, self.following, view.pose[2]
-        away = is_turned_away(heading, view.bearing)
-        if following.side == 0:
-            led_away = is_turned_away(resultant(view.push, view.factor, view.bearing), view.bearing)
-            hesitates = self.progress.stalled > p.hesitation
-            if view.push != (0.0, 0.0) and (hesitates or (away and (led_away or p.trap_rule == "heading"))):
-                following.begin(view.push, heading, self._wall_angle, view.distance)
-        elif view.push == (0.0, 0.0) or (
-            not away and (not p.leaves_nearer or view.distance < following.start - p.progress_step)
-        ):
+        is_away = is_turned_away(heading, view.bearing)
+        is_led_away = is_turned_away(resultant(view.push, view.factor, view.bearing), view.bearing)
+        if is_away and not is_led_away:
+            following.hesitated = 0.0  # turning back to the target takes time without being a trap
+        if view.push == (0.0, 0.0):
             following.end()
+        elif following.side == 0:
+            if following.hesitated > p.hesitation or (is_away and (is_led_away or p.trap_rule == "heading")):
+                following.begin(view.push, heading, self._wall_angle, view.distance)
+        elif not is_away and (p.leave_rule == "heading" or self._is_past(view)):
+            following.end()
+
+    def _is_past(self, view: View) -> bool:
+        """Whether the robot has come nearer than where it began to follow, or the push no longer opposes the target."""
+        if view.distance < self.following.start - self.params.progress_step:
+            return True
+        return not is_turned_away(math.atan2(view.push[1], view.push[0]), view.bearing)
 
     def _steer(self, view: View) -> Decision:
         """Turn to the resultant and drive as fast as the push from ahead allows."""
@@ -222,29 +225,28 @@ class ForceField:
         sent = (speed, turn)
         if p.arc_check:
             sent = free_command(
-                view.cells, self.edges, view.speed, sent, p.creep, self.period,
+                view.cells, self.edges, view.twist[0], sent, p.creep, self.period,
                 r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"
         is_clear = view.push == (0.0, 0.0)
-        progress.stalled = 0.0 if is_clear else progress.stalled + self.period
-        progress.blocked = progress.blocked + self.period if sent == (0.0, 0.0) else 0.0
+        # A robot that was stopped, or driven by another, does not do what it was told here: that is no trap.
+        obeyed = abs(view.twist[0] - self._sent[0]) < SPEED_ERROR and abs(view.twist[1] - self._sent[1]) < TURN_ERROR
+        elapsed = self.period if obeyed else 0.0
+        self._sent = sent
+        progress.stalled = 0.0 if is_clear else progress.stalled + elapsed
+        self.following.hesitated += elapsed
+        progress.blocked = progress.blocked + elapsed if sent == (0.0, 0.0) else 0.0
         if progress.stalled > p.patience:
             return self._give_up(view, f"no progress in {p.patience:g} s")
         if progress.blocked > p.blocked_patience:
-            progress.blocked = 0.0
-            progress.attempts += 1
-            if progress.attempts > p.attempts:
-                return self._give_up(view, "no room to move or turn")
-            self.rotation.sign = self.rotation.sign or (1 if turn > 0.0 else -1)
-            self.rotation.reverse(view.pose[2])
-            self._turn = 0.0
+            return self._give_up(view, "no room to move or turn")
         return Decision(*sent, "clear" if is_clear else "steering", direction, why)
 
     def _give_up(self, view: View, why: str) -> Decision:
         self.trap.place, self.trap.target = view.pose, view.target
-        self._turn = 0.0
+        self._sent, self._turn = (0.0, 0.0), 0.0
         return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)
 
 
@@ -253,10 +255,10 @@ def warm_up(*choices: VffParams) -> None:
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
     limits = np.tile([0.3, 4.0], (2, 1))
+    arrays = (np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2))
     for params in choices:
-        field = ForceField(params, robot, 0.05)
-        arrays = [np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2)]
-        field.step(Beams(*arrays, limits), (0.0, 0.0, 0.0), 0.0, (3.0, 0.0))
-        for array in arrays:
-            array.flags.writeable = False
-        field.step(Beams(*arrays, limits), (0.0, 0.0, 0.0), 0.0, (3.0, 0.0))
+        for is_writeable in (True, False):
+            for array in arrays:
+                array.flags.writeable = is_writeable
+            beams = Beams(arrays[0], arrays[1], arrays[2], arrays[3], limits)
+            ForceField(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

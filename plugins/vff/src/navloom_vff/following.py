@@ -32,16 +32,22 @@ class WallFollowing:
     Attributes:
         side: Wall on the left +1, on the right -1, none followed 0.
         start: Distance to the target where it began, m.
+        hesitated: Time without progress towards the target while none is followed, s.
     """
 
     side: int = 0
     start: float = math.inf
+    hesitated: float = 0.0
 
     def begin(self, push: tuple[float, float], heading: float, angle: float, distance: float) -> None:
-        """Follow the wall in the sense that is nearer to the heading, rad; the other arguments as above, distance in m."""
+        """Follow in the sense nearer to the heading: the one in which the forces have turned the robot.
+
+        Args:
+            push: F_r. heading: rad. angle: alpha, rad. distance: To the target, m.
+        """
         left, right = (abs(wrap(wall_direction(push, side, angle) - heading)) for side in (1, -1))
         self.side, self.start = 1 if left < right else -1, distance
 
     def end(self) -> None:
-        """The way to the target is free."""
-        self.side, self.start = 0, math.inf
+        """Head for the target again."""
+        self.side, self.start, self.hesitated = 0, math.inf, 0.0

@@ -1,7 +1,7 @@
 """Certainty grid of the VFF: one cell a reading, counted up and down (HIMM, Borenstein & Koren).
 
-A reading counts +3 in the cell on its acoustic axis at the distance read, and -1 in the cells of the axis before it. What
-is on the arc beside the axis is left to the robot's motion, which smears the same obstacle over its neighbours.
+A reading counts +3 in the cell on its acoustic axis at the distance read, and -1 in the cells of the axis before it.
+What is on the arc beside the axis is left to the robot's motion, which smears the same obstacle over its neighbours.
 """
 
 import math
@@ -90,6 +90,6 @@ def count_readings(
     for r in range(size):
         for k in range(size):
             if votes[r, k] == _SEEN:
-                grid[r, k] = min(TOP, grid[r, k] + up)
+                grid[r, k] = min(TOP, int(grid[r, k]) + up)
             elif votes[r, k] == _SEEN_THROUGH:
-                grid[r, k] = max(0, np.int64(grid[r, k]) - down)
+                grid[r, k] = max(0, int(grid[r, k]) - down)

@@ -42,11 +42,11 @@ class VffParams(Params):
     )
     hesitation: float = Field(4.0, gt=0.0, le=3600.0, description="Time without progress that is a trap too, s.")
     wall_angle_deg: float = Field(145.0, gt=90.0, lt=180.0, description="alpha, from F_r to the pull along a wall.")
-    leaves_nearer: bool = Field(True, description="Follow until nearer to the target than at its start. Paper: false.")
+    leave_rule: Literal["past", "heading"] = Field(
+        "past", description="Follow until past what turned it away, or until it heads for the target (paper)."
+    )
     patience: float = Field(60.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
-    attempts: int = Field(4, ge=1, le=100, description="Times it stands blocked without progress before it is trapped.")
-    rotation_deg: float = Field(90.0, gt=0.0, le=360.0, description="Turned the other way where blocked, degrees.")
-    blocked_patience: float = Field(1.0, gt=0.0, le=60.0, description="Standing blocked before the other way, s.")
+    blocked_patience: float = Field(5.0, gt=0.0, le=60.0, description="Standing blocked before it is trapped, s.")
     progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
     target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
     release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
@@ -71,7 +71,7 @@ def paper_literal() -> dict[str, Any]:
         "slows_for_turns": False,
         "trap_rule": "heading",
         "hesitation": 3600.0,
-        "leaves_nearer": False,
+        "leave_rule": "heading",
         "arc_check": False,
         "creep": 0.0,
     }

@@ -1,0 +1,232 @@
+"""The plugin against the framework's contract, and one tick of it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given as examples
+from hypothesis import settings
+from hypothesis import strategies as st
+from navloom import (
+    AvoiderInput,
+    Context,
+    Discovery,
+    Point2D,
+    Pose2D,
+    PoseEstimate,
+    RangeScan,
+    RobotSpec,
+    Twist2D,
+)
+from navloom_improved_vfh import certainty, clearance
+from navloom_vff import forces, himm
+from navloom_vff.adapter import Vff
+from navloom_vff.avoidance import disc_radius
+from navloom_vff.params import VffParams, paper_literal
+from pydantic import ValidationError
+
+SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
+BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
+LIMIT = math.radians(25.0)
+
+
+def make(**params):
+    robot = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, LIMIT, 0.5, 1.0)
+    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
+    return Vff(VffParams(**params), context)
+
+
+@pytest.fixture
+def avoider():
+    return make()
+
+
+def sonars(ranges):
+    origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
+    return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
+
+
+def laser(ranges):
+    n = len(ranges)
+    bearings = np.linspace(-1.5, 1.5, n)
+    return RangeScan(0, np.zeros((n, 2)), bearings, np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0)
+
+
+def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0), twist=(0.0, 0.0)):
+    estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(twist[0], 0.0, twist[1]), np.zeros((3, 3)))
+    return AvoiderInput(0, scans, estimate, Point2D(*target), 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)
+
+
+FREE = [math.inf] * 8
+LEFT_OF_AHEAD = [math.inf, math.inf, 0.6, math.inf, math.inf, math.inf, math.inf, math.inf]
+
+
+def test_is_found_by_its_entry_point():
+    assert Discovery().role("avoider", "vff") is Vff
+
+
+def test_free_way_is_clear_and_driven_at_full_speed(avoider):
+    answer = avoider.avoid(given(sonars(FREE)))
+    assert (answer.status, answer.twist) == ("clear", Twist2D(0.5, 0.0, 0.0))
+    assert answer.diagnostics.chosen == 0.0
+
+
+@pytest.mark.parametrize("sensor", ["sonar", "laser"])
+def test_what_is_left_of_ahead_is_passed_on_the_right(avoider, sensor):
+    scan = sonars(LEFT_OF_AHEAD)
+    if sensor == "laser":
+        scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101) - 0.5) < 0.1, 1.0, math.inf))
+    for _ in range(5):
+        answer = avoider.avoid(given(scan))
+    assert answer.status == "steering"
+    assert answer.twist.wz < 0.0
+    assert 0.0 < answer.twist.vx < 0.5
+    assert answer.diagnostics.chosen < 0.0
+    assert answer.diagnostics.window.max() == 15
+
+
+def test_the_histogram_is_the_push_by_direction_in_units_of_the_targets_pull(avoider):
+    """The echo of the sonar at 30 deg is in sector 6 of 72; cell (0.85, 0.55), 1.012 m off, 0.447 m from the disc."""
+    answer = avoider.avoid(given(sonars(LEFT_OF_AHEAD)))
+    d = answer.diagnostics
+    (row, column) = np.argwhere(d.window)[0]
+    x, y = d.window_x + (column + 0.5) * 0.1, d.window_y + (row + 0.5) * 0.1
+    expected = 0.25**2 / 15.0 * 3.0 / (math.hypot(x, y) - 0.4 * math.sqrt(2.0)) ** 2
+    assert d.histogram[math.floor(math.degrees(math.atan2(y, x)) / 5.0)] == pytest.approx(expected)
+    assert np.count_nonzero(d.histogram) == 1
+    assert (d.threshold, d.slots.shape) == (1.0, (0, 2))
+    assert d.why.startswith(f"push {expected:.2f}, ")
+
+
+def test_the_robots_size_counts(avoider):
+    """A wall of cells beside a point is far; beside the square of 0.8 m it is near."""
+    assert disc_radius(SQUARE, "enclosing") == pytest.approx(0.5657, abs=1e-4)
+    assert disc_radius(SQUARE, "inscribed") == pytest.approx(0.4)
+    assert disc_radius(SQUARE, "point") == 0.0
+    pushes = [make(disc=disc).avoid(given(sonars(LEFT_OF_AHEAD))).diagnostics.histogram.sum()
+              for disc in ("point", "inscribed", "enclosing")]  # fmt: skip
+    assert pushes[0] < 0.5 * pushes[1] < 0.5 * pushes[2]
+
+
+def test_standing_where_it_is_told_to_move_is_called_trapped_after_the_patience():
+    """Echoes all round at 0.35 m: it turns in place on the spot for 3 s and then gives up."""
+    avoider, heading, twist = make(patience=3.0), 0.0, (0.0, 0.0)
+    ticks = 0
+    while (answer := avoider.avoid(given(sonars([0.35] * 8), heading=heading, twist=twist))).status != "trapped":
+        ticks += 1
+        assert ticks < 200
+        twist = (answer.twist.vx, answer.twist.wz)
+        heading = math.remainder(heading + 0.05 * answer.twist.wz, 2.0 * math.pi)
+    assert answer.twist == Twist2D(0.0, 0.0, 0.0)
+    assert answer.diagnostics.why.startswith("trapped: no ")
+    assert ticks * 0.05 == pytest.approx(3.0, abs=0.3)
+    again = avoider.avoid(given(sonars(FREE), heading=heading))
+    assert again.diagnostics.why == "trapped: neither robot nor target moved since"
+    assert avoider.avoid(given(sonars(FREE), heading=heading, target=(3.0, 0.0))).status != "trapped"
+
+
+def test_being_stopped_by_somebody_else_is_no_trap():
+    avoider = make(patience=3.0)
+    scan = sonars(LEFT_OF_AHEAD)
+    answers = {avoider.avoid(given(scan)).status for _ in range(200)}  # commanded to move, but stands
+    assert answers == {"steering"}
+
+
+def test_what_appears_within_the_braking_way_stops_it():
+    """One tick and braking at 1 m/s^2 take 0.15 m, the margin is 0.12 m: an echo 0.2 m before the front is too near."""
+    scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 0.3, 0.6, math.inf))
+    answer = make().avoid(given(scan, twist=(0.5, 0.0)))
+    assert answer.twist.vx == 0.0
+    assert make(disc="point", slow_force=100.0, arc_check=False).avoid(given(scan, twist=(0.5, 0.0))).twist.vx > 0.2
+    assert make(disc="point", slow_force=100.0).avoid(given(scan, twist=(0.5, 0.0))).twist.vx == 0.0
+
+
+def test_reset_forgets_window_trap_and_turn_rate(avoider):
+    for _ in range(200):
+        avoider.avoid(given(sonars([0.35] * 8)))
+    avoider.reset()
+    answer = avoider.avoid(given(sonars(FREE)))
+    assert (answer.status, answer.twist) == ("clear", Twist2D(0.5, 0.0, 0.0))
+    assert answer.diagnostics.window.sum() == 0
+
+
+def test_tick_without_scans_keeps_what_was_seen(avoider):
+    seen = avoider.avoid(given(sonars(LEFT_OF_AHEAD)))
+    after = avoider.avoid(given())
+    assert seen.diagnostics.window.sum() == 3
+    np.testing.assert_array_equal(after.diagnostics.window, seen.diagnostics.window)
+
+
+def test_laser_above_a_low_obstacle_does_not_hide_it_from_the_sonars(avoider):
+    answer = avoider.avoid(given(sonars(LEFT_OF_AHEAD), laser(np.full(101, math.inf))))
+    assert answer.diagnostics.window.max() == 3
+    assert answer.status == "steering"
+
+
+def test_window_in_the_map_frame_follows_the_robot(avoider):
+    answer = avoider.avoid(given(sonars(FREE), x=2.05))
+    assert answer.diagnostics.window_x == pytest.approx(2.0 - 1.6)
+    assert answer.diagnostics.window_y == pytest.approx(-1.6)
+
+
+def test_no_tick_compiles_after_warm_up(avoider):
+    Vff.warm_up()
+    kernels = (
+        himm.count_readings, forces.repulsive_force, certainty.place_beams, certainty.scroll_window,
+        certainty.occupied_cells, clearance.free_command,
+    )  # fmt: skip
+    before = [len(kernel.signatures) for kernel in kernels]
+    avoider.avoid(given(sonars([0.5] * 8)))
+    avoider.avoid(given(sonars([0.5] * 8), laser(np.full(101, 1.0))))
+    avoider.avoid(given(laser(np.full(101, 1.0))))
+    avoider.avoid(given())
+    assert [len(kernel.signatures) for kernel in kernels] == before
+    assert min(before) >= 1
+
+
+@settings(max_examples=60)
+@examples(
+    st.lists(st.one_of(st.floats(0.3, 4.0), st.just(math.inf)), min_size=8, max_size=8),
+    st.floats(-math.pi, math.pi - 1e-9),
+    st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0)),
+    st.floats(0.0, 0.5),
+    st.booleans(),
+)
+def test_commands_are_finite_and_within_the_limits(ranges, heading, target, speed, is_literal):
+    avoider = make(**(paper_literal() if is_literal else {}))
+    for _ in range(4):
+        answer = avoider.avoid(given(sonars(ranges), heading=heading, target=target, twist=(speed, 0.0)))
+        assert 0.0 <= answer.twist.vx <= 0.5
+        assert answer.twist.vy == 0.0
+        assert abs(answer.twist.wz) <= LIMIT + 1e-12
+
+
+@settings(max_examples=60)
+@examples(st.lists(st.floats(0.45, 1.6), min_size=8, max_size=8), st.integers(1, 3), st.floats(-0.7, 0.7))
+def test_turning_robot_target_and_world_by_quarters_turns_the_answer(ranges, quarters, bearing):
+    answers = []
+    for turn in (0.0, quarters * 0.5 * math.pi):
+        # In the middle of its cell the robot sees the same cells after a quarter turn.
+        pose = Pose2D(0.05, 0.05, math.remainder(0.013 + turn, 2.0 * math.pi))
+        target = Point2D(0.05 + 5.0 * math.cos(bearing + turn), 0.05 + 5.0 * math.sin(bearing + turn))
+        estimate = PoseEstimate(0, pose, Twist2D(0.3, 0.0, 0.0), np.zeros((3, 3)))
+        scan = sonars(ranges)
+        answers.append(make().avoid(AvoiderInput(0, (scan,), estimate, target, 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)))
+    first, second = answers
+    if np.array_equal(np.rot90(first.diagnostics.window, -quarters), second.diagnostics.window):
+        assert second.twist.vx == pytest.approx(first.twist.vx, abs=1e-6)
+        assert second.twist.wz == pytest.approx(first.twist.wz, abs=1e-6)
+    else:  # an echo within rounding of a cell's side may fall to either cell
+        assert (np.rot90(first.diagnostics.window, -quarters) != second.diagnostics.window).sum() <= 4
+
+
+def test_unknown_keys_and_wrong_values_are_refused():
+    for wrong in ({"balanse": 0.2}, {"window": 3}, {"disc": "square"}, {"wall_angle_deg": 80.0}):
+        with pytest.raises(ValidationError):
+            VffParams(**wrong)
+
+
+def test_paper_literal_changes_every_key_it_names():
+    default = VffParams()
+    literal = VffParams(**paper_literal())
+    assert all(getattr(default, key) != getattr(literal, key) for key in paper_literal())

@@ -33,6 +33,8 @@ __all__ = ["GoalMachine", "GoalRules", "Seen"]
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
 """s a goal waits for a platform that fell silent."""
+SILENT_RECOVERY = 10.0
+"""s a recovery may say nothing."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
 
 
@@ -96,6 +98,7 @@ class _Active:
     moved_at: float = 0.0
     asked_ns: int = 0
     plan_id: int = 0
+    heard: float = -math.inf
     why: str = ""
 
 
@@ -245,7 +248,10 @@ class GoalMachine:
     def _while_recovering(self, active: _Active, seen: Seen) -> None:
         step = seen.recovery
         if step is None or seen.time == active.since:
+            if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
+                self._recover(active, active.why, seen)  # it died, or its last word was lost
             return
+        active.heard = seen.time
         if step.state == "done":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
             if step.clear_map:

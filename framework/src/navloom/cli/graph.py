@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from navloom.cli.live_options import AsJson, Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
 
 __all__ = ["graph"]
 
@@ -68,32 +68,20 @@ def _live_graph(
     robot: str | None, connect: str | None, keys: str | None, insecure: bool, as_json: bool, dot: bool
 ) -> None:
     """Who is there, what each publishes, and whose messages it has received."""
+    from navloom.cli.live_graph import live_edges, live_nodes, print_dot, print_nodes
     from navloom.cli.output import print_json
+    from navloom.runtime.client import ClientError
     from navloom.runtime.joining import join
     from navloom.runtime.looking import listing
 
-    with join(robot, connect, keys, "viewer", insecure) as client:
-        nodes = [node for node in listing(client) if node["answers"]]
-    wires = [
-        {"from": "/".join(stream.split("/")[:2]), "port": stream.split("/")[2], "to": f"{n['role']}/{n['instance']}",
-         "received": counts["received"]}
-        for n in nodes for stream, counts in n["streams"].items()
-    ]  # fmt: skip
+    with join(robot, connect, keys, VIEWER, insecure) as client:
+        found = listing(client)
+    if not found:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    nodes, edges = live_nodes(found), live_edges(found)
     if as_json:
-        shown = ("role", "instance", "process", "host", "active", "published")
-        print_json({"nodes": [{key: node[key] for key in shown} for node in nodes], "edges": wires})
+        print_json({"nodes": nodes, "edges": edges})
     elif dot:
-        typer.echo("digraph navloom {\n  rankdir=LR;")
-        for wire in wires:
-            style = "" if wire["received"] else " style=dotted,"
-            typer.echo(f'  "{wire["from"]}" -> "{wire["to"]}" [{style.strip()} label="{wire["port"]}"];')
-        typer.echo("}")
+        print_dot(nodes, edges)
     else:
-        for node in nodes:
-            name = f"{node['role']}/{node['instance']}"
-            typer.echo(f"{name} ({node['process']} on {node['host']}{'' if node['active'] else ', not in charge'})")
-            reads = [
-                f"{w['from']}/{w['port']}{'' if w['received'] else ' (nothing yet)'}" for w in wires if w["to"] == name
-            ]
-            typer.echo(f"  reads {', '.join(reads) or 'nothing'}")
-            typer.echo(f"  publishes {', '.join(node['published'])}")
+        print_nodes(nodes, edges)

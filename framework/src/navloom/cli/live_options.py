@@ -6,7 +6,10 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["AsJson", "Connect", "Insecure", "Keys", "RobotName"]
+__all__ = ["VIEWER", "AsJson", "Connect", "Insecure", "Keys", "RobotName"]
+
+VIEWER = "viewer"
+"""Certificate that is enough to look."""
 
 RobotName = Annotated[
     str | None, typer.Option("--robot", metavar="REALM/NAME", help="Which robot; default: the only one that is up.")

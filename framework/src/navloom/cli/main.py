@@ -6,7 +6,26 @@ import sys
 
 import typer
 
-from navloom.cli import config, graph, keys, looking, map, nodes, operate, plan, plugins, run, teleop, up, worlds
+from navloom.cli import (
+    config,
+    doctor,
+    echo,
+    export,
+    graph,
+    hz,
+    keys,
+    listing,
+    map,
+    nodes,
+    operate,
+    plan,
+    plugins,
+    run,
+    status,
+    teleop,
+    up,
+    worlds,
+)
 
 __all__ = ["app", "main"]
 
@@ -26,11 +45,11 @@ app.command("swap")(operate.swap)
 app.command("stop")(operate.stop)
 app.command("resume")(operate.resume)
 app.command("teleop", context_settings=operate.NUMBERS)(teleop.teleop)
-app.command("list")(looking.list_nodes)
-app.command("status")(looking.status)
-app.command("echo")(looking.echo)
-app.command("hz")(looking.hz)
-app.command("doctor")(looking.doctor)
+app.command("list")(listing.list_nodes)
+app.command("status")(status.status)
+app.command("echo")(echo.echo)
+app.command("hz")(hz.hz)
+app.command("doctor")(doctor.doctor)
 app.command("node")(nodes.node)
 app.command("router")(nodes.router)
 app.add_typer(operate.params, name="params")
@@ -40,6 +59,7 @@ app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)
 app.add_typer(keys.app, name="keys")
+app.add_typer(export.app, name="export")
 app.add_typer(config.app, name="config")
 
 

@@ -33,12 +33,19 @@ def node(
     from navloom.runtime.build import assemble
     from navloom.runtime.by_hand import share_by_hand
     from navloom.runtime.node_process import NodeProcess, leave
+    from navloom.runtime.systemd import notify
 
     system = assemble(load_config(config, set_ or (), seed))
     with ending() as event, share_by_hand(system, names, connect, keys, insecure) as share:
         process = NodeProcess(system, share, event)
         sys.setswitchinterval(0.0005)
-        process.run(_say, lambda: _say(f"{', '.join(' '.join(source) for source in share.sources)}: ready"))
+
+        def ready() -> None:
+            _say(f"{', '.join(' '.join(source) for source in share.sources)}: ready")
+            notify("READY=1")
+
+        process.run(_say, ready, lambda: notify("WATCHDOG=1"))
+        notify("STOPPING=1")
     if process.hung:
         _say(process.hung)
     leave(process)
@@ -56,6 +63,7 @@ def router(
     from navloom.cli.up import ending
     from navloom.runtime.links import Link
     from navloom.runtime.router_main import route
+    from navloom.runtime.systemd import notify
 
     realm, slash, name = robot.partition("/")
     if not slash or not realm or not name:
@@ -63,7 +71,13 @@ def router(
     folder = Path(keys) if keys else None
     link = Link("router", (listen,), (), folder, "router" if folder else None, insecure, realm, name)
     with ending() as event:
-        route(link, event, lambda: _say(f"router of {robot}: listening at {listen}"))
+
+        def ready() -> None:
+            _say(f"router of {robot}: listening at {listen}")
+            notify("READY=1")
+
+        route(link, event, ready, lambda: notify("WATCHDOG=1"))
+        notify("STOPPING=1")
 
 
 def _say(text: str) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["print_json", "print_table", "shown", "stage"]
+__all__ = ["json_line", "print_json", "print_table", "shown", "stage"]
 
 WIDE = 1000
 """Columns of a table that goes to a file or another program: none is cut."""
@@ -18,6 +18,11 @@ WIDE = 1000
 def print_json(value: Any) -> None:
     """One JSON value on standard output; numbers that JSON lacks become null."""
     print(json.dumps(_plain(value), indent=2, ensure_ascii=False))
+
+
+def json_line(value: Any) -> str:
+    """One JSON value on one line; numbers that JSON lacks become null."""
+    return json.dumps(_plain(value), ensure_ascii=False)
 
 
 def _plain(value: Any) -> Any:

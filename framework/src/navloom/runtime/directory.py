@@ -7,11 +7,11 @@ import fcntl
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-__all__ = ["DirectoryError", "RobotFolder", "Running", "robots", "runtime_folder"]
+__all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtime_folder"]
 
 LONGEST_SOCKET = 100
 """Characters of a socket's path that every system takes."""
@@ -43,6 +43,23 @@ class Running:
     config: str
     barrier: bool
     keys: str = ""
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What has become of a process that is supervised.
+
+    Attributes:
+        pid: None while there is none.
+        state: starting, running, waiting (for its restart), failed or ended.
+        restarts: How often it was started again.
+        why: How it ended last; empty where it never did.
+    """
+
+    pid: int | None
+    state: str
+    restarts: int
+    why: str
 
 
 def runtime_folder() -> Path:
@@ -112,13 +129,42 @@ class RobotFolder:
 
     def read(self) -> Running | None:
         """What runs here; None where nothing does any more."""
+        running = self.told()
         try:
-            found = json.loads((self.path / "robot.json").read_text("utf-8"))
-            running = Running(**{**found, "endpoints": tuple(found["endpoints"])})
-            os.kill(running.pid, 0)
-        except (OSError, ValueError, TypeError, KeyError):
+            if running is not None:
+                os.kill(running.pid, 0)
+        except OSError:
             return None
         return running
+
+    def told(self) -> Running | None:
+        """What was written here, whether it still runs or not."""
+        try:
+            found = json.loads((self.path / "robot.json").read_text("utf-8"))
+            return Running(**{**found, "endpoints": tuple(found["endpoints"])})
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+
+    def write_fates(self, fates: Mapping[str, Fate]) -> None:
+        """Say what has become of each process."""
+        part = self.path / "fates.json.part"
+        part.write_text(json.dumps({name: asdict(fate) for name, fate in fates.items()}), "utf-8")
+        part.replace(self.path / "fates.json")
+
+    def fates(self) -> dict[str, Fate]:
+        """What has become of each process; empty where nobody supervises any."""
+        try:
+            found = json.loads((self.path / "fates.json").read_text("utf-8"))
+            return {name: Fate(**fate) for name, fate in found.items()}
+        except (OSError, ValueError, TypeError, AttributeError):
+            return {}
+
+    def last_words(self, process: str, lines: int = 3) -> str:
+        """The last lines a process wrote."""
+        with contextlib.suppress(OSError):
+            text = (self.path / f"{process}.log").read_text("utf-8", "replace")
+            return "; ".join(line.strip() for line in text.splitlines()[-lines:])
+        return ""
 
     def clear(self) -> None:
         """Remove what a robot that ended has left."""

@@ -1,147 +1,221 @@
-"""What is wrong with a live robot, and what to do about it."""
+"""What is wrong with a live robot, and what to do about it: from the way to it down to its streams."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from navloom.messages import Feedback, GateStatus
 from navloom.runtime.client import Client
-from navloom.runtime.looking import listing, offsets
+from navloom.runtime.directory import DirectoryError, Fate, RobotFolder, robots
+from navloom.runtime.findings import Finding, differing, failing, flowing, named, sharing, unheard, where
+from navloom.runtime.host_faults import fate_in_words, left_behind, restarting
+from navloom.runtime.joining import find_robot, join
+from navloom.runtime.links import LinkError
+from navloom.runtime.looking import Missing, last_words, listing, missing, neighbours_names, why_stopped
+from navloom.runtime.metering import clock_offsets
+from navloom.runtime.zenoh_bus import BusError
 
-__all__ = ["Finding", "examine"]
+__all__ = ["Diagnosis", "diagnose", "examine"]
 
 CLOCKS = 0.5
-"""s two hosts' wall clocks may differ before it is said; nothing here depends on them, logs and recordings do."""
-POOL = 64.0
-"""MB of shared memory a process may take."""
-NEEDED = (
-    "platform",
-    "localizer",
-    "mapper",
-    "planner",
-    "controller",
-    "avoider",
-    "recovery",
-    "goal",
-    "reference",
-    "gate",
-)
+"""s two hosts' wall clocks may differ. The robot minds no difference; its logs and recordings do."""
+STEPPING = ("platform", "localizer", "goal", "reference", "gate")
+"""Roles that step with the platform, whether there is a goal or not."""
+ADVANCE = 2.0
+"""s within which each of them must have stepped."""
 
 
 @dataclass(frozen=True)
-class Finding:
-    """Something wrong: what, and what to do."""
+class Diagnosis:
+    """What was found of a robot.
 
-    what: str
-    remedy: str
+    Attributes:
+        robot: REALM/NAME; empty where no robot was found.
+        nodes: How many are there.
+        findings: Problems first.
+    """
+
+    robot: str
+    nodes: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def is_healthy(self) -> bool:
+        """There are notes at most."""
+        return all(finding.severity == "note" for finding in self.findings)
 
 
-def examine(client: Client) -> list[Finding]:
-    """Everything that is wrong with a robot whose network was joined."""
+def diagnose(
+    robot: str | None = None,
+    connect: str | None = None,
+    keys: str | None = None,
+    identity: str = "viewer",
+    insecure: bool = False,
+) -> Diagnosis:
+    """Examine a robot; see `join` for the arguments. That it cannot be reached is a finding, too.
+
+    Raises:
+        DirectoryError: Several robots are up, and none was named.
+    """
+    here = left_behind() if connect is None else []
+    folder, config = None, "CONFIG"
+    if connect is None:
+        if robot is None and len(list(robots())) > 1:
+            find_robot(None)
+        try:
+            running = find_robot(robot)
+        except DirectoryError as error:
+            return _diagnosis(robot or "", 0, [_first_step(str(error)), *here])
+        robot, config = f"{running.realm}/{running.robot}", running.config
+        folder = RobotFolder(running.realm, running.robot)
+    try:
+        with join(robot, connect, keys, identity, insecure) as client:
+            nodes, found = examine(client, folder, config)
+            return _diagnosis(client.keys.prefix, nodes, found + here)
+    except (BusError, LinkError, DirectoryError) as error:
+        return _diagnosis(robot or "", 0, [_no_way(str(error)), *here])
+
+
+def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[int, list[Finding]]:
+    """Everything about a robot whose network was joined.
+
+    Args:
+        client: Of the robot.
+        folder: Where it was started on this host, else None.
+        config: What it was started with.
+
+    Returns:
+        Nodes that are there, and the findings.
+    """
     nodes = listing(client)
+    fates = folder.fates() if folder is not None else {}
+    found = restarting(folder, client.keys.prefix) if folder is not None else []
+    if not nodes:
+        return 0, [*found, _nobody(client)]
+    found = [*_absent(missing(nodes), folder, fates, config), *_mute(nodes, folder, fates), *found]
     answering = [node for node in nodes if node["answers"]]
-    found = _missing(nodes) + _differences(answering) + _streams(answering) + _hosts(client, answering)
-    return found + _standing(client, answering)
+    for check in (failing, flowing, differing, unheard, sharing):
+        found += check(answering)
+    found += _clocks(client, answering)
+    stands = _standing(client, answering)
+    return len(nodes), found + stands + _stopped(client, has_cause=bool(stands) or bool(missing(nodes)))
 
 
-def _missing(nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    roles = {node["role"] for node in nodes}
-    found = [
-        Finding(f"{role}: no instance is there", "start the process or host it belongs to, see [live] of the config")
-        for role in NEEDED
-        if role not in roles
+def _diagnosis(robot: str, nodes: int, found: Sequence[Finding]) -> Diagnosis:
+    return Diagnosis(robot, nodes, tuple(sorted(found, key=lambda finding: finding.severity == "note")))
+
+
+# --- the way to it --------------------------------------------------------------------------------------------------
+
+
+def _first_step(text: str) -> Finding:
+    """No such robot is up here."""
+    what, _, remedy = text.partition(": start one")
+    if remedy:
+        return Finding("problem", what, f"start one{remedy}")
+    return Finding("problem", text, "`navloom up CONFIG` starts it; --connect ENDPOINT reaches one on another host")
+
+
+def _no_way(text: str) -> Finding:
+    """Its network cannot be joined."""
+    if "shm segment" in text:
+        remedy = "this host has no shared memory left: remove *.zenoh from /dev/shm where no robot is up, or enlarge it"
+    elif "nobody listens" in text:
+        remedy = "start the robot (`navloom up CONFIG`) or its router (`navloom router ENDPOINT`), or correct --connect"
+    elif "TLS" in text or "tls/" in text or "certificate" in text:
+        remedy = "both ends need tls/ and certificates of one `navloom keys new`, given with --keys, or neither does"
+    else:
+        remedy = "is the endpoint right, is its router up (`navloom router`), and is tls/ used on both ends or on none?"
+    return Finding("problem", text, remedy)
+
+
+def _nobody(client: Client) -> Finding:
+    others = neighbours_names(client)
+    known = f"; there are {', '.join(others)}: choose with --robot" if others else ""
+    remedy = "`navloom up` starts its processes; a certificate of another robot sees nobody either"
+    return Finding("problem", f"the network is there, but no node of robot {client.keys.prefix} is{known}", remedy)
+
+
+# --- who is there ---------------------------------------------------------------------------------------------------
+
+
+def _absent(
+    gone: Sequence[Missing], folder: RobotFolder | None, fates: Mapping[str, Fate], config: str
+) -> list[Finding]:
+    """Nodes that are missing, by the process they belong to."""
+    found = []
+    for process in dict.fromkeys(one.process for one in gone):
+        ours = [one for one in gone if one.process == process]
+        names = ", ".join(f"{one.role} {one.instance}" for one in ours)
+        host = ours[0].host
+        what = f"{names}: missing; of process {process}" + (f" on host {host}" if host else "")
+        fate = fates.get(process)
+        if folder is not None and fate is not None:
+            what += f": {fate_in_words(folder, process, fate)}"
+            remedy = f"`navloom up` starts it again by itself; what it says is in {folder.path / f'{process}.log'}"
+        elif host:
+            remedy = f"`navloom up {config} --host {host}` there; where it is up, see whether it reaches the router"
+        else:
+            remedy = f"`navloom node {config} {process}` starts it"
+        found.append(Finding("problem", what, remedy))
+    return found
+
+
+def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None, fates: Mapping[str, Fate]) -> list[Finding]:
+    """Nodes that are announced, but do not answer, by process."""
+    mute = [node for node in nodes if not node["answers"]]
+    found = []
+    for process in dict.fromkeys(node["process"] for node in mute):
+        names = ", ".join(named(node) for node in mute if node["process"] == process)
+        what = f"{names}: announced, but not answering; of process {process or 'unknown'}"
+        if folder is not None and process in fates:
+            what += f": {fate_in_words(folder, process, fates[process])}"
+        remedy = "its process is stopped, overloaded, or just gone with its host: look again, then restart it"
+        found.append(Finding("problem", what, remedy))
+    return found
+
+
+# --- what they do ---------------------------------------------------------------------------------------------------
+
+
+def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
+    return [
+        Finding(
+            "problem",
+            f"the wall clock of {host} is {offset.seconds:+.2f} s (± {offset.uncertain:.3f} s) off this host's",
+            "the robot does not mind, its logs and recordings do: have a time service such as chrony set both",
+        )
+        for host, offset in sorted(clock_offsets(client, nodes).items())
+        if abs(offset.seconds) - offset.uncertain > CLOCKS
     ]
-    for node in nodes:
-        name = f"{node['role']} {node['instance']}"
-        if not node["answers"]:
-            found.append(
-                Finding(
-                    f"{name}: is announced, but does not answer", "its process is stopped or overloaded: restart it"
-                )
-            )
-        elif node.get("busy"):
-            found.append(Finding(f"{name}: is in a long step", "see its plugin; `navloom hz` of its streams"))
-    return found
-
-
-def _differences(nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    found = []
-    for package in sorted({package for node in nodes for package in node["versions"]}):
-        by_version: dict[str, list[str]] = {}
-        for node in nodes:
-            by_version.setdefault(node["versions"].get(package, "none"), []).append(f"{node['process']}@{node['host']}")
-        if len(by_version) > 1:
-            text = "; ".join(f"{version}: {', '.join(sorted(set(who)))}" for version, who in sorted(by_version.items()))
-            found.append(Finding(f"{package} differs: {text}", "install the same version on every host"))
-    configs = {node["config_sha256"]: f"{node['process']}@{node['host']}" for node in nodes}
-    if len(configs) > 1:
-        who = ", ".join(sorted(configs.values()))
-        found.append(Finding(f"the config differs between processes: {who}", "start all of them with the same file"))
-    return found
-
-
-def _streams(nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    found = []
-    for node in nodes:
-        name = f"{node['role']} {node['instance']}"
-        for stream, counts in node["streams"].items():
-            if counts["malformed"]:
-                found.append(
-                    Finding(
-                        f"{name}: {counts['malformed']} malformed messages on {stream}: {counts['complaint']}",
-                        "find who sends them; both sides must have the same versions",
-                    )
-                )
-            if counts["dropped"] > max(20, counts["received"] // 10):
-                found.append(
-                    Finding(
-                        f"{name}: {counts['dropped']} of {counts['received']} messages on {stream} were dropped unread",
-                        "the node is slower than the stream: give it a process or a core of its own, or lower the rate",
-                    )
-                )
-        if node.get("ticks", 0) > 100 and node["late_ticks"] > node["ticks"] // 100:
-            found.append(
-                Finding(
-                    f"{name}: {node['late_ticks']} of {node['ticks']} ticks were late",
-                    "the host is overloaded: move mapper and planner elsewhere, or make run.period longer",
-                )
-            )
-    return found
-
-
-def _hosts(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    found = []
-    for host, offset in sorted(offsets(client).items()):
-        if abs(offset) > CLOCKS:
-            found.append(
-                Finding(
-                    f"the clock of {host} is {offset:+.1f} s off this one's",
-                    "the robot does not mind, logs and recordings do: run a time service such as chrony there",
-                )
-            )
-    for host, free in {node["host"]: node["shared_memory_mb"] for node in nodes}.items():
-        if free is None or free < POOL:
-            text = "none" if free is None else f"{free:.0f} MB free"
-            found.append(
-                Finding(
-                    f"{host} has too little shared memory ({text})",
-                    f"give /dev/shm {POOL:.0f} MB a process (containers: --shm-size); it works without, but slower",
-                )
-            )
-    return found
 
 
 def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    """A clock that stands, and a stop that waits for somebody."""
-    found = []
-    again = {(node["role"], node["instance"]): node for node in client.describe()}
-    for node in nodes:
-        later = again.get((node["role"], node["instance"]))
-        if node["role"] in ("platform", "localizer") and later is not None and later["tick"] == node["tick"]:
-            found.append(Finding(f"{node['role']} {node['instance']}: its tick stands still", "restart its process"))
-    status = client.last("gate", "main", "status")
-    if getattr(status, "latched", False):
-        reason = getattr(status, "reason", "")
-        found.append(Finding(f"the robot is stopped: {reason}", "`navloom resume` when the way is clear"))
-    return found
+    """Nodes that should step with every tick and do not; where the platform stands, it alone."""
+    first = {named(node): node for node in nodes if node["role"] in STEPPING and node["active"]}
+    left, limit = dict(first), time.monotonic() + ADVANCE
+    while left and time.monotonic() < limit:
+        time.sleep(0.1)
+        now = {named(node): node["tick"] for node in client.describe()}
+        left = {name: node for name, node in left.items() if now.get(name) in (None, node["tick"])}
+    stand = [node for node in left.values() if node["role"] == "platform"] or list(left.values())
+    remedy = "see the log of its process, and restart it; a platform may wait for its hardware"
+    return [
+        Finding("problem", f"{named(node)} stands at tick {node['tick']} ({where(node)})", remedy) for node in stand
+    ]
+
+
+def _stopped(client: Client, has_cause: bool) -> list[Finding]:
+    """A robot that is kept from driving. What is missing has been said already, and stops it as well."""
+    words = last_words(client)
+    status, feedback = words["gate/status"], words["goal/feedback"]
+    if not isinstance(status, GateStatus) or not status.stopped or (has_cause and not status.latched):
+        return []
+    has_goal = isinstance(feedback, Feedback) and feedback.state == "driving"
+    if status.reason == "no_trajectory" and not has_goal:
+        return []
+    text, remedy = why_stopped(status)
+    return [Finding("problem", f"the robot is stopped: {text} ({status.reason})", remedy or "see `navloom status`")]

@@ -44,6 +44,7 @@ class LiveRunner:
         self.faults: dict[Source, tuple[int, str]] = {}
         self.busy_since: float | None = None
         self.faulted = 0
+        self.fault = ""
         self._changes: deque[Change] = deque()
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
@@ -187,6 +188,7 @@ class LiveRunner:
         except Exception as error:
             fault = f"{type(error).__name__}: {error}"
         self.faulted = self.faulted + 1 if fault else 0
+        self.fault = fault
         self.busy_since = None
         return outputs, time.monotonic_ns() - before, fault
 

@@ -1,50 +1,160 @@
-"""What can be seen of a live robot from outside: who is there, what flows, and what is wrong."""
+"""What can be seen of a live robot from outside: who is there, what flows, and what it says of itself."""
 
 from __future__ import annotations
 
+import contextlib
 import difflib
-import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from navloom.messages import Envelope, Message
-from navloom.messages.codec import CodecError
+from navloom.messages import Envelope, GateStatus, Message, Parameters
+from navloom.messages.codec import CodecError, decode
 from navloom.runtime.client import Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
+from navloom.runtime.quality import is_retained
 
 __all__ = [
+    "Missing",
     "NoStream",
-    "StreamMeter",
+    "changed_parameters",
     "envelope_fields",
     "last_words",
     "listing",
     "message_fields",
-    "offsets",
+    "missing",
+    "neighbours_names",
+    "platform_age",
     "resolve",
+    "retained",
     "streams",
     "tap",
+    "why_stopped",
 ]
+
+FIRST = 4
+"""Entries of an array that are shown where it is summarised."""
+UNKNOWN = ("plugin", "pid", "host", "active", "enabled", "tick", "epoch", "busy_s")
+"""What a node that does not answer leaves open."""
+
+_STOPS = {
+    "operator": ("an operator stopped it", "`navloom resume` lets it drive again"),
+    "contact": ("it touched something", "`navloom resume` when the way is clear"),
+    "no_trajectory": ("there is nothing to follow", "`navloom goal X Y` gives it a goal"),
+    "ending": ("its gate has ended", "`navloom up` starts it again"),
+    "silent: platform": ("the platform is not heard", "`navloom doctor` looks for the cause"),
+}
+_KINDS = {
+    "silent": ("is not heard", "`navloom hz` of its stream, `navloom doctor` looks for the cause"),
+    "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
+    "stale": ("gives commands from old data", "its process or the network is too slow: see `navloom doctor`"),
+    "old_selection": ("does not know of the last swap", "it passes with its next step; else see `navloom doctor`"),
+}
 
 
 class NoStream(ValueError):
     """A key that no stream of the robot has; the text names the nearest."""
 
 
+class Missing(NamedTuple):
+    """A node of the config that is not there.
+
+    Attributes:
+        role, instance: Its names.
+        process: Where the config puts it.
+        host: Host of `[live.hosts]` with that process; empty where the config names none.
+    """
+
+    role: str
+    instance: str
+    process: str
+    host: str
+
+
+# --- who is there ---------------------------------------------------------------------------------------------------
+
+
 def listing(client: Client) -> list[dict[str, Any]]:
-    """Every node: what it says of itself, and those whose token is there but that do not answer."""
+    """Every node, in the order of the graph: what it says of itself, and those that are announced but do not answer."""
     nodes = client.describe()
     answered = {(node["role"], node["instance"]) for node in nodes}
+    places = _places(nodes)
     for key in client.bus.alive(client.keys.alive("*", "*", "*")):
         role, name, _ = client.keys.split(key)
         if (role, name) not in answered:
             answered.add((role, name))
-            nodes.append({"role": role, "instance": name, "answers": False})
+            process = places.get(f"{role} {name}")
+            nodes.append({"role": role, "instance": name, "process": process, **dict.fromkeys(UNKNOWN)})
+            nodes[-1]["answers"] = False
     for node in nodes:
         node.setdefault("answers", True)
-    return sorted(nodes, key=lambda node: (node["role"], node["instance"]))
+    order = {node: number for number, node in enumerate(places)}
+    return sorted(nodes, key=lambda n: (order.get(f"{n['role']} {n['instance']}", len(order)), n["role"]))
+
+
+def missing(nodes: Sequence[Mapping[str, Any]]) -> list[Missing]:
+    """Nodes that others know from the config, and that nobody sees."""
+    there = {f"{node['role']} {node['instance']}" for node in nodes}
+    hosts: dict[str, str] = {}
+    for node in nodes:
+        hosts |= node.get("hosts", {})
+    gone = [(*name.split(" ", 1), process) for name, process in _places(nodes).items() if name not in there]
+    return [Missing(role, instance, process, hosts.get(process, "")) for role, instance, process in gone]
+
+
+def neighbours_names(client: Client) -> list[str]:
+    """Every realm/robot that has a node on this network, as far as this tool may see."""
+    return sorted({"/".join(key.split("/")[:2]) for key in client.bus.alive("*/*/*/*/alive/*")})
+
+
+def _places(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Process of each "role instance", in the order of the graph, as the nodes that answer know it."""
+    found: dict[str, str] = {}
+    for node in nodes:
+        found |= node.get("places", {})
+    return found
+
+
+# --- what it says of itself -----------------------------------------------------------------------------------------
+
+
+def last_words(client: Client) -> dict[str, Message | None]:
+    """The last of what the goal and the gate said."""
+    wanted = (("goal", "feedback"), ("goal", "result"), ("gate", "status"), ("gate", "selection"))
+    return {f"{role}/{port}": client.last(role, "main", port) for role, port in wanted}
+
+
+def changed_parameters(client: Client) -> dict[str, list[str]]:
+    """TOML assignments of what was changed since the start, by "role instance"."""
+    found = {}
+    for answer in client.bus.ask(client.keys.port("*", "*", "parameters"), timeout=1.0):
+        with contextlib.suppress(CodecError):
+            message = decode(answer.data, answer.label)[0] if not answer.refusal else None
+            if isinstance(message, Parameters) and message.values:
+                role, name, _ = client.keys.split(answer.key)
+                found[f"{role} {name}"] = list(message.values)
+    return dict(sorted(found.items()))
+
+
+def platform_age(nodes: Sequence[Mapping[str, Any]]) -> float | None:
+    """s since the platform was heard, by the gate where it is there, else by who heard it last; None for never."""
+    ages = {node["role"]: node["silence_s"] for node in nodes if node.get("silence_s") is not None}
+    return ages.get("gate", min(ages.values(), default=None))
+
+
+def why_stopped(status: GateStatus) -> tuple[str, str]:
+    """Why nobody drives, in words, and what to do; both empty while somebody does."""
+    if not status.stopped:
+        return "", ""
+    if status.reason in _STOPS:
+        return _STOPS[status.reason]
+    kind, _, who = status.reason.partition(": ")
+    words, remedy = _KINDS.get(kind, ("", "`navloom doctor` looks for the cause"))
+    return (f"{who} {words}" if words else status.reason), remedy
+
+
+# --- streams --------------------------------------------------------------------------------------------------------
 
 
 def streams(nodes: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -54,72 +164,32 @@ def streams(nodes: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def resolve(key: str, nodes: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Streams meant by role/instance/port or role/port, either with `*`.
+    """Streams meant by role/instance/port, role/port or role, each with `*` for any.
 
     Raises:
         NoStream: None of that name.
     """
     known = streams(nodes)
     parts = key.strip("/").split("/")
-    wanted = [parts[0], "*", parts[1]] if len(parts) == 2 else parts
+    wanted = {1: [*parts, "*", "*"], 2: [parts[0], "*", parts[-1]]}.get(len(parts), parts)
     if len(wanted) == 3:
         fitting = [s for s in known if all(w in ("*", p) for w, p in zip(wanted, s.split("/"), strict=True))]
         if fitting:
             return fitting
-    short = sorted({f"{role}/{port}" for role, _, port in (stream.split("/") for stream in known)})
+    if not known:
+        raise NoStream(f"no stream {key!r}: no node of the robot answers; `navloom doctor` says why")
+    raise NoStream(f"no stream {key!r}: expected role/port or role/instance/port; {_nearest(key, known)}")
+
+
+def _nearest(key: str, known: Sequence[str]) -> str:
+    """What may have been meant: the nearest stream, the role's own, or the roles there are."""
+    short = list(dict.fromkeys(f"{role}/{port}" for role, _, port in (stream.split("/") for stream in known)))
     near = difflib.get_close_matches(key, [*known, *short], n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"as in {', '.join(short[:4])}"
-    raise NoStream(f"no stream {key!r}: expected role/port or role/instance/port; {hint}")
-
-
-@dataclass
-class StreamMeter:
-    """What a stream does: rate, jitter, ages, bytes, gaps."""
-
-    arrivals: list[float] = field(default_factory=list)
-    ages: list[float] = field(default_factory=list)
-    size: int = 0
-    lost: int = 0
-    malformed: int = 0
-    last: int = 0
-
-    def note(self, packet: Packet, platform_ns: int) -> None:
-        """Take one message; `platform_ns` is what the platform's clock shows, -1 where it is not known."""
-        self.size += len(packet.data)
-        try:
-            _, envelope = packet.open()
-        except CodecError:
-            self.malformed += 1
-            return
-        self.arrivals.append(packet.arrived_ns * 1e-9)
-        if self.last and envelope.sequence > self.last + 1:
-            self.lost += envelope.sequence - self.last - 1
-        self.last = envelope.sequence
-        if platform_ns >= 0:
-            self.ages.append((platform_ns - envelope.cause_ns) * 1e-9)
-
-    def summary(self, seconds: float) -> dict[str, Any]:
-        """Figures over s of listening; SI units."""
-        gaps = np.diff(np.array(self.arrivals))
-        ages = ages_of(self.ages)
-        return {
-            "messages": len(self.arrivals),
-            "rate_hz": float(1.0 / gaps.mean()) if gaps.size else len(self.arrivals) / seconds,
-            "jitter_std_s": float(gaps.std()) if gaps.size else None,
-            "interval_max_s": float(gaps.max()) if gaps.size else None,
-            "age_p50_s": ages[0],
-            "age_p99_s": ages[1],
-            "bytes_per_s": self.size / seconds,
-            "lost": self.lost,
-            "malformed": self.malformed,
-        }
-
-
-def ages_of(ages: Sequence[float]) -> tuple[float | None, float | None]:
-    """Median and 99th percentile, s."""
-    if not ages:
-        return None, None
-    return float(np.percentile(ages, 50)), float(np.percentile(ages, 99))
+    if near:
+        return f"did you mean {near[0]!r}?"
+    role = key.strip("/").split("/")[0]
+    ports = [stream for stream in short if stream.startswith(f"{role}/")]
+    return f"there are {', '.join(ports or dict.fromkeys(stream.split('/')[0] for stream in short))}"
 
 
 def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inlet]:
@@ -129,11 +199,24 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
         inlet = taps[stream] = Inlet(stream, mailbox, 4096)
 
         def receive(key: str, data: bytes | None, label: str, inlet: Inlet = inlet) -> None:
-            if data is not None:
+            if data is None:
+                inlet.refuse("it is too large to be copied")
+            else:
                 inlet.give(Packet(data, label))
 
         client.bus.subscribe(f"{client.keys.prefix}/{stream}", receive)
     return taps
+
+
+def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
+    """The last message of a stream whose publisher keeps it, so that who looks need not wait for the next."""
+    role, name, port = stream.split("/", 2)
+    if is_retained(role, port):
+        for answer in client.bus.ask(client.keys.port(role, name, port), timeout=1.0):
+            with contextlib.suppress(CodecError):
+                if not answer.refusal:
+                    return decode(answer.data, answer.label)
+    return None
 
 
 def message_fields(message: Message, whole: bool = False) -> dict[str, Any]:
@@ -152,33 +235,16 @@ def _plain(value: Any, whole: bool) -> Any:
     if isinstance(value, tuple):
         return [_plain(entry, whole) for entry in value]
     if isinstance(value, np.ndarray):
-        if whole:
-            return value.tolist()
-        found: dict[str, Any] = {"dtype": value.dtype.name, "shape": list(value.shape)}
-        finite = value[np.isfinite(value)] if value.size else value
-        if finite.size:
-            found |= {"min": finite.min().item(), "mean": float(finite.mean()), "max": finite.max().item()}
-        if value.size:
-            found["first"] = value.ravel()[:4].tolist()
-        return found
+        return value.tolist() if whole else _summary(value)
     return value
 
 
-def offsets(client: Client, rounds: int = 5) -> dict[str, float]:
-    """Offset of each host's wall clock to this one's, s, by the shortest of some round trips."""
-    best: dict[str, tuple[float, float]] = {}
-    for _ in range(rounds):
-        before = time.time_ns()
-        for node in client.describe():
-            after = time.time_ns()
-            trip = (after - before) * 1e-9
-            offset = (node["wall_ns"] - (before + after) / 2) * 1e-9
-            if node["host"] not in best or trip < best[node["host"]][0]:
-                best[node["host"]] = (trip, offset)
-    return {host: offset for host, (_, offset) in best.items()}
-
-
-def last_words(client: Client) -> dict[str, Message | None]:
-    """The last of what the goal and the gate said."""
-    wanted = (("goal", "feedback"), ("goal", "result"), ("gate", "status"), ("gate", "selection"))
-    return {f"{role}/{port}": client.last(role, "main", port) for role, port in wanted}
+def _summary(array: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """What an array is like; least, mean and largest are of its finite entries, `infinite` counts the others."""
+    finite = array[np.isfinite(array)]
+    found: dict[str, Any] = {"dtype": array.dtype.name, "shape": list(array.shape)}
+    if finite.size:
+        found |= {"min": finite.min().item(), "mean": float(finite.mean()), "max": finite.max().item()}
+    if finite.size < array.size:
+        found["infinite"] = int(array.size - finite.size)
+    return found | {"first": array.ravel()[:FIRST].tolist()}

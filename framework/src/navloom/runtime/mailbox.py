@@ -133,6 +133,11 @@ class Inlet:
             self.mailbox.news += 1
             self.mailbox.condition.notify()
 
+    @property
+    def keeps_latest(self) -> bool:
+        """Only the newest message waits: what it replaces unread is no loss."""
+        return self._waiting.maxlen == 1
+
     def refuse(self, complaint: str) -> None:
         """Count a message that never became one."""
         self.counts.received += 1

@@ -83,8 +83,18 @@ class NodeProcess:
     hung: str = ""
     life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
 
-    def run(self, say: Callable[[str], None] = lambda text: None, ready: Callable[[], None] = lambda: None) -> None:
+    def run(
+        self,
+        say: Callable[[str], None] = lambda text: None,
+        ready: Callable[[], None] = lambda: None,
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
         """Join, step, leave. Returns when `ending` is set, or a node in charge hangs.
+
+        Args:
+            say: Told what is being prepared.
+            ready: Called once every node is there.
+            alive: Called again and again while no node in charge hangs: what feeds a service manager's watchdog.
 
         Raises:
             ConfigError, LinkError, BusError: Nothing ran.
@@ -92,7 +102,7 @@ class NodeProcess:
         make_plugins(self.system, say, self.share.sources)
         with Bus(self.share.link, JOIN) as bus:
             threads = self._start(bus, ready)
-            self._watch(threads)
+            self._watch(threads, alive)
             self.ending.set()
             for thread in threads:
                 thread.join(1.0)
@@ -208,7 +218,7 @@ class NodeProcess:
             if source is not None:
                 board.fetch(source)
 
-    def _watch(self, threads: Sequence[threading.Thread]) -> None:
+    def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
         """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
         limit = self.system.config.live.hang_timeout
         while not self.ending.wait(0.1):
@@ -222,6 +232,7 @@ class NodeProcess:
             if not all(thread.is_alive() for thread in threads):
                 self.hung = "a node's thread ended by itself"
                 return
+            alive()
 
 
 def leave(process: NodeProcess) -> int:

@@ -28,7 +28,7 @@ def die_with_parent(parent: int) -> None:
 
 
 def end_on_signal(ending: threading.Event) -> None:
-    """End in order on SIGTERM and SIGINT, and at once where that takes too long."""
+    """End in order on SIGTERM, SIGINT and SIGHUP, and at once where that takes too long."""
 
     def end(number: int, frame: Any) -> None:
         if not ending.is_set():
@@ -37,8 +37,8 @@ def end_on_signal(ending: threading.Event) -> None:
             last.daemon = True
             last.start()
 
-    signal.signal(signal.SIGTERM, end)
-    signal.signal(signal.SIGINT, end)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, end)
 
 
 def link_to_json(link: Link) -> dict[str, Any]:

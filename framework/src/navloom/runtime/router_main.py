@@ -15,11 +15,21 @@ from navloom.runtime.zenoh_bus import Bus
 __all__ = ["main", "route"]
 
 
-def route(link: Link, ending: threading.Event, ready: Callable[[], None] = lambda: None) -> None:
-    """Pass messages on until told to end."""
+LOOK = 0.5
+"""s between two signs of life."""
+
+
+def route(
+    link: Link,
+    ending: threading.Event,
+    ready: Callable[[], None] = lambda: None,
+    alive: Callable[[], None] = lambda: None,
+) -> None:
+    """Pass messages on until told to end; `alive` is called now and then."""
     with Bus(link):
         ready()
-        ending.wait()
+        while not ending.wait(LOOK):
+            alive()
 
 
 def main() -> int:

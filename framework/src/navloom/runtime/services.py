@@ -18,7 +18,7 @@ from navloom.config import ConfigError
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
 from navloom.runtime.build import System, changed_params
 from navloom.runtime.cell import Source
-from navloom.runtime.cells import Hosted
+from navloom.runtime.cells import Hosted, all_sources
 from navloom.runtime.checks import place_problem
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live import LiveRunner
@@ -26,6 +26,7 @@ from navloom.runtime.live_gate import LiveGate
 from navloom.runtime.live_goal import LiveGoal
 from navloom.runtime.live_platform import LivePlatform
 from navloom.runtime.memory import Memory
+from navloom.runtime.placing import spread
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus, Question
@@ -61,6 +62,10 @@ class Services:
         self._hosted, self._live, self._memory, self._clock, self._board = hosted, live, memory, clock, board
         self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="service")
         self._goals = threading.Lock()
+        self._began = time.monotonic()
+        shares = spread(system.config, all_sources(system), None)
+        placed = {source: process for process, share in shares.items() for source in share}
+        self._places = {" ".join(source): placed[source] for source in all_sources(system) if source in placed}
 
     def offer(self) -> None:
         """Declare everything that can be asked of this process."""
@@ -110,8 +115,11 @@ class Services:
         part = self._system.parts.get(source)
         streams: dict[str, Any] = {}
         for feed in cell.feeds:
-            streams[feed.inlet.key.removeprefix(f"{self._keys.prefix}/")] = feed.inlet.counts.summary()
-        found: dict[str, Any] = {
+            key = feed.inlet.key.removeprefix(f"{self._keys.prefix}/")
+            streams[key] = feed.inlet.counts.summary() | {"latest": feed.inlet.keeps_latest}
+        runner, now = self._live.get(source), time.monotonic()
+        since = runner.busy_since if runner is not None else None
+        return {
             "role": source[0],
             "instance": source[1],
             "plugin": part.table.plugin if part is not None else None,
@@ -125,17 +133,19 @@ class Services:
             "versions": _versions(),
             "config_sha256": self._system.loaded.sha256(),
             "clock_ns": self._clock.now_ns(),
+            "silence_s": self._clock.silence_s() if self._clock.is_known else None,
+            "up_s": now - self._began,
+            "busy_s": None if since is None else max(0.0, now - since),
+            "faulted": runner.faulted if runner is not None else 0,
+            "fault": runner.fault if runner is not None else "",
             "wall_ns": time.time_ns(),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "streams": streams,
+            "places": self._places,
+            "hosts": {process: host for host, share in self._system.config.live.hosts.items() for process in share},
+            **_punctuality(runner),
         }
-        runner = self._live.get(source)
-        if runner is not None and runner.busy_since is not None:
-            found["busy"] = True
-        if isinstance(runner, LivePlatform):
-            found |= {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops}
-        return found
 
     def _get(self, source: Source) -> dict[str, Any]:
         plugin, version = self._system.plugin(*source), self._hosted[source].cell.versions
@@ -219,6 +229,13 @@ class Services:
             raise ServiceError(f"{' '.join(runner.cell.source)} does not step: it has been asked, but did not answer")
         if failure:
             raise ServiceError(str(failure[0]))
+
+
+def _punctuality(runner: LiveRunner | None) -> dict[str, int]:
+    """How a platform keeps its time."""
+    if not isinstance(runner, LivePlatform):
+        return {}
+    return {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops}
 
 
 def shared_memory_mb() -> float | None:

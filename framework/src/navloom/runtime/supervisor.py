@@ -15,12 +15,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.config import Loaded
-from navloom.config.schema import Config, LiveTable
-from navloom.runtime.cell import Source
-from navloom.runtime.directory import RobotFolder
+from navloom.config.schema import LiveTable
+from navloom.runtime.directory import Fate, RobotFolder
 from navloom.runtime.links import Link
 from navloom.runtime.node_main import share_to_json
 from navloom.runtime.node_process import HUNG, Share
+from navloom.runtime.placing import spread
 from navloom.runtime.process import link_to_json
 
 __all__ = ["Child", "Supervisor", "Task", "node_task", "router_task", "spread"]
@@ -31,23 +31,6 @@ HEALTHY = 5.0
 """s a process must run for its next crash to count as a first one."""
 STOP_WAIT = 1.2
 """s each group of processes may take to end in order, before it is killed."""
-
-
-def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:
-    """Nodes of each process of a host, or of all. An alternative lives with its role unless it is placed by name.
-
-    Args:
-        config: With the `[live]` table.
-        sources: Every instance.
-        host: Name of the host; None for all processes.
-    """
-    placed = {node: process for process, nodes in config.live.processes.items() for node in nodes}
-    shares: dict[str, list[Source]] = {process: [] for process in config.live.processes}
-    for role, name in sources:
-        if role != "operator":
-            shares[placed.get(f"{role}.{name}", placed[role])].append((role, name))
-    wanted = config.live.hosts[host] if host is not None else list(shares)
-    return {process: tuple(found) for process, found in shares.items() if found and process in wanted}
 
 
 @dataclass(frozen=True)
@@ -150,10 +133,7 @@ class Supervisor:
 
     def tail(self, child: Child, lines: int = 3) -> str:
         """The last lines a process wrote."""
-        with contextlib.suppress(OSError):
-            text = (self._folder.path / f"{child.task.name}.log").read_text("utf-8", "replace")
-            return "; ".join(line.strip() for line in text.splitlines()[-lines:])
-        return ""
+        return self._folder.last_words(child.task.name, lines)
 
     def _start(self, child: Child) -> None:
         name = child.task.name
@@ -165,10 +145,13 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                start_new_session=True,  # Ctrl-C reaches the supervisor alone, which ends them in order
+                # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session:
+                # when the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
+                process_group=0,
             )
         child.started = time.monotonic()
         child.state = "running"
+        self._write_down()
 
     def _bury(self, child: Child, now: float) -> None:
         assert child.process is not None
@@ -185,12 +168,23 @@ class Supervisor:
                 f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
                 f"left down. It said last: {self.tail(child)}"
             )
+            self._write_down()
             return
         child.state, child.again_at = "waiting", now + child.wait
         self._say(
             f"process {name} {child.why}; it is started again in {child.wait:g} s. It said last: {self.tail(child)}"
         )
         child.wait = min(2 * child.wait, LONGEST_WAIT)
+        self._write_down()
+
+    def _write_down(self) -> None:
+        """Leave for who looks what has become of each process."""
+        self._folder.write_fates(
+            {
+                name: Fate(child.process.pid if child.process else None, child.state, child.restarts, child.why)
+                for name, child in self.children.items()
+            }
+        )
 
     def _group(self, belongs: Callable[[frozenset[str]], bool]) -> list[Child]:
         return [child for child in self.children.values() if child.process is not None and belongs(child.task.roles)]

@@ -1,0 +1,40 @@
+"""`navloom doctor`: what is wrong, and what to do about it."""
+
+from __future__ import annotations
+
+import typer
+
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+
+__all__ = ["doctor"]
+
+
+def doctor(
+    robot: RobotName = None,
+    connect: Connect = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find what is wrong with a live robot, or with the way to it, and say what to do. Exit 0: no problem."""
+    from dataclasses import asdict
+
+    from navloom.cli.output import print_json
+    from navloom.runtime.doctor import diagnose
+
+    found = diagnose(robot, connect, keys, VIEWER, insecure)
+    if as_json:
+        print_json(
+            {
+                "robot": found.robot or None,
+                "healthy": found.is_healthy,
+                "nodes": found.nodes,
+                "findings": [asdict(finding) for finding in found.findings],
+            }
+        )
+    else:
+        if found.is_healthy:
+            typer.echo(f"{found.robot}: {found.nodes} nodes, nothing is wrong")
+        for finding in found.findings:
+            typer.echo(f"{finding.severity}: {finding.what}\n    {finding.remedy}")
+    raise typer.Exit(0 if found.is_healthy else 1)

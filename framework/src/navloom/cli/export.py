@@ -1,0 +1,72 @@
+"""`navloom export`: a robot's processes for a service manager."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navloom.cli.live_options import AsJson, Insecure
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Hand a robot over to a service manager.", no_args_is_help=True)
+
+
+@app.callback()
+def export() -> None:
+    """Hand a robot over to a service manager."""
+
+
+@app.command()
+def systemd(
+    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")],
+    host: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Units of this host's share of [live.hosts].")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the units; default: the current one.")] = Path(),
+    user: Annotated[str | None, typer.Option(metavar="NAME", help="Who runs them; default: you.")] = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a systemd unit for each process of a robot, with watchdog and restart, and a target for them all."""
+    import getpass
+    import sysconfig
+
+    from navloom.cli.output import print_json
+    from navloom.config import ConfigError, load_config
+    from navloom.runtime.build import assemble
+    from navloom.runtime.network import network_of
+    from navloom.runtime.systemd import Command, units
+
+    loaded = load_config(config)
+    hosts = loaded.config.live.hosts
+    if host is not None and host not in hosts:
+        known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
+        raise ConfigError(f"--host {host}: {known}")
+    path = Path(config)
+    is_file = path.is_file()
+    command = Command(
+        Path(sysconfig.get_path("scripts")) / "navloom",
+        str(path.absolute()) if is_file else config,
+        path.absolute().parent if is_file else Path("/"),
+        user or getpass.getuser(),
+        insecure,
+    )
+    made = units(assemble(loaded), network_of(loaded.config, host, insecure), host, command)
+    out.mkdir(parents=True, exist_ok=True)
+    for name, text in made.items():
+        (out / name).write_text(text, "utf-8")
+    if as_json:
+        print_json({"folder": str(out.absolute()), "units": list(made)})
+        return
+    target = next(name for name in made if name.endswith(".target"))
+    files = " ".join(str(out / name) for name in made)
+    typer.echo(f"{len(made)} units in {out.absolute()}. To install and start them:")
+    typer.echo(f"  sudo cp {files} /etc/systemd/system/")
+    typer.echo(f"  sudo systemctl daemon-reload && sudo systemctl enable --now {target}")
+    typer.echo(
+        f"`systemctl status '{target.removesuffix('.target')}*'` shows them; commands on this host find the robot"
+    )
+    typer.echo("with NAVLOOM_RUNTIME_DIR=/run/navloom in their environment.")

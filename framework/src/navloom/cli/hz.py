@@ -1,0 +1,54 @@
+"""`navloom hz`: how a stream flows."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+
+__all__ = ["hz"]
+
+COLUMNS = ("stream", "messages", "Hz", "jitter, ms", "longest gap, ms", "age p50, ms", "age p99, ms", "kB/s", "lost",
+           "malformed")  # fmt: skip
+
+
+def hz(
+    key: Annotated[str, typer.Argument(metavar="KEY", help="role/port or role/instance/port, with * for any.")],
+    seconds: Annotated[float, typer.Option("--for", metavar="S", min=0.1, help="s to listen.")] = 3.0,
+    robot: RobotName = None,
+    connect: Connect = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Print rate, jitter, age and bandwidth of streams. Ages count from the platform's stamp a message derives from."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.runtime.joining import join
+    from navloom.runtime.looking import listing, resolve, streams
+    from navloom.runtime.metering import measure
+
+    with join(robot, connect, keys, VIEWER, insecure) as client:
+        nodes = listing(client)
+        names = resolve(key, nodes)
+        odometry = [name for name in streams(nodes) if name.startswith("platform/") and name.endswith("/odometry")]
+        has_clock = any(node["answers"] and node["clock_ns"] >= 0 for node in nodes)
+        found = measure(client, names, odometry, seconds, has_clock)
+    if as_json:
+        print_json(found)
+        return
+    print_table(COLUMNS, [_row(name, one) for name, one in found.items()])
+    for name, one in found.items():
+        if one["malformed"]:
+            typer.echo(f"navloom: {name}: malformed messages: {one['complaint']}", err=True)
+
+
+def _row(name: str, one: dict[str, Any]) -> tuple[Any, ...]:
+    return (name, one["messages"], one["rate_hz"], _ms(one["jitter_std_s"]), _ms(one["interval_max_s"]),
+            _ms(one["age_p50_s"]), _ms(one["age_p99_s"]), one["bytes_per_s"] / 1e3, one["lost"],
+            one["malformed"])  # fmt: skip
+
+
+def _ms(seconds: float | None) -> str | None:
+    return None if seconds is None else f"{seconds * 1e3:.1f}"

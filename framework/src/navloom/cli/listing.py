@@ -1,0 +1,54 @@
+"""`navloom list`: who is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+
+__all__ = ["list_nodes"]
+
+SHOWN = ("plugin", "process", "pid", "host")
+LONG = 0.5
+"""s in one step after which a node is called busy."""
+QUIET = ("streams", "places", "hosts")
+"""What a node says of itself that is no row of a table; `navloom graph` and `navloom hz` show it."""
+
+
+def list_nodes(
+    robot: RobotName = None,
+    connect: Connect = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Print every node of a live robot with its process, host and state, and those that are missing."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.runtime.client import ClientError
+    from navloom.runtime.joining import join
+    from navloom.runtime.looking import listing, missing
+
+    with join(robot, connect, keys, VIEWER, insecure) as client:
+        nodes = listing(client)
+    if as_json:
+        print_json([{key: value for key, value in node.items() if key not in QUIET} for node in nodes])
+        return
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    rows = [(n["role"], n["instance"], *(n[key] for key in SHOWN), n["tick"], state(n)) for n in nodes]
+    for gone in missing(nodes):
+        rows.append((gone.role, gone.instance, None, gone.process, None, gone.host or None, None, "is missing"))
+    print_table(("role", "instance", *SHOWN, "tick", "state"), rows)
+
+
+def state(node: Mapping[str, Any]) -> str:
+    """What a node is at, in words."""
+    if not node["answers"]:
+        return "does not answer"
+    words = "in charge" if node["active"] else "shadow" if node["enabled"] else "waiting"
+    if node["faulted"]:
+        words += f", failed {node['faulted']} times in a row"
+    if (node["busy_s"] or 0.0) > LONG:
+        words += f", {node['busy_s']:.1f} s in one step"
+    return words

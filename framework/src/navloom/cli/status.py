@@ -1,0 +1,118 @@
+"""`navloom status`: what a robot is doing, and why it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+
+__all__ = ["status"]
+
+
+def status(
+    robot: RobotName = None,
+    connect: Connect = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Print what a live robot is doing: its goal, who drives, why it stands and what lets it drive again."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.runtime.client import ClientError
+    from navloom.runtime.joining import join
+    from navloom.runtime.looking import changed_parameters, last_words, listing
+
+    with join(robot, connect, keys, VIEWER, insecure) as client:
+        nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    if as_json:
+        print_json(_summary(client.keys.prefix, nodes, words, changed))
+    else:
+        print_table(("", ""), _rows(client.keys.prefix, nodes, words, changed))
+
+
+def _summary(
+    name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
+) -> dict[str, Any]:
+    from navloom.runtime.looking import message_fields, missing, platform_age, why_stopped
+
+    gate = words["gate/status"]
+    reason, remedy = ("", "") if gate is None else why_stopped(gate)
+    clock = max((node["clock_ns"] for node in nodes if node["answers"]), default=-1)
+    return {
+        "robot": name,
+        "run_clock_s": clock * 1e-9 if clock >= 0 else None,
+        "platform_age_s": platform_age(nodes),
+        "nodes": len(nodes),
+        "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
+        "silent_nodes": [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]],
+        "changed_parameters": dict(changed),
+        "why_stopped": reason,
+        "remedy": remedy,
+        **{key.replace("/", "_"): None if word is None else message_fields(word) for key, word in words.items()},
+    }
+
+
+def _rows(
+    name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
+) -> list[tuple[str, str]]:
+    from navloom.runtime.looking import missing, platform_age
+
+    clock = max((node["clock_ns"] for node in nodes if node["answers"]), default=-1)
+    age, gone = platform_age(nodes), missing(nodes)
+    silent = [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]]
+    rows = [
+        ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
+        ("goal", _goal(words["goal/feedback"])),
+        ("last goal", _result(words["goal/result"])),
+        ("drives", _driver(words["gate/status"], words["goal/feedback"])),
+        ("platform", "never heard" if age is None else f"heard {age:.2f} s ago"),
+        ("in charge", _selection(words["gate/selection"])),
+        ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
+        ("missing", ", ".join(_place(one) for one in gone)),
+        ("does not answer", ", ".join(silent)),
+        *((f"changed, {source}", ", ".join(values)) for source, values in changed.items()),
+    ]
+    return [row for row in rows if row[1]]
+
+
+def _goal(feedback: Any) -> str:
+    if feedback is None or not feedback.goal_id:
+        return "none"
+    text = f"{feedback.goal_id}: {feedback.state}"
+    if feedback.distance > 0.0:
+        text += f", {feedback.distance:.2f} m and {feedback.time_left:.0f} s left, {feedback.cross_track:+.3f} m aside"
+    return text + (f", recoveries {feedback.recoveries}" if feedback.recoveries else "")
+
+
+def _result(result: Any) -> str:
+    if result is None:
+        return ""
+    return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
+
+
+def _driver(gate: Any, feedback: Any) -> str:
+    from navloom.runtime.looking import why_stopped
+
+    if gate is None:
+        return "nobody: no gate has spoken"
+    if not gate.stopped:
+        return f"{gate.source} {gate.instance}"
+    words, remedy = why_stopped(gate)
+    if gate.reason == "no_trajectory" and feedback is not None and feedback.goal_id:
+        remedy = ""  # its goal is being seen to
+    held = ", and stays stopped" if gate.latched else ""
+    return f"nobody: {words} ({gate.reason}){held}" + (f"; {remedy}" if remedy else "")
+
+
+def _selection(selection: Any) -> str:
+    if selection is None:
+        return ""
+    return ", ".join(selection.instances) + (f" (selection {selection.epoch})" if selection.epoch else "")
+
+
+def _place(gone: Any) -> str:
+    where = f" on {gone.host}" if gone.host else ""
+    return f"{gone.role} {gone.instance} (process {gone.process}{where})"

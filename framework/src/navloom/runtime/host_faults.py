@@ -1,0 +1,61 @@
+"""What is wrong on this host: robots that died and left their folder, processes that do not stay up."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from navloom.runtime.directory import Fate, RobotFolder, runtime_folder
+from navloom.runtime.findings import Finding
+
+__all__ = ["fate_in_words", "is_stopped", "left_behind", "restarting"]
+
+
+def left_behind() -> list[Finding]:
+    """Folders of robots that say they are up and are not. The next `navloom up` of that robot clears its own."""
+    found = []
+    for path in sorted(runtime_folder().glob("*.*/robot.json")):
+        realm, _, robot = path.parent.name.partition(".")
+        folder = RobotFolder(realm, robot)
+        told = folder.told()
+        if told is None:
+            what = f"{path} cannot be read"
+        elif folder.read() is None:
+            what = f"robot {realm}/{robot} died without an end: its process {told.pid} is gone, its folder is not"
+        else:
+            continue
+        found.append(Finding("note", what, f"`rm -r {path.parent}`; `navloom up` of that robot does it too"))
+    return found
+
+
+def restarting(folder: RobotFolder, robot: str) -> list[Finding]:
+    """Processes of a robot of this host that were started again, or are left down."""
+    found = []
+    for name, fate in folder.fates().items():
+        if fate.state == "failed":
+            remedy = f"repair what it says, then `navloom down --robot {robot}` and `navloom up`"
+            found.append(
+                Finding("problem", f"process {name} is left down: {fate_in_words(folder, name, fate)}", remedy)
+            )
+        elif fate.restarts and fate.state == "running":
+            times = "once" if fate.restarts == 1 else f"{fate.restarts} times"
+            what = f"process {name} was started again {times}: it {fate.why}"
+            found.append(Finding("note", what, f"see {folder.path / f'{name}.log'}"))
+    return found
+
+
+def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> str:
+    """What has become of a process."""
+    if fate.state == "running":
+        if fate.pid is not None and is_stopped(fate.pid):
+            return f"it is stopped (process {fate.pid}); `kill -CONT {fate.pid}` lets it go on"
+        return "it is running, but not ready, or it hangs"
+    said = folder.last_words(process)
+    return f"it {fate.why}" + (f" and said last: {said}" if said else "")
+
+
+def is_stopped(pid: int) -> bool:
+    """Somebody has stopped a process of this host, with Ctrl-Z or SIGSTOP."""
+    with contextlib.suppress(OSError, IndexError):
+        return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] in ("T", "t")
+    return False

@@ -1,0 +1,27 @@
+"""Which process runs which node."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from navloom.config.schema import Config
+from navloom.runtime.cell import Source
+
+__all__ = ["spread"]
+
+
+def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:
+    """Nodes of each process of a host, or of all. An alternative lives with its role unless it is placed by name.
+
+    Args:
+        config: With the `[live]` table.
+        sources: Every instance.
+        host: Name of the host; None for all processes.
+    """
+    placed = {node: process for process, nodes in config.live.processes.items() for node in nodes}
+    shares: dict[str, list[Source]] = {process: [] for process in config.live.processes}
+    for role, name in sources:
+        if role != "operator":
+            shares[placed.get(f"{role}.{name}", placed[role])].append((role, name))
+    wanted = config.live.hosts[host] if host is not None else list(shares)
+    return {process: tuple(found) for process, found in shares.items() if found and process in wanted}

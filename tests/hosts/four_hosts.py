@@ -1,0 +1,103 @@
+"""A robot spread over four hosts: base, brain, drive, and the router's hub; with a desk to give goals from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from host_rig import Lab, Program
+
+__all__ = ["FOUR", "NAMES", "Robot"]
+
+FOUR = ("base", "brain", "drive", "hub")
+NAMES = (*FOUR, "desk")
+SHIPPED = Path(__file__).parents[2] / "framework" / "src" / "navloom" / "config" / "shipped" / "paper.toml"
+SPREAD = """\
+hosts = { base = ["robot", "safe"], brain = ["think"], drive = ["drive"], hub = [] }
+
+[live.processes]
+robot = ["platform", "localizer"]
+think = ["mapper", "planner", "goal"]
+drive = ["reference", "controller", "avoider", "recovery"]
+safe = ["gate"]
+"""
+
+
+@dataclass
+class Robot:
+    """A robot spread over the hosts of a lab, with the shipped config `paper`, waiting for goals.
+
+    Attributes:
+        lab: Its hosts.
+        realm, name: Its names.
+        secure: Over TLS, with certificates of its own; else plain TCP.
+        port: Of its router.
+    """
+
+    lab: Lab
+    realm: str = "lab"
+    name: str = "r1"
+    secure: bool = True
+    port: int = 7447
+    programs: dict[str, Program] = field(default_factory=dict)
+
+    @property
+    def motors(self) -> Path:
+        """Where each word to its motors is kept."""
+        return self.lab.folder / f"{self.name}-motors.log"
+
+    @property
+    def keys(self) -> Path:
+        """Folder of its certificates."""
+        return self.lab.folder / f"{self.name}-keys"
+
+    @property
+    def endpoint(self) -> str:
+        """Of its router."""
+        return f"{'tls' if self.secure else 'tcp'}/{self.lab['hub'].address}:{self.port}"
+
+    @property
+    def options(self) -> list[str]:
+        """Where a command on the desk finds it."""
+        way = ["--keys", str(self.keys)] if self.secure else ["--insecure"]
+        return ["--robot", f"{self.realm}/{self.name}", "--connect", self.endpoint, *way]
+
+    def write(self) -> Path:
+        """Its config, and its certificates."""
+        text = SHIPPED.read_text("utf-8") + "\n"
+        for old, new in (
+            ("[robot]\n", f'[robot]\nrealm = "{self.realm}"\nname = "{self.name}"\n'),
+            ('plugin = "sensors_sim"\n', f'plugin = "motor_log"\nmotor_log = "{self.motors}"\n'),
+            ("[navigation]\n", "[navigation]\ndrive = false\n"),
+            ('ref = "paper_gates_obstacle"', 'ref = "paper_gates"'),
+        ):
+            assert old in text, f"the config paper has no {old!r} any more"
+            text = text.replace(old, new, 1)
+        live = f'[live]\nrouter = "{self.endpoint}"\nrouter_host = "hub"\n'
+        if self.secure:
+            order = ("--realm", self.realm, "--robot", self.name, "--host", self.lab["hub"].address)
+            made = self.lab["hub"].run("keys", "new", str(self.keys), *order)
+            assert made.returncode == 0, made.stderr
+            live += f'keys = "{self.keys}"\n'
+        path = self.lab.folder / f"{self.name}.toml"
+        path.write_text(text + live + SPREAD, "utf-8")
+        return path
+
+    def bring_up(self) -> None:
+        """`navloom up --host` on each host at once; returns when every one says that the robot is complete."""
+        config = self.write()
+        way = [] if self.secure else ["--insecure"]
+        for name in FOUR:
+            self.programs[name] = self.lab[name].start("up", str(config), "--host", name, *way)
+        for program in self.programs.values():
+            program.wait_for("every node is there")
+
+    def take_down(self) -> dict[str, int]:
+        """Ctrl-C on each host, the router's last; exit code of each."""
+        return {name: self.programs[name].end() for name in ("brain", "drive", "base", "hub")}
+
+    def shuttle(self, *places: str) -> Program:
+        """A program on the desk that sends it to and fro between places X,Y, and says how each goal ended."""
+        desk = self.lab["desk"]
+        keys = str(self.keys) if self.secure else "-"
+        return desk.python("shuttle.py", f"{self.realm}/{self.name}", self.endpoint, keys, *places)

@@ -1,0 +1,32 @@
+"""Drives a robot to and fro between places for as long as it runs: `python shuttle.py ROBOT ENDPOINT KEYS X,Y X,Y …`.
+
+KEYS is a folder of certificates, or `-` for plain TCP. Each goal's end is one line.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+
+from navloom.runtime.client import ClientError, Refused
+from navloom.runtime.navigator import Navigator
+
+__all__ = ["main"]
+
+
+def main(robot: str, endpoint: str, keys: str, *places: str) -> None:
+    """Drive until ended."""
+    plain = keys == "-"
+    with Navigator(robot, endpoint, None if plain else keys, insecure=plain) as navigator:
+        for place in itertools.cycle(places):
+            x, y = (float(value) for value in place.split(","))
+            try:
+                result = navigator.drive_to(x, y, timeout=180.0)
+            except (ClientError, Refused, TimeoutError) as error:
+                print(f"no goal: {error}", flush=True)
+                continue
+            print(f"{result.outcome}: {result.reason}", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

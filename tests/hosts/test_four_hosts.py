@@ -1,0 +1,39 @@
+"""A robot on four hosts with a router, as one would deploy it; one cable is pulled while it drives."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from four_hosts import NAMES, Robot
+from host_rig import Slow, lab, until, why_not
+from motor_words import MotorWords
+
+WITHOUT = why_not()
+pytestmark = pytest.mark.skipif(bool(WITHOUT), reason=WITHOUT or "hosts can be made")
+CUT = 1.5
+"""s: more than the lease of 1 s, after which the others know."""
+
+
+def test_a_goal_over_four_hosts_outlives_a_cable_that_is_pulled() -> None:
+    with lab(*NAMES, slow={"brain": Slow()}) as hosts:
+        robot = Robot(hosts)
+        robot.bring_up()
+        motors = MotorWords(robot.motors)
+        goal = hosts["desk"].start("goal", "0", "2.0", *robot.options)
+
+        until(lambda: motors.speed > 0.3, 60, "the robot drives")
+        began = time.monotonic()
+        hosts.cut("base")
+        time.sleep(CUT)
+        stood = motors.speed
+        hosts.mend("base")
+        assert stood == 0.0
+        until(lambda: motors.turned_after(began + CUT), 60, "the robot drives again")
+        goal.wait_for("succeeded: the goal was reached", 60)
+        assert goal.process.wait(20) == 0
+
+        fault = motors.fault(began, began + CUT, time.monotonic())
+        assert fault.stopped is not None and fault.stood is not None and fault.stopped + fault.stood < CUT, fault
+        assert not motors.touched
+        assert robot.take_down() == {"brain": 0, "drive": 0, "base": 0, "hub": 0}

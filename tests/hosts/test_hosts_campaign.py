@@ -1,0 +1,27 @@
+"""Every fault of the network many times: minutes, so not part of the ordinary run."""
+
+from __future__ import annotations
+
+import pytest
+from host_campaign import FAULTS, campaign, table
+from host_rig import why_not
+from wall_clocks import why_no_clocks
+
+WITHOUT = why_not() or why_no_clocks()
+TIMES = 20
+WANTED = 0.150
+"""s that motors may go on after the last good word they were given."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(WITHOUT), reason=WITHOUT or "hosts can be made")
+def test_motors_stand_in_time_whatever_the_network_does_and_the_goal_is_carried_on() -> None:
+    with campaign() as running:
+        outcomes = {name: [running.inject(name) for _ in range(TIMES)] for name in FAULTS}
+    print(table(outcomes))
+    for name, found in outcomes.items():
+        assert max(one.fault.ran_on for one in found) <= WANTED, name
+        assert not any(one.touched for one in found), name
+        assert not [text for one in found for text in one.ended if not text.startswith("succeeded")], name
+        if name.startswith("cut") or name == "router killed":
+            assert all(one.fault.stopped is not None for one in found), name

@@ -1,0 +1,136 @@
+"""The campaign: each fault many times at full speed. `python tests/faults/campaign.py --help`.
+
+It writes a JSON file with every single outcome, and prints the distribution as a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from fault_ends import ENDS, end_of_supervisor
+from fault_kinds import PARTS, PROCESSES, SEIZED, SHADOWS, STRANGERS, STUCK, Fault, Outcome, inject
+from fault_rig import Rig, rig
+
+__all__ = ["main", "table"]
+
+GROUPS: dict[str, Sequence[Fault]] = {
+    "processes": PROCESSES,
+    "parts": PARTS,
+    "seized": SEIZED,
+    "strangers": STRANGERS,
+    "stuck": STUCK,
+}
+COLUMNS: tuple[tuple[str, str, float], ...] = (
+    ("ran_on", "ran on, ms", 1e3),
+    ("zero", "zero, ms", 1e3),
+    ("stood", "stood, ms", 1e3),
+    ("left_driving", "left driving, s", 1.0),
+    ("again", "again, s", 1.0),
+)
+
+
+class Book:
+    """Outcomes, kept in a file as they come."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.entries: list[dict[str, Any]] = json.loads(path.read_text("utf-8")) if path.exists() else []
+
+    def add(self, outcome: Outcome) -> None:
+        """Write one down."""
+        self.entries.append(outcome.to_json())
+        self.path.write_text(json.dumps(self.entries, indent=1), "utf-8")
+        told = {key: round(value, 3) for key, value in outcome.to_json().items() if isinstance(value, float)}
+        print(f"{outcome.fault}: {told} {outcome.goal} {outcome.problem}", flush=True)
+
+    def count(self, name: str) -> int:
+        """How often a fault is in it."""
+        return sum(entry["fault"] == name for entry in self.entries)
+
+
+def run(faults: Sequence[Fault], count: int, book: Book) -> None:
+    """Every fault until the book has it so often, in turns; after a problem with a robot that is started anew."""
+    while any(book.count(fault.name) < count for fault in faults):
+        with rig(SHADOWS if faults is STUCK else "") as robot:
+            if not _turns(robot, faults, count, book):
+                continue
+            took = robot.end()
+            book.add(Outcome("navloom down", note={"ended_s": took, "code": robot.up.returncode}))
+
+
+def _turns(robot: Rig, faults: Sequence[Fault], count: int, book: Book) -> bool:
+    while due := [fault for fault in faults if book.count(fault.name) < count]:
+        for fault in due:
+            try:
+                book.add(inject(robot, fault))
+            except AssertionError as error:
+                notes = [f"{note.kind} {note.text}" for note in robot.driver.notes[-5:]]
+                last = robot.log.read_text("utf-8")[-1500:]
+                book.add(Outcome(fault.name, problem=f"{error}; driver: {notes}; up: {last}"))
+                return False
+    return True
+
+
+def run_ends(count: int, book: Book) -> None:
+    """The supervisor's death, each time of a robot of its own."""
+    kinds = [(stopped, False) for stopped in ENDS] + [("", True)]
+    for _ in range(count):
+        for kind in kinds:
+            with rig() as robot:
+                book.add(end_of_supervisor(robot, *kind))
+
+
+def spread(values: Iterable[float | None], scale: float) -> str:
+    """Least, median, 95th percentile and most."""
+    known = sorted(value * scale for value in values if value is not None)
+    if not known:
+        return ""
+    places = (0, len(known) // 2, min(len(known) - 1, len(known) * 95 // 100), -1)
+    digits = 0 if scale > 1.0 else 2
+    return " / ".join(f"{known[place]:.{digits}f}" for place in places)
+
+
+def table(entries: Sequence[dict[str, Any]]) -> str:
+    """The distribution of every fault, in Markdown; each cell is least / median / 95th percentile / most."""
+    heads = ["fault", "n", *(title for _, title, _ in COLUMNS), "goal kept", "contact"]
+    lines = [" | ".join(heads), " | ".join("---" for _ in heads)]
+    for name in dict.fromkeys(entry["fault"] for entry in entries):
+        rows = [entry for entry in entries if entry["fault"] == name]
+        good = [row for row in rows if not row["problem"]]
+        cells = [spread((row[key] for row in good), scale) for key, _, scale in COLUMNS]
+        kept = f"{sum(row['goal'] == 'kept' for row in good)} of {len(rows)}"
+        lines.append(" | ".join([name, str(len(rows)), *cells, kept, str(sum(row["touched"] for row in rows))]))
+    return "\n".join(f"| {line} |" for line in lines)
+
+
+def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] = print) -> list[dict[str, Any]]:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("groups", nargs="*", default=[*GROUPS, "ends"], help=f"of {', '.join(GROUPS)}, ends")
+    parser.add_argument("--count", type=int, default=20, help="of each fault")
+    parser.add_argument("--only", default="", help="faults whose name has this in it")
+    parser.add_argument("--out", type=Path, default=Path("faults.json"), help="file; what is in it counts")
+    given = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its robot is taken down whoever ends it
+    book, began = Book(given.out), time.monotonic()
+    for group in given.groups:
+        if group == "ends":
+            run_ends(given.count, book)
+            continue
+        run([fault for fault in GROUPS[group] if given.only in fault.name], given.count, book)
+    say(table(book.entries))
+    say(f"{len(book.entries)} entries; {time.monotonic() - began:.0f} s")
+    return book.entries
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""The end of a robot: who supervises it dies or is stopped, while it drives."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+from fault_kinds import HOLD, Outcome
+from fault_rig import SHARES, Rig, is_running, until
+from motor_record import ran_on
+
+__all__ = ["ENDS", "end_of_supervisor"]
+
+LIMIT = 20.0
+"""s in which the robot's processes must have ended, for the campaign to go on."""
+ENDS = ("", *SHARES)
+"""Process that is stopped while the supervisor is killed; none in the first."""
+
+
+def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = False) -> Outcome:
+    """Kill `up` at full speed, and see what becomes of its processes and of the motors.
+
+    Args:
+        rig: Its robot is down afterwards.
+        stopped: Process that is stopped at that time.
+        is_stopped_first: The supervisor itself has been stopped for a while, which must not disturb anybody.
+    """
+    name = "SIGSTOP, SIGKILL up" if is_stopped_first else "SIGKILL up"
+    outcome = Outcome(f"{name}, {stopped} stopped" if stopped else name)
+    rig.wait_full_speed()
+    pids, outcome.load = rig.pids(), os.getloadavg()[0]
+    if is_stopped_first:
+        stopped_ns = time.monotonic_ns()
+        os.kill(rig.up.pid, signal.SIGSTOP)
+        time.sleep(HOLD)
+        outcome.note["stood_while_stopped"] = rig.motors.zero_after(stopped_ns) is not None
+    if stopped:
+        os.kill(pids[stopped], signal.SIGSTOP)
+    began = time.monotonic_ns()
+    rig.driver.ending.set()
+    rig.up.kill()
+    rig.up.wait()
+    limit = time.monotonic() + LIMIT
+    while any(map(is_running, pids.values())) and time.monotonic() < limit:
+        time.sleep(0.005)
+    outcome.note["ended_s"] = (time.monotonic_ns() - began) * 1e-9
+    outcome.note["left"] = [share for share, pid in pids.items() if is_running(pid)]
+    zero = rig.motors.zero_after(began)
+    outcome.zero = None if zero is None else (zero.time_ns - began) * 1e-9
+    words = rig.motors.between(began - 200_000_000, time.monotonic_ns())
+    outcome.ran_on = None if stopped == "robot" else ran_on(words)
+    outcome.touched = rig.motors.touched
+    until(lambda: not outcome.note["left"] or _cleared(rig), LIMIT, "what was left behind is gone")
+    return outcome
+
+
+def _cleared(rig: Rig) -> bool:
+    for pid in rig.pids().values():
+        os.kill(pid, signal.SIGKILL)
+    return not rig.pids()

@@ -1,0 +1,349 @@
+"""Faults that are put into a robot at full speed, and what is measured of each."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from fault_rig import SHARES, Note, Rig, until
+from motor_record import old_words, ran_on
+from outsider import FLOODED
+
+__all__ = ["PARTS", "PROCESSES", "SEIZED", "SHADOWS", "STRANGERS", "STUCK", "Fault", "Outcome", "inject"]
+
+STOP, AGAIN = 10.0, 90.0
+"""s in which the motors must stand after a fault, and drive again after its end, for the campaign to go on."""
+BEFORE = 200_000_000
+"""ns before a fault that its record begins with: the command that was under way is among them."""
+HOLD = 2.0
+"""s a stopped process stays so: twice the lease after which others count it as gone."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One kind of fault.
+
+    Attributes:
+        name: As in the table.
+        begin: Puts it in.
+        lift: Takes it away once the motors stand; None where nothing has to be done.
+        hold: s between that and the lifting.
+        stops: The motors must stop. Otherwise they may drive on with healthy commands.
+        is_platform: The platform's own process is hit: its motors cannot be told to stop.
+        watch: s to look on where the motors need not stop.
+        look: What else to see before and after.
+        prepare: What must be there before.
+    """
+
+    name: str
+    begin: Callable[[Rig], None]
+    lift: Callable[[Rig], None] | None = None
+    hold: float = 0.0
+    stops: bool = True
+    is_platform: bool = False
+    watch: float = 1.5
+    look: Callable[[Rig], dict[str, Any]] | None = None
+    prepare: Callable[[Rig], object] = lambda rig: None
+
+
+@dataclass
+class Outcome:
+    """What came of one fault; times in s from its beginning where nothing else is said.
+
+    Attributes:
+        fault: Its name.
+        ran_on: Longest time the motors went on with one command before the next, or zero; None for the platform's own.
+        zero: Until the motors were told to stand; None where they were not.
+        stood: From then until the robot stood; None for a platform that died.
+        way: m driven until it stood; None where that is not known.
+        left_driving: Until the goal was told to be in another state than driving, or ended; None where neither was.
+        again: From the end of the fault until the motors turned again; None where they had not stopped.
+        goal: "kept", or how it ended.
+        fresh: A platform that came back moved only on a command that was made after that.
+        touched: The robot touched something.
+        old: Words to the motors that were old commands, let in again.
+        load: Of the machine, as a 1 min average.
+        note: What else there is to say.
+        problem: Why it could not be measured to its end; empty where it could.
+    """
+
+    fault: str
+    ran_on: float | None = None
+    zero: float | None = None
+    stood: float | None = None
+    way: float | None = None
+    left_driving: float | None = None
+    again: float | None = None
+    goal: str = "kept"
+    fresh: bool = True
+    touched: bool = False
+    old: int = 0
+    load: float = 0.0
+    note: dict[str, Any] = field(default_factory=dict)
+    problem: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """For the campaign's file."""
+        return asdict(self)
+
+
+def inject(rig: Rig, fault: Fault) -> Outcome:
+    """Put a fault into a robot at full speed, wait until it drives again at full speed, and say what came of it.
+
+    Raises:
+        AssertionError: It did not stop, or not drive again, in any reasonable time.
+    """
+    fault.prepare(rig)
+    rig.wait_full_speed(AGAIN)
+    outcome = Outcome(fault.name, load=os.getloadavg()[0])
+    if fault.look is not None:
+        outcome.note["before"] = fault.look(rig)
+        rig.wait_full_speed(AGAIN)
+    began = time.monotonic_ns()
+    fault.begin(rig)
+    if fault.is_platform:
+        rig.driver.wait_for(_leaves_driving, began, STOP)
+    elif fault.stops:
+        until(lambda: rig.motors.zero_after(began), STOP, f"{fault.name}: the motors are told to stand")
+    else:
+        until(lambda: time.monotonic_ns() - began > fault.watch * 1e9, STOP, "the time to look on is over")
+    if fault.hold:
+        time.sleep(fault.hold)
+    if fault.look is not None:
+        outcome.note["after"] = fault.look(rig)
+    lifted = time.monotonic_ns()
+    if fault.lift is not None:
+        fault.lift(rig)
+    zero = rig.motors.zero_after(began)
+    if fault.is_platform:
+        zero = until(lambda: rig.motors.zero_after(began), AGAIN, f"{fault.name}: the platform is back")
+    if zero is not None:
+        after = max(zero.time_ns, lifted if fault.hold else began)
+        again = until(lambda: rig.motors.turn_after(after), AGAIN, f"{fault.name}: the motors turn again")
+        outcome.again = (again.time_ns - (lifted if fault.hold else began)) * 1e-9
+    rig.wait_full_speed(AGAIN)
+    _measure(rig, fault, outcome, began, lifted)
+    return outcome
+
+
+def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) -> None:
+    motors, end = rig.motors, time.monotonic_ns()
+    zero = motors.zero_after(began)
+    words = motors.between(began - BEFORE, end)
+    outcome.touched = motors.touched
+    if zero is not None:
+        outcome.zero = (zero.time_ns - began) * 1e-9
+    if fault.is_platform:
+        first = next((word for word in words if word.time_ns > lifted), None)
+        goals = [note.time_ns for note in rig.driver.notes if note.kind == "goal" and note.time_ns > began]
+        turned = motors.turn_after(zero.time_ns) if zero is not None else None
+        is_new = not goals or turned is None or turned.time_ns > goals[0]
+        outcome.fresh = first is not None and not first.turns and is_new
+    else:
+        outcome.ran_on = ran_on(words)
+        outcome.old = old_words(motors.words, began)
+        standing = motors.standing_after(zero.time_ns) if zero is not None else None
+        if standing is not None and zero is not None:
+            outcome.stood = (standing.time_ns - zero.time_ns) * 1e-9
+            before = [tick for tick in motors.ticks if tick.time_ns <= began][-1]
+            outcome.way = abs(standing.x - before.x)
+    left = next((note for note in rig.driver.notes if note.time_ns > began and _leaves_driving(note)), None)
+    outcome.left_driving = None if left is None else (left.time_ns - began) * 1e-9
+    ended = next((note for note in rig.driver.notes if note.time_ns > began and note.kind == "result"), None)
+    outcome.goal = "kept" if ended is None else ended.text
+
+
+def _leaves_driving(note: Note) -> bool:
+    return note.kind == "result" or (note.kind == "state" and note.text != "driving")
+
+
+# --- processes --------------------------------------------------------------------------------------------------------
+
+
+def _send(share: str, *numbers: signal.Signals) -> Callable[[Rig], None]:
+    def send(rig: Rig) -> None:
+        pid = rig.pids()[share]
+        for number in numbers:
+            os.kill(pid, number)
+
+    return send
+
+
+def _process_faults(share: str) -> list[Fault]:
+    own = share == "robot"
+    kill, stop, go_on = signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
+    return [
+        Fault(f"SIGKILL {share}", _send(share, kill), is_platform=own),
+        Fault(f"SIGTERM {share}", _send(share, signal.SIGTERM), is_platform=own),
+        Fault(f"SIGSTOP {share}, SIGCONT", _send(share, stop), _send(share, go_on), HOLD, is_platform=own),
+        Fault(f"SIGSTOP {share}, SIGKILL", _send(share, stop), _send(share, kill), HOLD, is_platform=own),
+    ]
+
+
+PROCESSES = [fault for group in zip(*map(_process_faults, SHARES), strict=True) for fault in group]
+"""Each signal to each process of the default split; one after the other the processes take turns."""
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def _tell(instance: str, way: str) -> Callable[[Rig], None]:
+    return lambda rig: rig.tell(instance, way).stat() and None
+
+
+def _untell(instance: str, way: str) -> Callable[[Rig], None]:
+    return lambda rig: (rig.faults / f"{instance}.{way}").unlink()
+
+
+def _part_fault(instance: str, way: str, hold: float = 0.0) -> Fault:
+    words = {
+        "hang": "hangs in its step",
+        "spin": "computes for ever",
+        "seize": "computes for ever in C code",
+        "raise": "raises each tick",
+        "nan": "makes NaN",
+        "smuggle": "publishes NaN past the checks",
+    }
+    more = f" for {hold:g} s more" if hold else ""
+    return Fault(f"{instance} {words[way]}{more}", _tell(instance, way), _untell(instance, way), hold)
+
+
+PARTS = [
+    _part_fault(instance, way, hold)
+    for way, hold in (("hang", 0.0), ("spin", 0.0), ("raise", 0.0), ("raise", 1.5), ("nan", 0.0), ("smuggle", 0.0))
+    for instance in ("faulty_tracker", "faulty_vfh")
+]
+"""Controller and avoider that fail in each way."""
+SEIZED = [_part_fault(instance, "seize") for instance in ("faulty_tracker", "faulty_vfh")]
+
+
+# --- strangers --------------------------------------------------------------------------------------------------------
+
+
+def _order(what: str, line: str) -> Callable[[Rig], None]:
+    def order(rig: Rig) -> None:
+        stdin = rig.outsider(what).stdin
+        assert stdin is not None
+        stdin.write(f"{line}\n")
+        stdin.flush()
+
+    return order
+
+
+def _answer(what: str) -> Callable[[Rig], None]:
+    return lambda rig: rig.hear(rig.outsider(what)) and None
+
+
+def malformed(rig: Rig) -> dict[str, Any]:
+    """Malformed messages and how many came at all, by node and stream, of the streams a flood goes to."""
+    return {
+        f"{role} {stream}": (counts["malformed"], counts["received"])
+        for (role, _), node in rig.describe().items()
+        for stream, counts in node["streams"].items()
+        if stream in FLOODED
+    }
+
+
+STRANGERS = [
+    Fault(
+        name, _order("replay", f"go {mode}"), _answer("replay"), stops=False, prepare=lambda rig: rig.outsider("replay")
+    )
+    for name, mode in (
+        ("commands of 30 s replayed", "old"),
+        ("commands of 1 s replayed", "fresh"),
+        ("commands from the future", "future"),
+    )
+] + [
+    Fault(
+        "10,000 malformed messages",
+        _order("flood", "go"),
+        _answer("flood"),
+        stops=False,
+        look=malformed,
+        prepare=lambda rig: rig.outsider("flood"),
+    )
+]
+"""Somebody else on the robot's own sockets."""
+
+
+# --- parts that are stuck ---------------------------------------------------------------------------------------------
+
+OTHER_STREAMS = (
+    ("platform", "gate/main/command"),
+    ("localizer", "platform/logged_sim/odometry"),
+    ("reference", "localizer/odometry/pose"),
+    ("gate", "controller/faulty_tracker/command"),
+    ("gate", "avoider/faulty_vfh/command"),
+    ("goal", "reference/main/reference"),
+)
+"""Reader and stream whose ages are looked at while another part is stuck."""
+AGES = 256
+"""Messages whose ages a node keeps."""
+
+
+def ages(rig: Rig) -> dict[str, Any]:
+    """Median and 99th percentile of the age, s, of the next 256 messages of streams that have no part in a fault."""
+    first = _received(rig.describe())
+    until(lambda: _all_new(_received(rig.describe()), first), AGAIN, "256 new messages of each stream")
+    nodes = {role: node for (role, instance), node in rig.describe().items() if not instance.startswith("shadow")}
+    found = {}
+    for role, stream in OTHER_STREAMS:
+        counts = nodes[role]["streams"][stream]
+        found[f"{role} <- {stream}"] = (counts["age_p50_s"], counts["age_p99_s"])
+    return found
+
+
+def _received(nodes: dict[tuple[str, str], dict[str, Any]]) -> dict[tuple[str, str], int]:
+    return {
+        (role, stream): node["streams"][stream]["received"]
+        for (role, instance), node in nodes.items()
+        for wanted, stream in OTHER_STREAMS
+        if role == wanted and not instance.startswith("shadow")
+    }
+
+
+def _all_new(now: dict[tuple[str, str], int], first: dict[tuple[str, str], int]) -> bool:
+    return all(now.get(key, 0) - count >= AGES for key, count in first.items())
+
+
+def _free(instance: str, way: str, share: str) -> Callable[[Rig], None]:
+    """End what is stuck with its process, whose next life is well."""
+
+    def free(rig: Rig) -> None:
+        (rig.faults / f"{instance}.{way}").unlink()
+        now = time.monotonic_ns()
+        os.kill(rig.pids()[share], signal.SIGKILL)
+        until(lambda: rig.motors.zero_after(now), STOP, "the motors stand, and with them the fault is over")
+
+    return free
+
+
+def _plan_for_ever(rig: Rig) -> None:
+    rig.tell("faulty_astar", "hang")
+    rig.driver.anew.set()
+
+
+STUCK = [
+    Fault("shadow avoider sleeps for ever", _tell("shadow_vfh", "hang"), _free("shadow_vfh", "hang", "drive"),
+          stops=False, watch=0.5, look=ages),
+    Fault("shadow mapper sleeps for ever", _tell("shadow_map", "hang"), _free("shadow_map", "hang", "think"),
+          stops=False, watch=0.5, look=ages),
+    Fault("planner sleeps for ever", _plan_for_ever, _free("faulty_astar", "hang", "think"),
+          stops=False, watch=0.5, look=ages),
+]  # fmt: skip
+SHADOWS = """
+[[alternative]]
+name = "shadow_vfh"
+role = "avoider"
+plugin = "faulty_vfh"
+
+[[alternative]]
+name = "shadow_map"
+role = "mapper"
+plugin = "faulty_map"
+"""
+"""Further tables of a robot that has somebody to be stuck."""

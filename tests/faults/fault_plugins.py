@@ -1,0 +1,184 @@
+"""Plugins for tests: a simulated robot that records each word to its motors, and parts that fail when they are told to.
+
+They are told by a file in the folder that NAVLOOM_FAULTS names: `touch INSTANCE.WAY`, with one of the ways of `fail`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from motor_record import ADVANCE, DRIVE, RECORD, START, Line
+from navloom import (
+    Avoidance,
+    AvoiderInput,
+    ControllerInput,
+    MapperInput,
+    MapUpdate,
+    PlanFailure,
+    PlannerInput,
+    PlatformInput,
+    PlatformOutput,
+    Registry,
+    TrackingCommand,
+    Twist2D,
+    hookimpl,
+)
+from navloom import Path as Way
+from navloom_astar.adapter import AStar
+from navloom_improved_vfh.adapter import ImprovedVfh
+from navloom_known_map.adapter import KnownMap
+from navloom_lyapunov_tracker.adapter import LyapunovTracker
+from navloom_sensors_sim.adapter import SensorsSim
+
+__all__ = ["FOLDER", "install"]
+
+FOLDER = "NAVLOOM_FAULTS"
+"""Environment variable: folder of the files that tell a part to fail."""
+MODULE = Path(__file__).stem
+
+
+class LoggedSim(SensorsSim):
+    """The simulated robot, with a record in the file of NAVLOOM_MOTOR_RECORD for each word its motors get."""
+
+    name = "logged_sim"
+
+    def reset(self) -> None:
+        """Back to the start of the run."""
+        super().reset()
+        self._file = os.open(os.environ[RECORD], os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        self._write(START, Twist2D(0.0, 0.0, 0.0))
+
+    def drive(self, command: Twist2D, time_ns: int) -> None:
+        """Have the wheels take a command."""
+        self._write(DRIVE, command)
+        super().drive(command, time_ns)
+
+    def advance(self, given: PlatformInput) -> PlatformOutput:
+        """Drive on, and record what came of it."""
+        output = super().advance(given)
+        truth = output.truth
+        assert truth is not None
+        place = (truth.pose.x, truth.pose.y, truth.twist.vx, truth.twist.wz, truth.clearance)
+        self._write(ADVANCE, given.command, truth.touching, *place)
+        return output
+
+    def _write(self, kind: int, twist: Twist2D, touching: bool = False, *truth: float) -> None:
+        values = truth or (math.nan,) * 5
+        os.write(
+            self._file, Line(kind, touching, os.getpid(), time.monotonic_ns(), twist.vx, twist.wz, *values).bytes()
+        )
+
+
+def nan_twist() -> Twist2D:
+    """What no plugin can make by the front door."""
+    twist = Twist2D(0.0, 0.0, 0.0)
+    Twist2D.__dict__["vx"].__set__(twist, math.nan)
+    return twist
+
+
+def fail(instance: str) -> str:
+    """Fail as a file says.
+
+    Ways: `hang` sleeps for ever; `spin` computes for ever; `seize` computes for ever in one call of C code that keeps
+    the interpreter to itself; `raise` raises; `nan` makes a command of NaN; `smuggle` gives one made past the checks.
+
+    Returns:
+        "smuggle", or an empty text.
+    """
+    folder = os.environ[FOLDER]
+    for entry in os.listdir(folder):
+        name, _, way = entry.rpartition(".")
+        if name != instance:
+            continue
+        if way == "hang":
+            threading.Event().wait()
+        elif way == "spin":
+            while True:
+                pass
+        elif way == "seize":
+            re.match(r"(a+)+$", "a" * 64 + "b")
+        elif way == "raise":
+            raise RuntimeError("told to fail")
+        elif way == "nan":
+            Twist2D(math.nan, 0.0, 0.0)
+        elif way == "smuggle":
+            return way
+    return ""
+
+
+class FaultyTracker(LyapunovTracker):
+    """The tracker, until told to fail."""
+
+    name = "faulty_tracker"
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        """Velocity for this tick."""
+        way, answer = fail(self.context.instance), super().control(given)
+        if way:
+            TrackingCommand.__dict__["twist"].__set__(answer, nan_twist())
+        return answer
+
+
+class FaultyVfh(ImprovedVfh):
+    """The avoider, until told to fail."""
+
+    name = "faulty_vfh"
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        """Velocity for this tick."""
+        way, answer = fail(self.context.instance), super().avoid(given)
+        if way:
+            Avoidance.__dict__["twist"].__set__(answer, nan_twist())
+        return answer
+
+
+class FaultyAStar(AStar):
+    """The planner, until told to fail."""
+
+    name = "faulty_astar"
+
+    def plan(self, given: PlannerInput) -> Way | PlanFailure:
+        """A path."""
+        fail(self.context.instance)
+        return super().plan(given)
+
+
+class FaultyMap(KnownMap):
+    """The mapper, until told to fail."""
+
+    name = "faulty_map"
+
+    def update(self, given: MapperInput) -> MapUpdate | None:
+        """The map, once."""
+        fail(self.context.instance)
+        return super().update(given)
+
+
+PARTS: tuple[Any, ...] = (LoggedSim, FaultyTracker, FaultyVfh, FaultyAStar, FaultyMap)
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Adds all of them: an entry point each leads here."""
+    for part in PARTS:
+        registry.add(part)
+
+
+def install(folder: Path) -> str:
+    """Make them known as installed plugins to processes whose PYTHONPATH begins with the answer.
+
+    Args:
+        folder: For their metadata; it must not exist.
+    """
+    about = folder / f"{MODULE}-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {MODULE}\nVersion: 1.0\n", "utf-8")
+    entries = [f"{part.role}.{part.name} = {MODULE}" for part in PARTS]
+    (about / "entry_points.txt").write_text("\n".join(["[navloom]", *entries, ""]), "utf-8")
+    return os.pathsep.join((str(folder), str(Path(__file__).parent)))

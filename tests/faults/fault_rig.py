@@ -1,0 +1,379 @@
+"""A live robot that is driven to and fro at full speed while faults are put into it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fault_plugins
+from motor_record import RECORD, MotorRecord
+from navloom.runtime.client import ClientError, Refused
+from navloom.runtime.directory import DirectoryError
+from navloom.runtime.navigator import Navigator
+
+__all__ = ["FULL", "HALL", "SHARES", "Driver", "Note", "Rig", "is_running", "rig", "until"]
+
+COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
+START, END = 120.0, 20.0
+SHARES = ("robot", "think", "drive", "safe")
+"""Processes of the default split."""
+FULL = 0.5
+"""m/s, the robot's highest speed."""
+HALL = 150.0
+"""m that can be driven in one direction."""
+ROOM = 12.0
+"""m left to the end of the hall below which the robot may be slowing down."""
+CONFIG = """
+[run]
+seed = 11
+stop_after = 1e6
+
+[robot]
+max_linear = {full}
+max_angular_deg = 60.0
+max_deceleration = 1.0
+wheel_radius = 0.05
+
+[world]
+ref = "hall.toml"
+
+[map]
+resolution = 0.2
+
+[platform]
+plugin = "logged_sim"
+max_wheel_acceleration = 20.0     # rad/s²: the wheels brake with 1 m/s²
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+
+[mapper]
+plugin = "faulty_map"
+
+[planner]
+plugin = "faulty_astar"
+
+[controller]
+plugin = "faulty_tracker"
+
+[avoider]
+plugin = "faulty_vfh"
+
+[navigation]
+drive = false
+start = {{ x = 0.0, y = 0.0 }}
+speed = [0.2, {full}]
+
+[live]
+restart_limit = 1000              # a campaign kills one process often
+"""
+WORLD = """
+[[box]]
+name = "left wall"
+x = [-3.0, {end}]
+y = [1.5, 1.7]
+
+[[box]]
+name = "right wall"
+x = [-3.0, {end}]
+y = [-1.7, -1.5]
+
+[[box]]
+name = "rear wall"
+x = [-3.2, -3.0]
+y = [-1.7, 1.7]
+
+[[box]]
+name = "front wall"
+x = [{end}, {beyond}]
+y = [-1.7, 1.7]
+"""
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something the driver saw: a state of the goal, a result, or an error; time in ns, monotonic."""
+
+    time_ns: int
+    kind: str
+    text: str
+
+
+def until(claim: Callable[[], Any], timeout: float, what: str) -> Any:
+    """Wait until a claim holds that gives no event of its own, such as a line in a file; gives what it gave."""
+    limit = time.monotonic() + timeout
+    while not (found := claim()):
+        if time.monotonic() > limit:
+            raise AssertionError(f"not within {timeout:g} s: {what}")
+        time.sleep(0.005)
+    return found
+
+
+def is_running(pid: int) -> bool:
+    """A process is there and not a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+class Driver(threading.Thread):
+    """Keeps a goal on its way: sends the next one as soon as one has ended, from one end of the hall to the other.
+
+    Attributes:
+        notes: What it saw.
+        anew: Set to have it send another goal at once, which pre-empts the one on its way.
+        target: Where the next goals lie, m along the hall; None for the end that is further away.
+    """
+
+    def __init__(self, motors: Callable[[], tuple[float, float]]) -> None:
+        super().__init__(daemon=True)
+        self.notes: list[Note] = []
+        self.ending = threading.Event()
+        self.anew = threading.Event()
+        self.target: float | None = None
+        self._place = motors
+        self._news = threading.Condition()
+
+    def run(self) -> None:
+        """Until told to end."""
+        while not self.ending.is_set():
+            try:
+                with Navigator() as navigator:
+                    while not self.ending.is_set():
+                        self._drive(navigator)
+            except (ClientError, Refused, DirectoryError, OSError) as error:
+                self._note("error", str(error))
+                self.ending.wait(0.1)
+
+    def _drive(self, navigator: Navigator) -> None:
+        target = self.target
+        if target is None:
+            target = 0.0 if self._place()[0] > HALL - ROOM - 10.0 else HALL
+        handle = navigator.go(target, 0.0)
+        self._note("goal", f"{handle.goal_id} to {target:g}")
+        state = ""
+        while handle.result is None and not self.ending.is_set():
+            with suppress(TimeoutError):
+                for feedback in handle.updates(timeout=0.5):
+                    if feedback.state != state:
+                        state = feedback.state
+                        self._note("state", state)
+                    if self.ending.is_set() or self.anew.is_set():
+                        self.anew.clear()
+                        return
+        if handle.result is not None:
+            self._note("result", f"{handle.result.outcome}: {handle.result.reason}")
+
+    def _note(self, kind: str, text: str) -> None:
+        with self._news:
+            self.notes.append(Note(time.monotonic_ns(), kind, text))
+            self._news.notify_all()
+
+    def wait_for(self, claim: Callable[[Note], bool], after_ns: int, timeout: float) -> Note | None:
+        """The first thing noted after a time that fits; None where nothing does within s."""
+
+        def found() -> Note | None:
+            return next((note for note in self.notes if note.time_ns > after_ns and claim(note)), None)
+
+        with self._news:
+            self._news.wait_for(found, timeout)
+            return found()
+
+
+class Rig:
+    """A robot that is up, with its motors' record and a driver. Use `rig`.
+
+    Attributes:
+        folder: Runtime folder and everything else.
+        faults: Folder of the files that tell parts to fail.
+        motors: What they were told.
+        driver: Who keeps it driving.
+        up: `navloom up`.
+    """
+
+    def __init__(self, folder: Path, more: str) -> None:
+        self.folder, self.faults = folder, folder / "faults"
+        self.faults.mkdir()
+        self.motors = MotorRecord(folder / "motors.bin")
+        end = HALL + 3.0
+        (folder / "hall.toml").write_text(WORLD.format(end=end, beyond=end + 0.2), "utf-8")
+        self.config = folder / "robot.toml"
+        self.config.write_text(CONFIG.format(full=FULL) + more, "utf-8")
+        paths = [fault_plugins.install(folder / "plugins"), os.environ.get("PYTHONPATH", "")]
+        self.environment = {
+            **os.environ,
+            "NAVLOOM_RUNTIME_DIR": str(folder / "rt"),
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+            RECORD: str(folder / "motors.bin"),
+            fault_plugins.FOLDER: str(self.faults),
+        }
+        self.log = folder / "up.log"
+        self.driver = Driver(lambda: self.motors.place)
+        self._outsiders: dict[str, subprocess.Popen[str]] = {}
+
+    def start(self) -> None:
+        """Bring it up; returns when every node is there."""
+        with self.log.open("ab") as log:
+            self.up = subprocess.Popen(
+                [*COMMAND, "up", str(self.config)], env=self.environment, stdout=log, stderr=log
+            )  # fmt: skip
+        until(lambda: self.up.poll() is not None or self.said("every node is there"), START, "the robot is up")
+        assert self.up.poll() is None, self.log.read_text("utf-8")
+        self.driver.start()
+
+    def said(self, text: str) -> bool:
+        """`navloom up` said this."""
+        return text in self.log.read_text("utf-8")
+
+    def run(self, *arguments: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
+        """Another command on the same robot."""
+        return subprocess.run(
+            [*COMMAND, *arguments], env=self.environment, capture_output=True, text=True, timeout=timeout, check=False
+        )
+
+    def describe(self) -> dict[tuple[str, str], dict[str, Any]]:
+        """What each node that answers says of itself, by role and instance."""
+        with Navigator() as navigator:
+            return {(node["role"], node["instance"]): node for node in navigator.client.describe()}
+
+    def outsider(self, what: str) -> subprocess.Popen[str]:
+        """A process beside the robot's own that joins its network, started once; it takes and gives lines."""
+        process = self._outsiders.get(what)
+        if process is None or process.poll() is not None:
+            command = [sys.executable, str(Path(__file__).with_name("outsider.py")), what]
+            process = subprocess.Popen(
+                command, env=self.environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+            self._outsiders[what] = process
+            self.hear(process)
+        return process
+
+    @staticmethod
+    def hear(process: subprocess.Popen[str]) -> dict[str, Any]:
+        """The next line an outsider gives."""
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line, "the outsider has ended"
+        found: dict[str, Any] = json.loads(line)
+        return found
+
+    def pids(self) -> dict[str, int]:
+        """Processes of the robot that are there, by name; one that is being started again is not."""
+        found = {}
+        for entry in Path("/proc").iterdir():
+            if entry.name.isdigit() and is_running(int(entry.name)):
+                with suppress(OSError):
+                    last = (entry / "cmdline").read_bytes().rstrip(b"\0").rpartition(b"\0")[2].decode()
+                    if last.startswith(str(self.folder)) and last.endswith(".task.json"):
+                        found[Path(last).name.removesuffix(".task.json")] = int(entry.name)
+        return found
+
+    def tell(self, instance: str, way: str) -> Path:
+        """Have a part fail, until the file that this gives is gone."""
+        path = self.faults / f"{instance}.{way}"
+        path.touch()
+        return path
+
+    def wait_full_speed(self, timeout: float = 60.0) -> None:
+        """Wait until it drives at full speed with room ahead."""
+        until(self.is_at_full_speed, timeout, f"the robot drives at full speed; last: {self.driver.notes[-3:]}")
+
+    def is_at_full_speed(self) -> bool:
+        """It has been driving at full speed for half a second, and will not have to brake soon."""
+        if self.motors.speed(10) < 0.97 * FULL:
+            return False
+        newest = self.motors.ticks[-1]
+        return ROOM < newest.x < HALL - ROOM or (newest.x <= ROOM and abs(newest.speed) > 0.9 * FULL and self._leaves())
+
+    def reach_a_goal(self, timeout: float = 60.0) -> str:
+        """Drive to a place nearby; gives how that ended."""
+        now = time.monotonic_ns()
+        self.driver.target = self.motors.place[0] + 3.0
+        self.driver.anew.set()
+        sent = self.driver.wait_for(lambda note: note.kind == "goal", now, timeout)
+        assert sent is not None, self.driver.notes[-5:]
+        ended = self.driver.wait_for(lambda note: note.kind == "result", sent.time_ns, timeout)
+        self.driver.target = None
+        return "no result" if ended is None else ended.text
+
+    def _leaves(self) -> bool:
+        ticks = self.motors.ticks[-5:]
+        return ticks[-1].x > ticks[0].x
+
+    def end(self) -> float:
+        """`navloom down`; gives the s until `up` and all its processes have ended."""
+        self.driver.ending.set()
+        pids = self.pids().values()
+        if self.up.poll() is None:
+            began = time.monotonic()
+            self.up.send_signal(signal.SIGTERM)
+            self.up.wait(END)
+        else:
+            began = time.monotonic()
+        until(lambda: not any(map(is_running, pids)), END, "every process has ended")
+        took = time.monotonic() - began
+        self.driver.join(10.0)
+        return took
+
+    def clear(self) -> None:
+        """Leave nothing behind, whatever happened."""
+        self.driver.ending.set()
+        for outsider in self._outsiders.values():
+            outsider.kill()
+            outsider.communicate()
+        pids = [*self.pids().values()]
+        if hasattr(self, "up") and self.up.poll() is None:
+            for pid in (*pids, self.up.pid):
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
+            self.up.send_signal(signal.SIGTERM)
+            with suppress(subprocess.TimeoutExpired):
+                self.up.wait(END)
+        for pid in pids:
+            with suppress(ProcessLookupError):
+                if is_running(pid):
+                    os.kill(pid, signal.SIGKILL)
+        if hasattr(self, "up") and self.up.poll() is None:
+            self.up.kill()
+            self.up.wait()
+        if self.driver.ident is not None:
+            self.driver.join(10.0)
+
+
+@contextmanager
+def rig(more: str = "") -> Iterator[Rig]:
+    """A robot that is up and drives, gone afterwards whatever happens.
+
+    Args:
+        more: Further tables of its config.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="nf", dir="/tmp"))  # short: the name of a socket has little room
+    before = os.environ.get("NAVLOOM_RUNTIME_DIR")
+    os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "rt")  # for the driver, which joins from within this process
+    try:
+        made = Rig(folder, more)
+        try:
+            made.start()
+            yield made
+        finally:
+            made.clear()
+    finally:
+        if before is None:
+            del os.environ["NAVLOOM_RUNTIME_DIR"]
+        else:
+            os.environ["NAVLOOM_RUNTIME_DIR"] = before
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,40 @@
+"""Faults at full speed, one of each kind that matters: it stops, comes back, reaches its goal and ends.
+
+How fast it stops is the campaign's to say (`campaign.py`, docs/faults.md): here other tests share the processors.
+"""
+
+from __future__ import annotations
+
+from fault_ends import end_of_supervisor
+from fault_kinds import PARTS, PROCESSES, STRANGERS, inject
+from fault_rig import rig
+
+SOON, EXIT = 1.5, 10.0
+"""s that motors may run on, and that the end may take, on a machine that does something else as well."""
+CHOSEN = (
+    "SIGKILL drive",
+    "SIGSTOP safe, SIGCONT",
+    "faulty_tracker raises each tick",
+    "faulty_tracker publishes NaN past the checks",
+    "commands from the future",
+    "10,000 malformed messages",
+)
+
+
+def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
+    faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *STRANGERS)}
+    with rig() as robot:
+        for name in CHOSEN:
+            outcome = inject(robot, faults[name])
+            assert outcome.goal == "kept" and outcome.old == 0 and not outcome.touched, outcome
+            assert outcome.ran_on is not None and outcome.ran_on < SOON, outcome
+        killed = inject(robot, faults["SIGKILL robot"])
+        assert killed.left_driving is not None and killed.fresh, killed
+        assert robot.reach_a_goal() == "succeeded: the goal was reached"
+        assert robot.end() < EXIT and robot.up.returncode == 0
+
+
+def test_no_process_is_left_when_its_supervisor_is_killed_not_even_a_stopped_one() -> None:
+    with rig() as robot:
+        outcome = end_of_supervisor(robot, "drive")
+        assert outcome.note["left"] == [] and outcome.zero is not None and not outcome.touched, outcome

@@ -18,7 +18,7 @@ import pytest
 import zenoh
 from navloom.runtime.access import IDENTITIES
 from navloom.runtime.keys import HOSTS, Order, new_authority
-from navloom.runtime.links import CLOSE_WAIT, LEASE, Endpoint, Link, LinkError, settings
+from navloom.runtime.links import CLOSE_WAIT, LEASE, Endpoint, Link, LinkError, peer_link, settings
 
 SOON = 10.0
 BEAT = """
@@ -315,3 +315,13 @@ def zenoh_session(link: Link, other: subprocess.Popen[str]) -> Iterator[zenoh.Se
     assert other.poll() is None
     with zenoh.open(zenoh.Config.from_json5(json.dumps(given))) as session:
         yield session
+
+
+def test_of_two_neighbours_one_alone_calls_the_other() -> None:
+    names = ["unixsock-stream//run/robot.sock", "unixsock-stream//run/think.sock", "unixsock-stream//run/drive.sock"]
+    links = [peer_link(own, names, "lab", "r1") for own in names]
+    calls = [(link.listen[0], end) for link in links for end in link.connect]
+    assert len(calls) == 3 and {frozenset(call) for call in calls} == {
+        frozenset((one, other)) for one in names for other in names if one != other
+    }
+    assert all(link.peers == 2 for link in links)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from navloom.messages import Contact, Envelope, Message
+from navloom.messages import Contact, Envelope, Message, StepReport
 from navloom.messages.codec import encode, schema_label
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 
@@ -74,3 +74,14 @@ def test_waiting_ends_with_news_or_with_time() -> None:
     assert mailbox.wait(0, 10.0) == 1
     thread.join()
     assert mailbox.wait(0, 10.0) == 1  # news that were not seen are not waited for
+
+
+def test_a_message_of_another_stream_or_of_another_kind_is_malformed() -> None:
+    inlet = Inlet(KEY, Mailbox(), 4)
+    data, label = packet(1).data, packet(1).label
+    inlet.give(Packet(data, label, KEY, Contact))
+    inlet.give(Packet(data, label, "lab/r1/platform/q/contact", Contact))
+    inlet.give(Packet(data, label, KEY, StepReport))
+    assert sequences(inlet) == [1]
+    assert inlet.counts.malformed == 2
+    assert inlet.counts.complaint == f"Contact came by {KEY}, which carries StepReport"

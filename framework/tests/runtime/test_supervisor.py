@@ -13,7 +13,8 @@ from navloom.config.schema import LiveTable
 from navloom.runtime.build import assemble
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.supervisor import Supervisor, Task, spread
+from navloom.runtime.placing import spread
+from navloom.runtime.supervisor import Supervisor, Task
 
 STUBBORN = """
 import json, os, signal, sys, time

@@ -15,10 +15,10 @@ from navloom.runtime.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import RobotFolder, Running
-from navloom.runtime.links import Link
+from navloom.runtime.links import peer_link
 from navloom.runtime.network import network_of
 from navloom.runtime.node_process import Share
-from navloom.runtime.supervisor import spread
+from navloom.runtime.placing import spread
 
 __all__ = ["chosen_sources", "share_by_hand"]
 
@@ -64,11 +64,11 @@ def share_by_hand(
     own = folder.socket(name)
     # A process started at the same moment has no socket yet: whatever it will be called is tried until it is there.
     possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
-    others = tuple(dict.fromkeys(end for end in (*folder.sockets(), *possible) if end != own))
+    link = peer_link(own, (*folder.sockets(), *possible), network.realm, network.robot)
     if folder.read() is None:
         folder.write(Running(network.realm, network.robot, os.getpid(), (own,), False, system.loaded.name, False))
     try:
-        yield Share(name, sources, Link("peer", (own,), others, realm=network.realm, robot=network.robot), False, now)
+        yield Share(name, sources, link, False, now)
     finally:
         with suppress(OSError):
             (folder.path / f"{name}.sock").unlink()

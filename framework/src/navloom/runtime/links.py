@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import re
 import socket
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from navloom.runtime.access import AccessError, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
-__all__ = ["Endpoint", "Link", "LinkError", "settings"]
+__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "peer_link", "settings"]
 
 LEASE = 1000
 """ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
@@ -23,6 +24,8 @@ OPEN_WAIT = 5000
 GATHER = 500
 """ms a peer's opening waits, at most, until it is linked to every peer that is there. It must be: a process that comes
 back asks the others what it must not forget, such as a latched stop, as soon as it is open."""
+RETRY = 50, 200
+"""ms between two calls to a neighbour that is not there, at first and at most: well below GATHER."""
 DROP_WAIT = 1000
 """us a droppable message waits for a place in the queue: a twentieth of the shortest usual period."""
 DROP_WAIT_FRAGMENTS = 50_000
@@ -58,6 +61,7 @@ class Link:
         identity: The NAME.
         insecure: Plain TCP beyond this host was asked for.
         realm, robot: Of the keys that the rules of a TLS listener protect.
+        peers: Neighbours that opening waits for, as long as GATHER.
     """
 
     mode: str
@@ -68,6 +72,23 @@ class Link:
     insecure: bool = False
     realm: str = "lab"
     robot: str = "r1"
+    peers: int = 0
+
+
+def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str) -> Link:
+    """How a process joins its neighbours on one host. Of two, the one whose socket's name comes later calls the other.
+
+    Were both to call, a process that was stopped and goes on could keep its half of a link that the other has given up,
+    and messages would go astray: https://github.com/eclipse-zenoh/zenoh/issues/2806
+
+    Args:
+        own: Socket it listens at.
+        sockets: Of all.
+        realm, robot: Names of the robot.
+    """
+    others = sorted({*sockets} - {own})
+    earlier = tuple(end for end in others if end < own)
+    return Link("peer", (own,), earlier, realm=realm, robot=robot, peers=len(others))
 
 
 @dataclass(frozen=True)
@@ -174,7 +195,7 @@ def settings(link: Link) -> dict[str, Any]:
             "endpoints": [_two_links(end) if _leaves(end) else end.text for end in connect],
             "timeout_ms": _find_wait(connect) if is_client else -1,
             "exit_on_failure": is_client,
-            "retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2},
+            "retry": {"period_init_ms": RETRY[0], "period_max_ms": RETRY[1], "period_increase_factor": 2},
         },
         "timestamping": {"enabled": False},
         "adminspace": {"enabled": False},

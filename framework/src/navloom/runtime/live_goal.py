@@ -72,5 +72,6 @@ class LiveGoal(LiveRunner):
             return "the platform began anew, and where the robot is now is not known"
         for (role, name), (times, text) in self.faults.items():
             if times >= BROKEN and self.in_charge((role, name)):
+                del self.faults[role, name]  # the next goal has another try
                 return f"{role} {name} failed {times} times in a row: {text}"
         return ""

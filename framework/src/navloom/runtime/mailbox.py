@@ -18,13 +18,20 @@ AGES = 256
 
 
 class Packet:
-    """Bytes off the wire, decoded once for all its readers in a process, by the first that looks."""
+    """Bytes off the wire, decoded once for all its readers in a process, by the first that looks.
 
-    __slots__ = ("_opened", "arrived_ns", "data", "label")
+    Args:
+        data, label: As they came.
+        key: Stream they came by, which their envelope must name; None where that does not matter.
+        kind: What the stream carries; None for any message.
+    """
 
-    def __init__(self, data: bytes, label: str) -> None:
+    __slots__ = ("_key", "_kind", "_opened", "arrived_ns", "data", "label")
+
+    def __init__(self, data: bytes, label: str, key: str | None = None, kind: type[Message] | None = None) -> None:
         self.data = data
         self.label = label
+        self._key, self._kind = key, kind
         self.arrived_ns = time.monotonic_ns()
         self._opened: tuple[Message, Envelope] | CodecError | None = None
 
@@ -33,13 +40,21 @@ class Packet:
         opened = self._opened
         if opened is None:
             try:
-                opened = decode(self.data, self.label)
+                opened = self._decode()
             except CodecError as error:
                 opened = error
             self._opened = opened
         if isinstance(opened, CodecError):
             raise opened
         return opened
+
+    def _decode(self) -> tuple[Message, Envelope]:
+        message, envelope = decode(self.data, self.label)
+        if self._key is not None and envelope.key != self._key:
+            raise CodecError(f"a message of stream {envelope.key} came by {self._key}")
+        if self._kind is not None and not isinstance(message, self._kind):
+            raise CodecError(f"{type(message).__name__} came by {self._key}, which carries {self._kind.__name__}")
+        return message, envelope
 
     def try_open(self) -> tuple[Message, Envelope] | None:
         """The same; None for what is no message."""

@@ -42,6 +42,7 @@ class GoalHandle:
         self.result: GoalResult | None = None
         self._client, self._mailbox = client, mailbox
         self._results, self._feedbacks = results, feedbacks
+        self._asked = time.monotonic()
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
         """Feedback as it comes, until the goal has ended; also while nodes of the robot restart.
@@ -49,7 +50,7 @@ class GoalHandle:
         Raises:
             TimeoutError: It has not ended within s.
         """
-        began = asked = time.monotonic()
+        began = time.monotonic()
         seen = 0
         while self.result is None:
             seen = self._mailbox.wait(seen, 0.1)
@@ -60,8 +61,8 @@ class GoalHandle:
                     self.feedback = message
                     yield message
             now = time.monotonic()
-            if self.result is None and now - asked > ASK_AGAIN:
-                asked = now
+            if self.result is None and now - self._asked > ASK_AGAIN:
+                self._asked = now
                 self._note(self._client.last("goal", "main", "result"))
             if timeout is not None and self.result is None and now - began > timeout:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")

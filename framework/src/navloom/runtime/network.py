@@ -8,7 +8,7 @@ from pathlib import Path
 
 from navloom.config.schema import Config
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.links import Link
+from navloom.runtime.links import Link, peer_link
 
 __all__ = ["Network", "network_of"]
 
@@ -37,13 +37,7 @@ class Network:
         if self.router:
             return {name: self._client("nodes") for name in names}
         sockets = {name: folder.socket(name) for name in names}
-        return {
-            name: Link(
-                "peer", (own,), tuple(end for end in sockets.values() if end != own),
-                realm=self.realm, robot=self.robot,
-            )
-            for name, own in sockets.items()
-        }  # fmt: skip
+        return {name: peer_link(own, sockets.values(), self.realm, self.robot) for name, own in sockets.items()}
 
     def router_link(self) -> Link | None:
         """Of the router, where it is this host's to start."""

@@ -40,6 +40,8 @@ PATIENT = frozenset({"mapper", "planner", "recovery"})
 """Roles whose step may take long."""
 LONG = 30.0
 """s their step may take."""
+RECOLLECT = 0.5
+"""s to ask for what must not be forgotten while some process does not answer."""
 JOIN = 60.0
 """s to wait for the robot's router."""
 
@@ -119,8 +121,7 @@ class NodeProcess:
             runs: list[Callable[[], None]] = [runner.run for runner in self.runners.values()]
             live: dict[Source, LiveRunner] = {}
         else:
-            for answer in bus.ask(keys.process("*", "memory"), timeout=1.0):
-                memory.learn(answer.data)
+            self._recollect(bus, keys, memory)
             presence = Presence(keys, set(nodes), self._came)
             live = {source: self._live_runner(cell, clock, presence) for source, cell in hosted.items()}
             self.runners = dict(live)
@@ -144,6 +145,17 @@ class NodeProcess:
             bus.announce(keys.alive(*source, self.life))
         ready()
         return threads
+
+    def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
+        """Ask every other process what must not be forgotten; whom a new link leads to is known a moment after it."""
+        limit = time.monotonic() + RECOLLECT
+        while bus.neighbours():
+            answers = list(bus.ask(keys.process("*", "memory"), timeout=1.0))
+            for answer in answers:
+                memory.learn(answer.data)
+            if len(answers) >= max(1, self.share.link.peers) or time.monotonic() > limit:
+                return
+            time.sleep(0.02)
 
     def _nodes(self) -> dict[Source, Node]:
         """The nodes of this share in the order of the graph."""

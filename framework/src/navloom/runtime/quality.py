@@ -7,9 +7,11 @@ from typing import Literal
 
 from navloom.messages import (
     AvoiderStatus,
+    ClearRequest,
     Command,
     Contact,
     Drive,
+    Feedback,
     GateStatus,
     GoalResult,
     HandOver,
@@ -36,7 +38,7 @@ from navloom.messages import (
 )
 from navloom.runtime.keyspace import STEP
 
-__all__ = ["RETAINED", "Quality", "first_kind", "is_retained", "quality_of"]
+__all__ = ["RETAINED", "Quality", "is_retained", "kind_of", "quality_of"]
 
 Congestion = Literal["drop", "block", "block_first"]
 Priority = Literal["real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"]
@@ -81,6 +83,7 @@ _BY_TYPE: dict[type[Message], Quality] = {
     SweepRequest: _WORD,
     RecoveryRequest: _WORD,
     RecoveryStep: _WORD,
+    ClearRequest: _WORD,
     OperatorRequest: _WORD,
     Selection: _WORD,
     GateStatus: _WORD,
@@ -116,28 +119,43 @@ hosts' clocks, and refuses messages from a host whose clock runs ahead.
 """
 
 
-FIRST: dict[tuple[str, str], type[Message]] = {
+CARRIES: dict[tuple[str, str], type[Message]] = {
+    ("operator", "request"): OperatorRequest,
+    ("operator", "command"): Command,
     ("platform", "odometry"): Odometry,
     ("platform", "contact"): Contact,
+    ("platform", "truth"): Truth,
     ("localizer", "pose"): PoseEstimate,
-    ("goal", "drive"): Drive,
+    ("mapper", "map"): MapUpdate,
     ("goal", "plan"): PlanRequest,
+    ("goal", "sweep"): SweepRequest,
+    ("goal", "recovery"): RecoveryRequest,
+    ("goal", "clear"): ClearRequest,
+    ("goal", "drive"): Drive,
+    ("goal", "feedback"): Feedback,
+    ("goal", "result"): GoalResult,
     ("planner", "path"): Path,
+    ("planner", "failure"): PlanFailure,
     ("reference", "trajectory"): Trajectory,
     ("reference", "reference"): Reference,
     ("controller", "command"): TrackingCommand,
     ("avoider", "command"): Command,
     ("avoider", "status"): AvoiderStatus,
     ("avoider", "handover"): HandOver,
+    ("recovery", "command"): Command,
+    ("recovery", "status"): RecoveryStep,
     ("gate", "command"): Command,
     ("gate", "status"): GateStatus,
+    ("gate", "selection"): Selection,
 }
-"""What streams carry whose first message must not wait for a declaration."""
+"""What the streams of each (role, port) carry; a platform's sensors, which a config names, are not among them."""
 
 
-def first_kind(role: str, port: str) -> type[Message] | None:
-    """The message to declare a stream for ahead of time; None where it can wait."""
-    return StepReport if port == STEP else FIRST.get((role, port))
+def kind_of(role: str, port: str) -> type[Message] | None:
+    """What a stream carries: it is declared for that ahead of its first message, and nothing else is taken from it."""
+    if port == "parameters":
+        return Parameters
+    return StepReport if port == STEP else CARRIES.get((role, port))
 
 
 def is_retained(role: str, port: str) -> bool:

@@ -15,8 +15,9 @@ from navloom.runtime.directory import DirectoryError, RobotFolder, Running
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.network import Network
 from navloom.runtime.node_process import Share
+from navloom.runtime.placing import spread
 from navloom.runtime.presence import Presence
-from navloom.runtime.supervisor import Supervisor, node_task, router_task, spread
+from navloom.runtime.supervisor import Supervisor, node_task, router_task
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Robot", "StartError"]

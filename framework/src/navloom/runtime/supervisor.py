@@ -20,10 +20,9 @@ from navloom.runtime.directory import Fate, RobotFolder
 from navloom.runtime.links import Link
 from navloom.runtime.node_main import share_to_json
 from navloom.runtime.node_process import HUNG, Share
-from navloom.runtime.placing import spread
 from navloom.runtime.process import link_to_json
 
-__all__ = ["Child", "Supervisor", "Task", "node_task", "router_task", "spread"]
+__all__ = ["Child", "Supervisor", "Task", "node_task", "router_task"]
 
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
 """s before the first restart, and at most before a later one."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from navloom.messages import Message
 from navloom.runtime.keyspace import LARGEST, KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
-from navloom.runtime.quality import RETAINED, first_kind, is_retained
+from navloom.runtime.quality import RETAINED, is_retained, kind_of
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
@@ -29,6 +30,7 @@ class Switchboard:
         self.bus, self.keys, self.lossless = bus, keys, lossless
         self._age = age
         self._inlets: dict[str, list[Inlet]] = {}
+        self._kinds: dict[str, type[Message] | None] = {}
         self._outlets: dict[str, Outlet] = {}
 
     def inlet(self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None) -> Inlet:
@@ -36,6 +38,7 @@ class Switchboard:
         key = self.keys.port(*source, port)
         inlet = Inlet(key, mailbox, None if self.lossless else limit, self._age)
         self._inlets.setdefault(key, []).append(inlet)
+        self._kinds[key] = kind_of(source[0], port)
         return inlet
 
     def outlet(self, source: tuple[str, str], port: str) -> Outlet:
@@ -44,7 +47,7 @@ class Switchboard:
         if key in self._outlets:
             return self._outlets[key]
         outlet = self._outlets[key] = Outlet(key, self.bus, self.lossless, is_retained(source[0], port))
-        kind = first_kind(source[0], port)
+        kind = kind_of(source[0], port)
         if kind is not None:
             outlet.prepare(kind)
         return outlet
@@ -77,6 +80,6 @@ class Switchboard:
             for inlet in inlets:
                 inlet.refuse(f"larger than {LARGEST} bytes")
             return
-        packet = Packet(data, label)
+        packet = Packet(data, label, key, self._kinds.get(key))
         for inlet in inlets:
             inlet.give(packet)

@@ -17,7 +17,7 @@ from navloom.runtime.cells import all_sources
 from navloom.runtime.network import Network
 from navloom.runtime.node_main import CONTROL_PRIORITY
 from navloom.runtime.node_process import LONG, PATIENT
-from navloom.runtime.supervisor import spread
+from navloom.runtime.placing import spread
 
 __all__ = ["Command", "notify", "units"]
 

@@ -13,7 +13,7 @@ import zenoh
 
 from navloom.runtime.keyspace import LARGEST
 from navloom.runtime.link_faults import why_not
-from navloom.runtime.links import Link, settings
+from navloom.runtime.links import GATHER, Link, settings
 
 if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
     from navloom.runtime.quality import Quality
@@ -115,6 +115,7 @@ class Bus:
                     why = why_not(link) or str(error).partition(" at /")[0]
                     raise BusError(f"the network at {ends} cannot be joined: {why}") from None
                 time.sleep(0.1)
+        self._gather(link)
         self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))
         self._held: list[Any] = []
 
@@ -131,6 +132,12 @@ class Bus:
         self._held.clear()
         with contextlib.suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
+
+    def _gather(self, link: Link) -> None:
+        """Wait for neighbours that call this process, as those it calls itself are waited for by Zenoh."""
+        limit = time.monotonic() + GATHER * 1e-3
+        while self.neighbours() < link.peers and time.monotonic() < limit:
+            time.sleep(0.005)
 
     def neighbours(self) -> int:
         """Processes this one is linked to."""

@@ -33,8 +33,8 @@ from navloom.runtime.keyspace import STEP
 from navloom.runtime.lockstep import RunLog
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.network import network_of
+from navloom.runtime.placing import spread
 from navloom.runtime.robot import Robot
-from navloom.runtime.supervisor import spread
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.trace import TraceWriter
 from navloom.study.episode import Episode

@@ -1,0 +1,128 @@
+"""Four tracking laws as navloom controllers."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+from navloom import Context, Controller, ControllerInput, TrackingCommand, Twist2D
+from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_error, turn_direction, wrap
+
+from navloom_trackers import fierro_lewis, kanayama, pure_pursuit, ramsete
+from navloom_trackers.limits import DriveLimits, within_limits, within_reach
+from navloom_trackers.params import (
+    FierroLewisParams,
+    KanayamaParams,
+    PurePursuitParams,
+    RamseteParams,
+    TrackerParams,
+)
+
+__all__ = ["FierroLewis", "Kanayama", "PurePursuit", "Ramsete"]
+
+
+class _Tracker(Controller):
+    """Turns in place where it must, follows its law else, and stays within the limits of the drive."""
+
+    def __init__(self, params: TrackerParams, context: Context) -> None:
+        super().__init__(params, context)
+        robot = context.robot
+        self._above = math.radians(params.turn_in_place_above_deg)
+        self._until = math.radians(params.turn_in_place_until_deg)
+        shape = (robot.wheel_radius, robot.half_track)
+        wheel = math.inf if params.max_wheel_speed is None else params.max_wheel_speed
+        self._limits = DriveLimits(robot.max_linear, robot.max_angular, wheel, *shape, params.may_reverse)
+        self._turning = 0
+
+    def reset(self) -> None:
+        self._turning = 0
+
+    def control(self, given: ControllerInput) -> TrackingCommand:
+        pose, reference = given.estimate.pose, given.reference
+        fastest = self.context.robot.max_angular
+        if reference.turn_to is not None:
+            error = TrackingError(0.0, 0.0, wrap(reference.turn_to - pose.heading))
+            wanted = (0.0, final_turn(error.e3, fastest))
+        else:
+            target = reference.pose
+            error = tracking_error(pose.x, pose.y, pose.heading, target.x, target.y, target.heading)
+            bearing, wanted = self._follow(given, error)
+            self._turning = turn_direction(bearing, self._turning, self._above, self._until)
+            if self._turning:
+                wanted = (0.0, self._turning * fastest)
+        v, w = within_limits(*wanted, self._limits)
+        return TrackingCommand(Twist2D(v, 0.0, w), *error)
+
+    @abstractmethod
+    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+        """Which way to face, rad from the heading in [-π, π), and the law's velocity, m/s and rad/s."""
+
+
+class Kanayama(_Tracker):
+    """Eq. (8) of Kanayama et al. 1990."""
+
+    name = "kanayama"
+    Params = KanayamaParams
+
+    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+        own, reference = self.params, given.reference
+        k_theta = kanayama.critical_gain(own.k_y) if own.k_theta is None else own.k_theta
+        if own.approach_deg < 90.0:
+            error = within_reach(error, kanayama.reach(own.k_y, k_theta, math.radians(own.approach_deg)))
+        wanted = kanayama.control_rule(error, reference.speed, reference.turn_rate, own.k_x, own.k_y, k_theta)
+        return error.e3, wanted
+
+
+class FierroLewis(_Tracker):
+    """The kinematic law of Fierro & Lewis 1997, followed with the lag of their velocity loop."""
+
+    name = "fierro_lewis"
+    Params = FierroLewisParams
+
+    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+        own, reference, twist = self.params, given.reference, given.estimate.twist
+        v_ref, w_ref, gains = reference.speed, reference.turn_rate, (own.k1, own.k2, own.k3)
+        curvature = w_ref / v_ref
+        moved = fierro_lewis.projected_speed(twist.vx, error.e3, curvature, reference.cross_track)
+        rates = kanayama.error_rates(error, twist.vx, twist.wz, moved, curvature * moved)
+        if own.approach_deg < 90.0:
+            near = within_reach(error, kanayama.reach(own.k2, own.k3, math.radians(own.approach_deg)))
+            held = [now == wanted for now, wanted in zip(near[:2], error[:2], strict=True)]
+            error, rates = near, TrackingError(rates.e1 * held[0], rates.e2 * held[1], rates.e3)
+        v, w = fierro_lewis.kinematic_command(error, v_ref, w_ref, *gains)
+        v_rate, w_rate = fierro_lewis.command_rates(error, rates, v_ref, *gains)
+        v = fierro_lewis.velocity_after(twist.vx, v, v_rate, own.k4, self.context.period)
+        return error.e3, (v, fierro_lewis.velocity_after(twist.wz, w, w_rate, own.k4, self.context.period))
+
+
+class Ramsete(_Tracker):
+    """The nonlinear tracker of De Luca, Oriolo and Vendittelli 2001."""
+
+    name = "ramsete"
+    Params = RamseteParams
+
+    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+        own, law = self.params, (given.reference.speed, given.reference.turn_rate, self.params.zeta, self.params.b)
+        if own.approach_deg < 90.0:
+            error = within_reach(error, ramsete.reach(*law, math.radians(own.approach_deg)))
+        return error.e3, ramsete.tracking_command(error, *law)
+
+
+class PurePursuit(_Tracker):
+    """Regulated pure pursuit, Macenski et al. 2023."""
+
+    name = "pure_pursuit"
+    Params = PurePursuitParams
+
+    def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
+        own, reference, pose = self.params, given.reference, given.estimate.pose
+        away = pure_pursuit.look_ahead(
+            given.estimate.twist.vx, own.look_ahead_time, own.min_look_ahead, own.max_look_ahead
+        )
+        away = pure_pursuit.reaching(away, reference.cross_track, math.radians(own.approach_deg))
+        x, y = pure_pursuit.pursuit_point(given.trajectory.samples, reference.progress, pose.x, pose.y, away)
+        ahead, left, _ = tracking_error(pose.x, pose.y, pose.heading, x, y, pose.heading)
+        curvature = pure_pursuit.pursuit_curvature(ahead, left)
+        v = pure_pursuit.curvature_speed(reference.speed, curvature, own.slow_radius, own.min_arc_speed)
+        v = pure_pursuit.proximity_speed(v, reference.remaining, own.approach_distance, own.min_approach_speed)
+        return math.atan2(left, ahead), (v, v * curvature)

@@ -1,0 +1,49 @@
+"""What a differential drive can do, and a velocity brought within it on the same arc; how far a law may look aside."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from navloom_lyapunov_tracker.law import TrackingError
+
+__all__ = ["DriveLimits", "within_limits", "within_reach"]
+
+
+class DriveLimits(NamedTuple):
+    """Limits of a drive.
+
+    Attributes:
+        linear, angular: Largest |v|, m/s, and |w|, rad/s.
+        wheel: Largest speed of a wheel, rad/s.
+        wheel_radius, half_track: m.
+        may_reverse: It may drive backwards.
+    """
+
+    linear: float
+    angular: float
+    wheel: float
+    wheel_radius: float
+    half_track: float
+    may_reverse: bool
+
+
+def within_limits(v: float, w: float, limits: DriveLimits) -> tuple[float, float]:
+    """A velocity within all limits: v and w scaled alike, which keeps the curvature of the way.
+
+    The faster wheel turns at (|v| + half_track |w|) / wheel_radius: eq. (2) of Hoang et al. 2013. Where the drive may
+    not reverse, a negative speed becomes 0 and the turn rate stays.
+
+    Args:
+        v, w: m/s and rad/s.
+    """
+    if v < 0.0 and not limits.may_reverse:
+        v = 0.0
+    wheel = (abs(v) + limits.half_track * abs(w)) / limits.wheel_radius
+    excess = max(1.0, abs(v) / limits.linear, abs(w) / limits.angular, wheel / limits.wheel)
+    return v / excess, w / excess
+
+
+def within_reach(error: TrackingError, reach: float) -> TrackingError:
+    """The error with neither part of its position, m, larger than `reach`, m."""
+    e1, e2, e3 = error
+    return TrackingError(min(max(e1, -reach), reach), min(max(e2, -reach), reach), e3)

@@ -1,0 +1,82 @@
+"""Closed loop in lockstep on the simulated robot, with wheels and track that are not what they are taken for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from navloom.config import load_config
+from navloom.study.episode import run_episode
+from trackers_drives import PATHS, drive
+
+LAWS = ["fierro_lewis", "kanayama", "ramsete"]
+TRACKERS = [*LAWS, "pure_pursuit"]
+EACH = pytest.mark.parametrize("tracker", TRACKERS)
+BOUNDS = {"fierro_lewis": 0.015, "kanayama": 0.005, "ramsete": 0.008, "pure_pursuit": 0.06}
+"""Largest cross-track error, m, after the first 3 m, with radius and track wrong by 5 % either way."""
+
+
+@EACH
+@pytest.mark.parametrize("path", ["circle", "figure_eight"])
+def test_the_goal_is_reached_along_the_path_with_wheels_too_large_and_too_near(tracker: str, path: str) -> None:
+    """Both errors of 5 % make the robot turn 10.5 % more than it was told. It starts 0.3 m beside the path."""
+    found = drive(tracker, path, radius_error=0.05, track_error=-0.05, beside=0.3)
+    print(f"{tracker} {path}: cross-track {1e3 * found.rms:.1f} mm rms, {1e3 * found.most:.1f} mm at most")
+    assert found.outcome == "succeeded"
+    assert found.most < BOUNDS[tracker]
+
+
+@EACH
+def test_from_beside_the_line_it_comes_back_with_wheels_too_small_and_too_far(tracker: str) -> None:
+    """1 m beside and facing away from the line by 30 degrees."""
+    found = drive(tracker, "line", radius_error=-0.05, track_error=0.05, beside=1.0, turned_deg=30.0)
+    print(
+        f"{tracker} line: cross-track {1e3 * found.rms:.1f} mm rms, {1e3 * abs(found.track[-1, 2]):.1f} mm at its end"
+    )
+    assert found.outcome == "succeeded"
+    assert abs(found.track[-1, 2]) < 0.01
+    assert found.track[:, 4].min() >= 0.0, "it never drives backwards"
+    assert np.hypot(*np.diff(found.track[:, 1:3], axis=0).T).sum() < 7.2
+
+
+@pytest.mark.parametrize(
+    "tracker",
+    ["fierro_lewis", "pure_pursuit", *(pytest.param(name, marks=pytest.mark.slow) for name in ("kanayama", "ramsete"))],
+)
+def test_the_papers_experiment_ends_at_its_goal(tracker: str) -> None:
+    """The avoider takes over and hands back, as with `lyapunov_tracker`."""
+    found = run_episode(load_config("paper", [f'controller={{plugin="{tracker}"}}'])).summary()
+    assert (found["outcome"], found["collisions"], found["recoveries"], found["gate_stops"]) == ("succeeded", 0, 0, 0)
+
+
+def test_a_heading_at_the_goal_is_turned_to() -> None:
+    found = drive("kanayama", "line", settings=["navigation.goal.heading_deg=90.0"])
+    assert found.outcome == "succeeded"
+    assert found.track[-1, 3] == pytest.approx(0.5 * math.pi, abs=math.radians(5.0))
+
+
+@pytest.mark.slow
+@EACH
+@pytest.mark.parametrize("path", sorted(PATHS))
+def test_the_goal_is_reached_whatever_the_sign_of_the_errors(tracker: str, path: str) -> None:
+    """The table of the README."""
+    worst = [
+        drive(tracker, path, radius_error=r, track_error=t, beside=0.3)
+        for r, t in itertools.product([-0.05, 0.05], repeat=2)
+    ]
+    most = max(found.most for found in worst)
+    print(f"{tracker} {path}: {1e3 * max(f.rms for f in worst):.1f} mm rms, {1e3 * most:.1f} mm at most")
+    assert {found.outcome for found in worst} == {"succeeded"}
+    assert most < BOUNDS[tracker]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tracker", LAWS)
+@pytest.mark.parametrize("late", ["platform.motor_time_constant=0.1", "controller.latency=0.05"])
+def test_motors_that_lag_and_commands_that_come_late_are_borne(tracker: str, late: str) -> None:
+    found = drive(tracker, "figure_eight", settings=[late])
+    print(f"{tracker} {late}: {1e3 * found.rms:.1f} mm rms, {1e3 * found.most:.1f} mm at most, {found.seconds:.1f} s")
+    assert found.outcome == "succeeded"
+    assert found.most < 0.03

@@ -1,0 +1,142 @@
+"""Drives in lockstep on the simulated robot along given paths, on an empty floor, without an avoider taking over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from navloom import OccupancyGrid, Path, Planner, PlannerInput, Pose2D, World
+from navloom.config import load_config
+from navloom.runtime.build import assemble, make_plugins
+from navloom.runtime.executor import lockstep_of
+from navloom.study.recorder import Recorder
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def line() -> Floats:
+    """(n, 2) 6 m along the x axis."""
+    return np.array([[0.0, 0.0], [6.0, 0.0]])
+
+
+def circle(radius: float = 1.5) -> Floats:
+    """(n, 2) five sixths of a circle to the left, m."""
+    turn = np.linspace(0.0, 2.0 * math.pi * 5.0 / 6.0, 40)
+    return radius * np.column_stack((np.sin(turn), 1.0 - np.cos(turn)))
+
+
+def figure_eight(size: float = 3.0) -> Floats:
+    """(n, 2) 80 % of a lemniscate of Gerono, m: turns both ways and crosses itself."""
+    turn = np.linspace(0.0, 0.8 * 2.0 * math.pi, 100)
+    return size * np.column_stack((np.cos(turn), np.sin(turn) * np.cos(turn)))
+
+
+PATHS = {"line": line, "circle": circle, "figure_eight": figure_eight}
+
+
+class GivenPath(Planner):
+    """Answers every request with the same path."""
+
+    name = "given_path"
+
+    def __init__(self, points: Floats) -> None:
+        self.points = points
+
+    def plan(self, given: PlannerInput) -> Path:
+        length = float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+        return Path(given.request.request_id, self.points, length, None)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How a drive went.
+
+    Attributes:
+        outcome: Of the goal.
+        seconds: Duration, s.
+        rms, most: Cross-track error of the real robot after the first 3 m, m.
+        track: (n, 5) time, s, true x, y, m, heading, rad, and speed, m/s.
+    """
+
+    outcome: str
+    seconds: float
+    rms: float
+    most: float
+    track: Floats
+
+
+def drive(
+    tracker: str,
+    path: str,
+    params: Sequence[str] = (),
+    radius_error: float = 0.0,
+    track_error: float = 0.0,
+    beside: float = 0.0,
+    turned_deg: float = 0.0,
+    settings: Sequence[str] = (),
+) -> Drive:
+    """Drive the paper's robot: 0.5 m/s, 25 deg/s, reference at 0.2 to 0.4 m/s.
+
+    Its wheels and track differ from what is known of them by the errors. It knows where it is: odometry is calibrated
+    and without slip.
+
+    Args:
+        tracker: Name of the plugin.
+        path: Key of PATHS.
+        params: TOML assignments to the controller's table.
+        radius_error, track_error: True over nominal, less 1.
+        beside: Start this far to the left of the path, m.
+        turned_deg: Start turned from it, degrees.
+        settings: Further settings of the config.
+    """
+    points = PATHS[path]()
+    ahead = math.atan2(*(points[1] - points[0])[::-1])
+    x, y = points[0] + beside * np.array([-math.sin(ahead), math.cos(ahead)])
+    errors = f"noise=false,wheel_radius_error={radius_error},half_track_error={track_error}"
+    known = f"odometry_right_radius_error={radius_error},odometry_left_radius_error={radius_error}"
+    system = assemble(
+        load_config(
+            "paper",
+            [
+                "run.stop_after=240.0",
+                'world.ref="empty"',
+                f"navigation.start={{x={x},y={y},heading_deg={math.degrees(ahead) + turned_deg}}}",
+                f"navigation.goal={{x={points[-1, 0]},y={points[-1, 1]}}}",
+                'navigation.handover="never"',
+                'sensor=[{name="sonars",kind="sonar_ring"}]',
+                'mapper={plugin="known_map"}',
+                f'platform={{plugin="sensors_sim",{errors},{known},odometry_half_track_error={track_error}}}',
+                f"controller={{{','.join([f'plugin={tracker!r}', *params])}}}",
+                *settings,
+            ],
+        )
+    )
+    system.world = World("floor", bounds=(-9.0, -9.0, 9.0, 9.0))
+    system.map = OccupancyGrid(np.zeros((90, 90), np.int8), 0.2, Pose2D(-9.0, -9.0, 0.0))
+    make_plugins(system)
+    planner = system.parts[("planner", system.config.planner.instance)]
+    planner.plugin = GivenPath(points)
+    recorder = Recorder()
+    (result,) = lockstep_of(system, [recorder]).run(4802).results
+    track = np.array(recorder.truth)[:, :5]
+    samples = recorder.trajectories[0].samples
+    off = cross_tracks(samples, track[:, 1:3])
+    driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(track[:, 1:3], axis=0).T))))
+    settled = off[driven >= 3.0]
+    return Drive(
+        result.outcome, float(track[-1, 0]), math.sqrt(float((settled**2).mean())), float(settled.max()), track
+    )
+
+
+def cross_tracks(samples: Floats, points: Floats) -> Floats:
+    """(n,) distance, m, of points (n, 2) from the nearest chord of a trajectory (k, 6)."""
+    start, along = samples[:-1, 1:3], np.diff(samples[:, 1:3], axis=0)
+    square = (along**2).sum(axis=1)
+    off = []
+    for point in points:
+        share = (((point - start) * along).sum(axis=1) / square).clip(0.0, 1.0)
+        off.append(np.hypot(*(start + share[:, None] * along - point).T).min())
+    return np.array(off)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from navloom.config.schema import ROLE_TABLES
@@ -16,9 +16,13 @@ from navloom.runtime.mailbox import Mailbox
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.wiring import Slot, Wire
 
-__all__ = ["Hosted", "all_sources", "make_cell"]
+__all__ = ["Hosted", "all_sources", "awaited", "make_cell"]
 
 FEW, MANY = 1, 1024
+CHAIN = frozenset({"platform", "localizer", "goal", "reference", "controller", "avoider", "recovery"})
+"""Roles whose step of a tick is worth waiting for; mapper and planner take what time they need."""
+HEARS_ALL = frozenset({"gate", "goal"})
+"""Nodes that act on what any other one reports."""
 REQUESTS = Input("operator.request", "operator", "request", "new")
 SELECTION = Input("gate.selection", "gate", "selection", delayed=True)
 
@@ -55,12 +59,29 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
         instance,
         mailbox,
         feeds,
-        {other: board.inlet(other, STEP, mailbox, FEW) for other in sources},
+        {other: board.inlet(other, STEP, mailbox, FEW) for other in _reporting(source, feeds, sources, board)},
         {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
         {role: system.config.role_table(role).instance for role in ROLE_TABLES},
     )
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
     return Hosted(cell, *control)
+
+
+def awaited(source: Source, feeds: Sequence[Feed]) -> set[Source]:
+    """Instances whose step of a tick is worth waiting for a moment before a node's own step of it."""
+    return {
+        feed.source for feed in feeds if not feed.wire.delayed and feed.source[0] in CHAIN and feed.source != source
+    }
+
+
+def _reporting(
+    source: Source, feeds: Sequence[Feed], sources: Sequence[Source], board: Switchboard
+) -> Iterable[Source]:
+    """Instances whose step reports a node hears: each wakes it, so none that it has no use for."""
+    if board.lossless or source[0] in HEARS_ALL:
+        return sources
+    waits_for = awaited(source, feeds)
+    return [other for other in sources if other in waits_for]
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:

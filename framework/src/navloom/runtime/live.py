@@ -10,7 +10,7 @@ from typing import Any
 from navloom.dataflow.nodes import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
-from navloom.runtime.cells import Hosted
+from navloom.runtime.cells import Hosted, awaited
 from navloom.runtime.run_clock import RunClock
 
 __all__ = ["Change", "LiveRunner"]
@@ -21,8 +21,6 @@ PATIENCE = 0.005
 """s to wait for what else belongs to the tick of a trigger."""
 BACKWARDS = 200
 """Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
-CHAIN = frozenset({"platform", "localizer", "goal", "reference", "controller", "avoider", "recovery"})
-"""Roles whose step of a tick is worth waiting for; mapper and planner take what time they need."""
 
 Change = Callable[[], None]
 
@@ -50,11 +48,7 @@ class LiveRunner:
         self._waits_since: tuple[int, float] = (-1, 0.0)
         spec = self.cell.instance.spec
         self._pace = next((w for w in self.cell.instance.wires if w.input.name == spec.cause), None)
-        self._siblings = {
-            feed.source
-            for feed in self.cell.feeds
-            if not feed.wire.delayed and feed.source[0] in CHAIN and feed.source != self.cell.source
-        }
+        self._siblings = awaited(self.cell.source, self.cell.feeds)
 
     def change(self, change: Change) -> None:
         """Have something done between two steps, by the node's own thread."""

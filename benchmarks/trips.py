@@ -1,0 +1,140 @@
+"""How a benchmark drives the ends of its peers: a socket that each end joins, and lines of JSON.
+
+Standard library only: ends may run under another interpreter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+__all__ = ["PATIENCE", "Driver", "Lost", "PeerError", "Trip", "as_the_runtime_does", "serve_trips", "wait_for_the_end"]
+
+PATIENCE = 2.0
+"""s to wait for an answer; then the trip counts as lost."""
+NICE = -10
+"""Priority of control processes in the live runtime; all peers are given the same."""
+SWITCH = 0.0005
+"""s between switches of Python threads in the live runtime."""
+
+Trip = Callable[[str], int]
+"""One round trip of the message of a name: ns it took. Raises Lost."""
+
+
+class Lost(Exception):
+    """A message or its answer never came."""
+
+
+class PeerError(RuntimeError):
+    """A peer that cannot be measured; the text says why."""
+
+
+class Driver:
+    """Where the ends report, and through which they are told what to do. Use it in a `with` statement.
+
+    Args:
+        path: Of the socket to make.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listening.bind(str(path))
+        self._listening.listen()
+        self._lines: dict[str, Any] = {}
+
+    def __enter__(self) -> Driver:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End all ends."""
+        for line in self._lines.values():
+            with contextlib.suppress(OSError):
+                line.close()
+        self._listening.close()
+
+    def wait_for(self, end: str, timeout: float, is_alive: Callable[[], bool]) -> None:
+        """Until an end of this name has reported.
+
+        Raises:
+            PeerError: It has not after s, or its process has ended.
+        """
+        limit = time.monotonic() + timeout
+        while end not in self._lines:
+            self._listening.settimeout(0.2)
+            try:
+                connection, _ = self._listening.accept()
+            except TimeoutError:
+                if not is_alive() or time.monotonic() > limit:
+                    why = f"did not start within {timeout:g} s" if is_alive() else "ended before it was ready"
+                    raise PeerError(f"{end} {why}") from None
+                continue
+            line = connection.makefile("rw", encoding="utf-8")
+            self._lines[line.readline().strip()] = line
+            connection.close()
+
+    def trips(self, end: str, name: str, count: int) -> list[int | None]:
+        """Have an end make round trips: ns of each, None for one that was lost.
+
+        Raises:
+            PeerError: It failed, or is gone.
+        """
+        line = self._lines[end]
+        try:
+            line.write(json.dumps([name, count]) + "\n")
+            line.flush()
+            found = json.loads(line.readline() or '"it is gone"')
+        except OSError as error:
+            found = str(error)
+        if isinstance(found, str):
+            raise PeerError(f"{end}: {found}")
+        return list(found)
+
+
+def as_the_runtime_does() -> None:
+    """Priority and thread switching of a control process, for every peer alike."""
+    sys.setswitchinterval(SWITCH)
+    with contextlib.suppress(OSError):  # only root may go first
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+
+
+def serve_trips(path: str, end: str, trip: Trip) -> None:
+    """Make the round trips that are asked for, until the benchmark ends."""
+    with _report(path, end) as line:
+        for asked in line:
+            name, count = json.loads(asked)
+            try:
+                found: Any = [_one(trip, name) for _ in range(count)]
+            except Exception as error:
+                found = f"{type(error).__name__}: {error}"
+            line.write(json.dumps(found) + "\n")
+            line.flush()
+
+
+def wait_for_the_end(path: str, end: str) -> None:
+    """Report, then wait until the benchmark ends."""
+    with _report(path, end) as line:
+        line.read()
+
+
+def _one(trip: Trip, name: str) -> int | None:
+    try:
+        return trip(name)
+    except Lost:
+        return None
+
+
+def _report(path: str, end: str) -> Any:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.connect(path)
+    line = connection.makefile("rw", encoding="utf-8")
+    connection.close()
+    line.write(end + "\n")
+    line.flush()
+    return line

@@ -1,0 +1,214 @@
+"""The two ends of one peer over Zenoh, each a process: `python zenoh_ends.py PEER PART FOLDER SOCKET`.
+
+PART is `ping` or `echo`. Every peer joins over the link and the settings of two processes of a robot on one host.
+
+| peer | does |
+|---|---|
+| ours | `Outlet.publish`, the other's mailbox and thread, decode, `Outlet.publish` of another message, decode |
+| zenoh | a put of ready bytes, a callback that copies them out and at once puts as many others |
+| zenoh-thread | the same, but the callback leaves the bytes in a queue and a thread answers, as a node must |
+| zenoh-copy | as `zenoh`, without shared memory |
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import zenoh
+from navloom.messages import Envelope, MapUpdate, Message
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.links import Link, peer_link, settings
+from navloom.runtime.mailbox import Mailbox
+from navloom.runtime.quality import quality_of
+from navloom.runtime.switchboard import Switchboard
+from navloom.runtime.zenoh_bus import Bus
+from samples import BACK, THERE, encoded_size, samples
+from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end
+
+KEYS = KeySpace("bench", "r1")
+DATA = "data"
+_CONGESTION = {
+    "drop": zenoh.CongestionControl.DROP,
+    "block": zenoh.CongestionControl.BLOCK,
+    "block_first": zenoh.CongestionControl.BLOCK_FIRST,
+}
+
+
+def link_of(folder: str, part: str) -> Link:
+    """As `up` links two processes of one host."""
+    sockets = {name: f"unixsock-stream/{folder}/{name}.sock" for name in ("echo", "ping")}
+    return peer_link(sockets[part], sockets.values(), KEYS.realm, KEYS.robot)
+
+
+class OurEnd:
+    """One node's streams as the live runtime makes them: an outlet, an inlet and a mailbox."""
+
+    def __init__(self, bus: Bus, gives: tuple[str, str], takes: tuple[str, str]) -> None:
+        board = Switchboard(bus, KEYS, lossless=False)
+        self._mailbox = Mailbox()
+        self._outlet = board.outlet(gives, DATA)
+        self._inlet = board.inlet(takes, DATA, self._mailbox, 4)
+        self._seen = 0
+        board.connect()
+
+    def give(self, message: Message) -> None:
+        """Publish."""
+        self._outlet.publish(message, 1, 0, 0, 0)
+
+    def take(self, timeout: float) -> list[tuple[Message, Envelope]]:
+        """What comes in within s, decoded."""
+        self._seen = self._mailbox.wait(self._seen, timeout)
+        return list(self._inlet.take())
+
+
+@contextmanager
+def our_ping(link: Link) -> Iterator[Trip]:
+    """Publish a message, wait for its answer, decoded."""
+    messages = samples()
+    with Bus(link) as bus:
+        end = OurEnd(bus, THERE, BACK)
+
+        def trip(name: str) -> int:
+            message = messages[name]
+            end.take(0.0)  # an answer that came too late
+            began = time.perf_counter_ns()
+            end.give(message)
+            back = end.take(PATIENCE)
+            spent = time.perf_counter_ns() - began
+            if not back or _shape(back[-1][0]) != _shape(message):
+                raise Lost
+            return spent
+
+        yield trip
+
+
+def our_echo(link: Link, report: Callable[[], None]) -> None:
+    """Answer each message with another of its type and size, on a thread of its own."""
+    answers = {_shape(message): message for message in samples().values()}
+    ending = threading.Event()
+    with Bus(link) as bus:
+        end = OurEnd(bus, BACK, THERE)
+
+        def work() -> None:
+            while not ending.is_set():
+                for message, _ in end.take(0.1):
+                    end.give(answers[_shape(message)])
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        report()
+        ending.set()
+        thread.join()
+
+
+def _shape(message: Message) -> tuple[Any, ...]:
+    return type(message), message.grid.cells.shape if isinstance(message, MapUpdate) else ()
+
+
+class RawEnd:
+    """A publisher a message, with the quality that our runtime gives it, and a subscriber."""
+
+    def __init__(
+        self, session: Any, gives: tuple[str, str], takes: tuple[str, str], take: Callable[[Any], Any]
+    ) -> None:
+        self.sizes = {name: encoded_size(message) for name, message in samples().items()}
+        self.payloads = {name: bytes(size) for name, size in self.sizes.items()}
+        self.publishers = {
+            name: session.declare_publisher(
+                KEYS.port(*gives, DATA),
+                congestion_control=_CONGESTION[quality_of(type(message)).congestion],
+                priority=getattr(zenoh.Priority, quality_of(type(message)).priority.upper()),
+            )
+            for name, message in samples().items()
+        }
+        handler = zenoh.handlers.Callback(take, indirect=False)
+        self._held = session.declare_subscriber(KEYS.port(*takes, DATA), handler)
+
+    def put(self, name: str) -> None:
+        """Send the bytes of a name."""
+        self.publishers[name].put(self.payloads[name])
+
+
+@contextmanager
+def raw_session(link: Link, is_shared: bool) -> Iterator[Any]:
+    """A session with the runtime's own settings, with or without shared memory."""
+    given = settings(link)
+    given["transport"]["shared_memory"]["enabled"] = is_shared
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(given))) as session:
+        yield session
+
+
+@contextmanager
+def raw_ping(link: Link, is_shared: bool) -> Iterator[Trip]:
+    """Put bytes, wait for the bytes of the answer."""
+    back: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    with raw_session(link, is_shared) as session:
+        end = RawEnd(session, THERE, BACK, lambda sample: back.put(sample.payload.to_bytes()))
+
+        def trip(name: str) -> int:
+            while not back.empty():
+                back.get()
+            began = time.perf_counter_ns()
+            end.put(name)
+            try:
+                got = back.get(timeout=PATIENCE)
+            except queue.Empty:
+                raise Lost from None
+            spent = time.perf_counter_ns() - began
+            if len(got) != end.sizes[name]:
+                raise Lost
+            return spent
+
+        yield trip
+
+
+def raw_echo(link: Link, is_shared: bool, has_thread: bool, report: Callable[[], None]) -> None:
+    """Answer bytes with as many others, in the callback or on a thread."""
+    names: dict[int, str] = {}
+    waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+
+    def answer(sample: Any) -> None:
+        end.put(names[len(sample.payload.to_bytes())])
+
+    def work() -> None:
+        while (data := waiting.get()) is not None:
+            end.put(names[len(data)])
+
+    take = (lambda sample: waiting.put(sample.payload.to_bytes())) if has_thread else answer
+    with raw_session(link, is_shared) as session:
+        end = RawEnd(session, BACK, THERE, take)
+        names |= {size: name for name, size in end.sizes.items()}
+        thread = threading.Thread(target=work)
+        thread.start()
+        report()
+        waiting.put(None)
+        thread.join()
+
+
+def main(peer: str, part: str, folder: str, socket: str) -> None:
+    """Run one end until the benchmark ends."""
+    as_the_runtime_does()
+    link, end = link_of(folder, part), f"{peer} {part}"
+    is_shared = peer != "zenoh-copy"
+
+    def report() -> None:
+        wait_for_the_end(socket, end)
+
+    if part == "ping":
+        with our_ping(link) if peer == "ours" else raw_ping(link, is_shared) as trip:
+            serve_trips(socket, end, trip)
+    elif peer == "ours":
+        our_echo(link, report)
+    else:
+        raw_echo(link, is_shared, peer == "zenoh-thread", report)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

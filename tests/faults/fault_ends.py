@@ -9,6 +9,7 @@ import time
 from fault_kinds import HOLD, Outcome
 from fault_rig import SHARES, Rig, is_running, until
 from motor_record import ran_on
+from navloom.runtime.host_faults import is_stopped
 
 __all__ = ["ENDS", "end_of_supervisor"]
 
@@ -37,6 +38,7 @@ def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = Fals
         outcome.note["stood_while_stopped"] = rig.motors.zero_after(stopped_ns) is not None
     if stopped:
         os.kill(pids[stopped], signal.SIGSTOP)
+        until(lambda: is_stopped(pids[stopped]), LIMIT, f"{stopped} is stopped")
     began = time.monotonic_ns()
     rig.driver.ending.set()
     rig.up.kill()

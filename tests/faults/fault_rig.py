@@ -20,7 +20,7 @@ from typing import Any
 import fault_plugins
 from motor_record import RECORD, MotorRecord
 from navloom.runtime.client import ClientError, Refused
-from navloom.runtime.directory import DirectoryError
+from navloom.runtime.directory import DirectoryError, RobotFolder
 from navloom.runtime.navigator import Navigator
 
 __all__ = ["FULL", "HALL", "SHARES", "Driver", "Note", "Rig", "is_running", "rig", "until"]
@@ -273,14 +273,8 @@ class Rig:
 
     def pids(self) -> dict[str, int]:
         """Processes of the robot that are there, by name; one that is being started again is not."""
-        found = {}
-        for entry in Path("/proc").iterdir():
-            if entry.name.isdigit() and is_running(int(entry.name)):
-                with suppress(OSError):
-                    last = (entry / "cmdline").read_bytes().rstrip(b"\0").rpartition(b"\0")[2].decode()
-                    if last.startswith(str(self.folder)) and last.endswith(".task.json"):
-                        found[Path(last).name.removesuffix(".task.json")] = int(entry.name)
-        return found
+        fates = RobotFolder("lab", "r1").fates()
+        return {name: fate.pid for name, fate in fates.items() if fate.pid is not None and is_running(fate.pid)}
 
     def tell(self, instance: str, way: str) -> Path:
         """Have a part fail, until the file that this gives is gone."""

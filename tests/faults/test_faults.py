@@ -38,3 +38,5 @@ def test_no_process_is_left_when_its_supervisor_is_killed_not_even_a_stopped_one
     with rig() as robot:
         outcome = end_of_supervisor(robot, "drive")
         assert outcome.note["left"] == [] and outcome.zero is not None and not outcome.touched, outcome
+        # and the folder of a dead robot is in nobody's way
+        assert "no robot of this user is up" in robot.run("down").stderr

@@ -114,6 +114,9 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
     config.write_text(BESIDE, "utf-8")
     with up(str(config)) as robot:
         robot.wait_for("every node is there")
+        again = robot.run("up", str(config))
+        assert again.returncode == 2
+        assert f"robot lab/r1 is up already (process {robot.process.pid})" in again.stderr
 
         # rejected at once, with the reason
         done = robot.run("goal", "-500", "0")
@@ -173,30 +176,6 @@ def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Pat
             assert handle.wait(60).outcome == "succeeded"
             # what was changed while it ran is not lost with the process
             assert navigator.get_parameters("controller", "lyapunov_tracker")["k3"] == 1.5
-
-
-def test_no_process_outlives_its_supervisor() -> None:
-    with up(*PAPER) as robot:
-        robot.wait_for("every node is there")
-        pids = {int(str(node["pid"])) for node in _nodes(robot)}
-        robot.process.kill()
-        robot.process.wait()
-        limit = time.monotonic() + 10
-        while any(map(is_running, pids)) and time.monotonic() < limit:
-            time.sleep(0.02)
-        assert not [pid for pid in pids if is_running(pid)]
-        # and the folder of a dead robot is in nobody's way
-        assert "no robot of this user is up" in robot.run("down").stderr
-
-
-def test_a_robot_is_up_once(tmp_path: Path) -> None:
-    config = tmp_path / "beside.toml"
-    config.write_text(BESIDE, "utf-8")
-    with up(str(config)) as robot:
-        robot.wait_for("every node is there")
-        again = robot.run("up", str(config))
-        assert again.returncode == 2
-        assert f"robot lab/r1 is up already (process {robot.process.pid})" in again.stderr
 
 
 @pytest.mark.parametrize(

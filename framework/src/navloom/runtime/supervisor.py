@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from navloom.config import Loaded
@@ -20,10 +21,12 @@ from navloom.runtime.directory import Fate, RobotFolder
 from navloom.runtime.links import Link
 from navloom.runtime.node_main import share_to_json
 from navloom.runtime.node_process import HUNG, Share
+from navloom.runtime.nursery import READY, Born, Nursery
 from navloom.runtime.process import link_to_json
 
 __all__ = ["Child", "Supervisor", "Task", "node_task", "router_task"]
 
+NODE = "navloom.runtime.node_main"
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
 """s before the first restart, and at most before a later one."""
 HEALTHY = 5.0
@@ -52,7 +55,7 @@ class Task:
 def node_task(loaded: Loaded, share: Share) -> Task:
     """The process of a share."""
     given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
-    return Task(share.name, "navloom.runtime.node_main", given, frozenset(role for role, _ in share.sources))
+    return Task(share.name, NODE, given, frozenset(role for role, _ in share.sources))
 
 
 def router_task(link: Link) -> Task:
@@ -74,7 +77,7 @@ class Child:
     """
 
     task: Task
-    process: subprocess.Popen[bytes] | None = None
+    process: subprocess.Popen[bytes] | Born | None = None
     started: float = 0.0
     again_at: float = 0.0
     wait: float = FIRST_WAIT
@@ -97,11 +100,16 @@ class Supervisor:
     def __init__(self, live: LiveTable, folder: RobotFolder, tasks: Sequence[Task], say: Callable[[str], None]) -> None:
         self._live, self._folder, self._say = live, folder, say
         self.children = {task.name: Child(task) for task in tasks}
+        self._nursery: Nursery | None = None
+        if Nursery.is_possible() and any(task.module == NODE for task in tasks):
+            self._nursery = Nursery(folder.path / "nursery.log")
 
     def start(self) -> None:
         """Start all of them."""
+        if self._nursery is not None:
+            self._nursery.start()
         for child in self.children.values():
-            self._start(child)
+            self._start(child, READY)
 
     def poll(self, restarts: bool = True) -> list[Child]:
         """Look after them: those that ended by themselves since the last look; they are started again in due time."""
@@ -113,13 +121,15 @@ class Supervisor:
                 fallen.append(child)
             elif child.state == "waiting" and restarts and now >= child.again_at:
                 child.restarts += 1
-                self._start(child)
+                self._start(child, 0.0)
             elif child.state == "running" and now - child.started > HEALTHY:
                 child.wait = FIRST_WAIT
         return fallen
 
     def stop(self) -> None:
         """End them in order: those that compute, the gate, which stops the robot, the platform, and the router."""
+        if self._nursery is not None:
+            self._nursery.close()
         for group in (self._group(lambda roles: bool(roles) and not roles & {"gate", "platform"}),
                       self._group(lambda roles: "gate" in roles and "platform" not in roles),
                       self._group(bool),
@@ -134,27 +144,27 @@ class Supervisor:
         """The last lines a process wrote."""
         return self._folder.last_words(child.task.name, lines)
 
-    def _start(self, child: Child) -> None:
-        name = child.task.name
+    def _start(self, child: Child, patience: float) -> None:
+        """Start a process; patience is the s to wait for the nursery to be ready."""
+        name, module = child.task.name, child.task.module
         spec = self._folder.path / f"{name}.task.json"
         spec.write_text(json.dumps({**child.task.given, "parent": os.getpid()}), "utf-8")
-        with (self._folder.path / f"{name}.log").open("ab" if child.restarts else "wb") as log:
-            child.process = subprocess.Popen(
-                [sys.executable, "-m", child.task.module, str(spec)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session:
-                # when the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
-                process_group=0,
-            )
+        log = self._folder.path / f"{name}.log"
+        if not child.restarts:
+            log.write_bytes(b"")
+        child.process = None
+        if self._nursery is not None and module == NODE:
+            child.process = self._nursery.bear(name, module, spec, log, patience)
+        if child.process is None:
+            child.process = _popen(module, spec, log)
         child.started = time.monotonic()
         child.state = "running"
         self._write_down()
 
     def _bury(self, child: Child, now: float) -> None:
         assert child.process is not None
-        code = child.process.returncode
+        code = child.process.poll()
+        assert code is not None
         child.process = None
         child.why = _why(code)
         child.crashes.append(now)
@@ -198,6 +208,19 @@ class Supervisor:
             process.kill()
             process.wait()
         child.process, child.state = None, "ended"
+
+
+def _popen(module: str, spec: Path, log: Path) -> subprocess.Popen[bytes]:
+    with log.open("ab") as file:
+        return subprocess.Popen(
+            [sys.executable, "-m", module, str(spec)],
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=file,
+            # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session:
+            # when the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
+            process_group=0,
+        )
 
 
 def _send(child: Child, number: signal.Signals) -> None:

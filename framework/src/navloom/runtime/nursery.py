@@ -1,0 +1,218 @@
+"""Where node processes come from: one process has imported what all of them need, and each is forked off it.
+
+Importing takes a process longer than everything else it does before it is ready, so one that died is back in a
+fraction of the time. The nursery itself has no threads, imports no plugin and joins no network. What it forks belongs
+to the supervisor, not to it: its own death ends nobody, and until there is another, processes are started in full.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import importlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import IO
+
+from navloom.runtime.process import die_with_parent
+
+__all__ = ["READY", "Born", "Nursery", "main"]
+
+PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
+READY = 60.0
+"""s the nursery may take to import everything."""
+BIRTH = 5.0
+"""s a birth may take: it takes some ms."""
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment: libraries must not start threads before the fork."""
+
+
+class Born:
+    """A process that was forked off the nursery and is this process's child: as much of `Popen` as is needed."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Exit code, or minus the signal that ended it; None while it runs."""
+        if self.returncode is None:
+            try:
+                pid, status = os.waitpid(self.pid, os.WNOHANG)
+            except ChildProcessError:  # somebody else has seen it end
+                self.returncode = 1
+            else:
+                self.returncode = os.waitstatus_to_exitcode(status) if pid else None
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end. Raises subprocess.TimeoutExpired after s."""
+        limit = None if timeout is None else time.monotonic() + timeout
+        while self.poll() is None:
+            if limit is not None and time.monotonic() > limit:
+                raise subprocess.TimeoutExpired(f"process {self.pid}", timeout or 0.0)
+            time.sleep(0.005)
+        assert self.returncode is not None
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        self.send_signal(signal.SIGKILL)
+
+
+class Nursery:
+    """The supervisor's side.
+
+    Args:
+        log: File for what it says.
+    """
+
+    def __init__(self, log: Path) -> None:
+        self._log = log
+        self._process: subprocess.Popen[bytes] | None = None
+        self._line: socket.socket | None = None
+        self._is_ready = False
+
+    @staticmethod
+    def is_possible() -> bool:
+        """Only Linux gives a child of a child away."""
+        return sys.platform == "linux"
+
+    def start(self) -> None:
+        """Start it; it is ready a little later."""
+        if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0):
+            return
+        ours, theirs = socket.socketpair()
+        with theirs, self._log.open("wb") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "navloom.runtime.nursery", str(theirs.fileno()), str(os.getpid())],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=[theirs.fileno()],
+                process_group=0,
+                env={**os.environ, **ONE_THREAD},
+            )
+        self._line, self._is_ready = ours, False
+
+    def bear(self, name: str, module: str, spec: Path, log: Path, patience: float) -> Born | None:
+        """A new process that runs `module.main()` with the path of a file; None where it has to be started in full.
+
+        Args:
+            name: Of the process, for who lists processes.
+            module: With a `main` that gives an exit code; it reads the path as `sys.argv[1]`.
+            spec: The file.
+            log: What it writes is added there.
+            patience: s to wait for the nursery to be ready.
+        """
+        if not self._wait_ready(patience) or self._line is None:
+            return None
+        order = {"name": name, "module": module, "spec": str(spec), "log": str(log)}
+        try:
+            self._line.settimeout(BIRTH)
+            self._line.sendall(json.dumps(order).encode() + b"\n")
+            return Born(int(self._line.recv(32)))
+        except (OSError, ValueError):
+            self.close()
+            return None
+
+    def close(self) -> None:
+        """End it; what came from it runs on."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    def _wait_ready(self, patience: float) -> bool:
+        if self._process is None or self._process.poll() is not None:
+            self.close()
+            self.start()
+        if not self._is_ready and self._line is not None:
+            self._line.settimeout(max(0.001, patience))
+            with contextlib.suppress(OSError):
+                self._is_ready = self._line.recv(1) == b"+"
+        return self._is_ready
+
+
+def main() -> None:
+    """Bear a process for each line that comes, until the supervisor is gone."""
+    supervisor = int(sys.argv[2])
+    die_with_parent(supervisor)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    line = socket.socket(fileno=int(sys.argv[1]))
+    _import_all()
+    gc.collect()
+    gc.freeze()
+    with contextlib.suppress(OSError):
+        line.sendall(b"+")
+        for order in line.makefile("rb"):
+            line.sendall(b"%d" % _bear(json.loads(order), line, supervisor))
+
+
+def _import_all() -> None:
+    import scipy.ndimage  # noqa: F401
+
+    import navloom.runtime.node_main  # noqa: F401
+
+
+def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
+    """Fork twice, so that the second process becomes the supervisor's own; gives its number."""
+    reading, writing = os.pipe()
+    first = os.fork()
+    if first == 0:
+        second = os.fork()
+        if second:
+            os.write(writing, b"%d" % second)
+            os._exit(0)
+        for number in (line.fileno(), reading, writing):
+            os.close(number)
+        _live(order, supervisor)
+    os.waitpid(first, 0)
+    pid = int(os.read(reading, 32))
+    os.close(reading)
+    os.close(writing)
+    return pid
+
+
+def _live(order: dict[str, str], supervisor: int) -> None:
+    """In the new process: be what was ordered, and end."""
+    limit = time.monotonic() + BIRTH
+    while os.getppid() != supervisor and time.monotonic() < limit:
+        time.sleep(0.001)
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    with open(order["log"], "ab") as log:
+        _take_over(log)
+    ctypes.CDLL(None).prctl(PR_SET_NAME, order["name"].encode()[:15], 0, 0, 0)
+    sys.argv = [order["module"], order["spec"]]
+    code = 1
+    try:
+        code = importlib.import_module(order["module"]).main()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _take_over(log: IO[bytes]) -> None:
+    for number in (1, 2):
+        os.dup2(log.fileno(), number)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Processes forked off the nursery: they belong to who asked for them, and outlive it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from navloom.runtime.nursery import READY, Nursery
+
+pytestmark = pytest.mark.skipif(not Nursery.is_possible(), reason="only Linux gives a child of a child away")
+CHILD = """
+import os, sys, time
+
+def main():
+    print("born of", os.getppid(), "in its own group", os.getpgrp() == os.getpid(), flush=True)
+    text = open(sys.argv[1]).read()
+    if text:
+        return int(text)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def nursery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Nursery]:
+    (tmp_path / "newborn.py").write_text(CHILD, "utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    made = Nursery(tmp_path / "nursery.log")
+    made.start()
+    yield made
+    made.close()
+
+
+def spec(tmp_path: Path, text: str = "") -> Path:
+    path = tmp_path / "spec"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def test_a_process_is_the_callers_own_and_its_end_is_told(nursery: Nursery, tmp_path: Path) -> None:
+    born = nursery.bear("newborn", "newborn", spec(tmp_path, "7"), tmp_path / "log", READY)
+    assert born is not None and born.wait(20) == 7
+    assert (tmp_path / "log").read_text("utf-8") == f"born of {os.getpid()} in its own group True\n"
+    assert born.poll() == 7  # asked again
+
+
+def test_what_was_born_outlives_the_nursery_and_another_takes_its_place(nursery: Nursery, tmp_path: Path) -> None:
+    born = nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", READY)
+    assert born is not None
+    assert nursery._process is not None
+    nursery._process.kill()
+    nursery._process.wait()
+    assert nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", 0.0) is None  # it has just begun
+    assert born.poll() is None
+    again = nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", READY)
+    assert again is not None and again.pid != born.pid
+    with pytest.raises(subprocess.TimeoutExpired):
+        again.wait(0.01)
+    for one in (born, again):
+        one.kill()
+        assert one.wait(20) == -signal.SIGKILL
+        one.send_signal(signal.SIGTERM)  # nobody there: nothing happens
+
+
+def test_nobody_is_born_where_the_nursery_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    made = Nursery(tmp_path / "nursery.log")
+    made.start()
+    assert made.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", 1.0) is None
+    made.close()

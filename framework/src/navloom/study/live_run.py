@@ -42,7 +42,7 @@ from navloom.study.recorder import Recorder
 
 __all__ = ["LiveRun", "run_barrier"]
 
-START = 60.0
+START = 180.0
 """s a robot may take to come up: kernels may have to be compiled."""
 ASK_AGAIN = 2.0
 """s between looks at the goal's last words, in case they came while the network was down."""

@@ -1,0 +1,102 @@
+"""VFH, VFH+ and VFH* as navloom avoiders."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom_vff.avoidance import Beams, Decision, Robot
+
+from navloom_vfh.avoidance import HistogramAvoidance
+from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance, VfhStarAvoidance
+from navloom_vfh.params import VfhParams, VfhPlusParams, VfhStarParams
+
+__all__ = ["Vfh", "VfhPlus", "VfhStar"]
+
+WARM_UP_ROBOT = Robot(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]), 0.5, 0.4, 0.5, 1.0)
+
+
+class _HistogramAvoider(Avoider):
+    """The role's verb for any of the three methods."""
+
+    _method: HistogramAvoidance
+    _make: type
+
+    def __init__(self, params: VfhParams | VfhPlusParams, context: Context) -> None:
+        super().__init__(params, context)
+        r = context.robot
+        robot = Robot(r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration)
+        self._method = self._make(params, robot, context.period)
+        self._limits: dict[tuple[tuple[int, float, float], ...], np.ndarray] = {}
+
+    def reset(self) -> None:
+        self._method.reset()
+
+    @classmethod
+    def warm_up(cls) -> None:
+        warm_up(cls._make(cls.Params(), WARM_UP_ROBOT, 0.05))
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
+        beams = self._beams(given.scans) if given.scans else None
+        place = (pose.x, pose.y, pose.heading)
+        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y))
+        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
+
+    def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
+        """All beams of this tick in one set; their limits do not change from scan to scan and are made once."""
+        key = tuple([(len(scan.ranges), scan.range_min, scan.range_max) for scan in scans])
+        limits = self._limits.get(key)
+        if limits is None:
+            limits = np.array([(low, high) for n, low, high in key for _ in range(n)]).reshape(-1, 2)
+            self._limits[key] = limits
+        # Copies even of a single scan: numba would compile once more for read-only arrays, in the first tick.
+        return Beams(
+            np.concatenate([scan.origins for scan in scans]),
+            np.concatenate([scan.bearings for scan in scans]),
+            np.concatenate([scan.half_angles for scan in scans]),
+            np.concatenate([scan.ranges for scan in scans]),
+            limits,
+        )
+
+    def _diagnostics(self, decision: Decision) -> AvoiderDiagnostics:
+        method = self._method
+        cell, alpha = method.common.cell, 2.0 * math.pi / method.common.sectors
+        slots = np.asarray(method.slots[: method.slot_count] * alpha, np.float64)
+        slots[:, 1] += slots[:, 0]
+        return AvoiderDiagnostics(
+            method.grid, cell, float(method.origin[0]) * cell, float(method.origin[1]) * cell, method.density,
+            method.threshold, slots, decision.direction, decision.why,
+        )  # fmt: skip
+
+
+class Vfh(_HistogramAvoider):
+    """Steers through the valley of the polar histogram nearest to the target (Borenstein & Koren 1991)."""
+
+    name = "vfh"
+    Params = VfhParams
+    _make = VfhAvoidance
+
+
+class VfhPlus(_HistogramAvoider):
+    """Steers to the cheapest opening that the robot's size and turning circle leave (Ulrich & Borenstein 1998)."""
+
+    name = "vfh_plus"
+    Params = VfhPlusParams
+    _make = VfhPlusAvoidance
+
+
+class VfhStar(_HistogramAvoider):
+    """Steers to the opening from which the way goes on best, looked ahead by A* (Ulrich & Borenstein 2000)."""
+
+    name = "vfh_star"
+    Params = VfhStarParams
+    _make = VfhStarAvoidance
+
+
+def warm_up(method: HistogramAvoidance) -> None:
+    """Compile every kernel for the types one tick uses, with a cell ahead so that each stage has something to do."""
+    limits = np.tile([0.3, 4.0], (2, 1))
+    beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits)
+    method.step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

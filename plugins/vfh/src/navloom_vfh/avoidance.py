@@ -1,0 +1,210 @@
+"""What the three methods share in a tick: the window, the command, and the watch on progress."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from navloom_improved_vfh.certainty import new_window, place_beams, scroll_window
+from navloom_improved_vfh.clearance import footprint_edges, free_command
+from navloom_improved_vfh.search import Progress, RotationSearch, Trap
+from navloom_vff.avoidance import SPEED_ERROR, TURN_ERROR, Beams, Decision, Robot, disc_radius
+from navloom_vff.himm import count_readings
+from numpy.typing import NDArray
+
+from navloom_vfh.steering import forward_speed, turn_rate
+
+if TYPE_CHECKING:
+    from navloom_vfh.params import HistogramParams
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+Point = tuple[float, float]
+STANDS_BELOW = 0.01  # rad/s: a turn slower than this goes nowhere
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one tick is decided on, pose frame but for the cells.
+
+    Attributes:
+        pose: x, y, m, heading, rad. twist: Present speed, m/s, and turn rate, rad/s. target: m.
+        distance: To the target, m. bearing: Direction of the target, rad.
+        horizon: Cells farther than this do not count, m.
+    """
+
+    pose: Pose
+    twist: tuple[float, float]
+    target: Point
+    distance: float
+    bearing: float
+    horizon: float
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What a method made of one tick.
+
+    Attributes:
+        direction: To steer to, rad, pose frame, or None where no direction is free.
+        must_slow: Whether the robot is too fast to turn to it.
+        ahead: h_c, density in the direction of travel.
+        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
+        why: One phrase.
+    """
+
+    direction: float | None
+    must_slow: bool
+    ahead: float
+    cells: Floats
+    why: str
+
+
+class HistogramAvoidance(ABC):
+    """A vector field histogram method of one robot; what is its own is choose().
+
+    Attributes:
+        density: (sectors,), polar histogram of the last tick. slots: Of it, `slot_count` rows are valid: first sector
+            and number of sectors. threshold: Density that blocks.
+    """
+
+    threshold: float
+
+    def __init__(self, params: HistogramParams, robot: Robot, period: float) -> None:
+        self.common, self.robot, self.period = params, robot, period
+        self.edges = footprint_edges(robot.footprint)
+        disc = disc_radius(robot.footprint, params.disc)
+        self.radius = disc + params.safety_distance if disc > 0.0 else 0.0
+        self.slack = max(self.radius, disc_radius(robot.footprint, "inscribed"))
+        self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
+        self.max_speed = min(params.max_speed, robot.max_linear)
+        n, size = params.sectors, params.window
+        self.density = np.zeros(n)
+        self.slots = np.zeros((n // 2 + 1, 2), np.int64)
+        self._directions = np.zeros(3 * (n // 2 + 1))
+        self._cells, self._votes = np.zeros((size * size, 3)), np.zeros((size, size), np.uint8)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the window, the choice and the search."""
+        p = self.common
+        self.grid, self.origin = new_window(p.window)
+        self.search = RotationSearch(math.radians(p.rotation_deg))
+        self.progress = Progress(p.progress_step, p.target_shift)
+        self.trap = Trap(p.release_distance, math.radians(p.release_deg))
+        self.slot_count = 0
+        self._sent = (0.0, 0.0)
+
+    @abstractmethod
+    def choose(self, view: View) -> Choice:
+        """The direction to steer to, from the window and the view."""
+
+    def step(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
+        """Decide for one tick.
+
+        Args:
+            beams: Readings of this tick, None where there are none.
+            pose: x, y, m, heading, rad, of the base in the pose frame.
+            twist: Present forward speed, m/s, and turn rate, rad/s.
+            target: x_t, y_t, m, pose frame.
+        """
+        if beams is not None and beams.ranges.size:
+            self.sense(beams, pose)
+        distance = math.dist(target, pose[:2])
+        bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
+        horizon = distance + self.slack if self.common.stops_at_target else math.inf
+        view = View(pose, twist, target, distance, bearing, horizon)
+        choice = self.choose(view)
+        if self.trap.place is not None:
+            if self.trap.holds(pose, target, self.common.target_shift):
+                return Decision(0.0, 0.0, "trapped", None, "trapped: neither robot nor target moved since")
+            self.search.end()
+            self.progress.restart()
+        self.progress.note(distance, target)
+        if self.search.follow(pose[2]):
+            return self._rotate(view, choice)
+        if choice.direction is None:
+            return self._search(view, choice)
+        self.search.end()
+        return self._steer(view, choice, choice.direction)
+
+    def sense(self, beams: Beams, pose: Pose) -> None:
+        """Enter the readings of one tick into the window."""
+        p = self.common
+        extent = 0.75 * p.window * p.cell
+        scroll_window(self.grid, self.origin, pose[0], pose[1], p.cell)
+        placed = place_beams(
+            pose, beams.origins, beams.bearings, beams.half_angles, beams.ranges, beams.limits, p.clear_margin, extent
+        )
+        count_readings(
+            self.grid, self.origin, p.cell, placed, beams.limits, p.blind_depth, p.count_up, p.count_down, self._votes
+        )
+
+    def _search(self, view: View, choice: Choice) -> Decision:
+        """Begin a rotation where no direction is free, or give up."""
+        self.progress.attempts += 1
+        if self.progress.attempts > self.common.attempts:
+            return self._give_up(view, f"nothing free in {self.common.attempts} rotations without progress")
+        self.search.start(view.pose[2], view.bearing)
+        return self._rotate(view, choice)
+
+    def _rotate(self, view: View, choice: Choice) -> Decision:
+        side = self.search.sign
+        why = "nothing free: rotating " + ("left" if side > 0 else "right")
+        return self._send(view, choice, 0.0, side * self.max_turn, None, why)
+
+    def _steer(self, view: View, choice: Choice, direction: float) -> Decision:
+        """Turn to the direction and drive as fast as what is ahead and the turn allow."""
+        p = self.common
+        turn = turn_rate(direction, view.pose[2], p.turn_gain, self.max_turn)
+        least = min(p.min_speed, self.max_speed)
+        speed = forward_speed(choice.ahead, p.slow_density, turn, self.max_turn, self.max_speed, least)
+        return self._send(view, choice, least if choice.must_slow else speed, turn, direction, choice.why)
+
+    def _send(
+        self, view: View, choice: Choice, speed: float, turn: float, direction: float | None, why: str
+    ) -> Decision:
+        """Reduce the command to what is free, and watch whether the robot gets anywhere with it."""
+        p, r = self.common, self.robot
+        sent = (speed, turn)
+        if p.arc_check:
+            sent = free_command(
+                choice.cells, self.edges, view.twist[0], sent, p.creep, self.period,
+                r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
+            )  # fmt: skip
+        if sent != (speed, turn):
+            why += ", reduced by what is on the arc"
+        is_clear = direction == view.bearing and choice.ahead == 0.0 and sent == (speed, turn)
+        reason = self._watch(view, sent, is_clear)
+        if reason:
+            return self._give_up(view, reason)
+        return Decision(*sent, "clear" if is_clear else "steering", direction, why)
+
+    def _watch(self, view: View, sent: tuple[float, float], is_clear: bool) -> str:
+        """Count the time without progress; why it is trapped, or nothing."""
+        p, progress = self.common, self.progress
+        # A robot that was stopped, or driven by another, does not do what it was told here: that is no trap.
+        obeyed = abs(view.twist[0] - self._sent[0]) < SPEED_ERROR and abs(view.twist[1] - self._sent[1]) < TURN_ERROR
+        self._sent = sent
+        elapsed = self.period if obeyed else 0.0
+        progress.stalled += 0.0 if is_clear else elapsed
+        stands = sent[0] == 0.0 and abs(sent[1]) < STANDS_BELOW
+        progress.blocked = progress.blocked + elapsed if stands else 0.0
+        if progress.stalled > p.patience:
+            return f"no progress in {p.patience:g} s"
+        if progress.blocked > p.blocked_patience:
+            progress.attempts += 1
+            progress.blocked = 0.0
+            if progress.attempts > p.attempts:
+                return "no room to move or turn"
+            self.search.sign = self.search.sign or 1
+            self.search.reverse(view.pose[2])
+        return ""
+
+    def _give_up(self, view: View, why: str) -> Decision:
+        self.trap.place, self.trap.target = view.pose, view.target
+        self._sent = (0.0, 0.0)
+        return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)

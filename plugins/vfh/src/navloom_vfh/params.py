@@ -1,0 +1,121 @@
+"""Parameters of the three methods. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+
+from typing import Any, Literal
+
+from navloom import Params
+from pydantic import Field, model_validator
+
+
+class HistogramParams(Params):
+    """What the three methods have in common."""
+
+    cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
+    window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in VFH).")
+    count_up: int = Field(3, ge=1, le=15, description="Added to the cell of a reading (HIMM: 3, VFH: 1).")
+    count_down: int = Field(1, ge=0, le=15, description="Taken off the cells before it (HIMM: 1, VFH: 0).")
+    clear_margin: float = Field(0.1, ge=0.0, le=0.5, description="Not counted down before an echo, m. Paper: 0.")
+    blind_depth: float = Field(
+        0.1, ge=0.0, le=1.0, description="A reading at range_min counts this far before it too, m. Paper: 0."
+    )
+    sectors: int = Field(72, ge=36, le=360, description="Sectors of the polar histogram (72: 5 degrees each).")
+    disc: Literal["inscribed", "enclosing", "point"] = Field(
+        "inscribed", description="Cells block the directions in which this disc of the footprint would meet them."
+    )
+    safety_distance: float = Field(
+        0.1, ge=0.0, le=2.0, description="d_s: added to the disc's radius, m; a point stays a point."
+    )
+    reach: float = Field(1.6, gt=0.2, le=8.0, description="Distance at which a cell's magnitude falls to 0, m.")
+    stops_at_target: bool = Field(True, description="Cells farther than target and disc do not count. Paper: false.")
+    widest_slot: int = Field(18, ge=2, le=72, description="s_max, sectors: a wider opening is followed along its edge.")
+    turn_gain: float = Field(2.0, gt=0.0, le=50.0, description="Turn rate per heading error, 1/s; period * gain < 2.")
+    max_turn_deg: float = Field(120.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
+    max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit holds besides.")
+    min_speed: float = Field(0.04, ge=0.0, le=1.0, description="V_min, m/s: the density slows to no less than this.")
+    slow_density: float = Field(4.0, gt=0.0, le=100.0, description="h_m: density ahead that slows to V_min.")
+    rotation_deg: float = Field(100.0, gt=0.0, le=360.0, description="One rotation where nothing is free, degrees.")
+    attempts: int = Field(4, ge=1, le=100, description="Rotations without progress before it is called trapped.")
+    patience: float = Field(60.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
+    blocked_patience: float = Field(
+        1.0, gt=0.0, le=60.0, description="Standing blocked before turning the other way, s."
+    )
+    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
+    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
+    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
+    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turned by more, it is no longer trapped, degrees.")
+    arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
+    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and cell centres, m.")
+    turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
+    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave where a corner has no room to turn, m/s.")
+
+
+class VfhParams(HistogramParams):
+    """Borenstein & Koren 1991. Where the paper prints a value it is the default, or named in the description."""
+
+    smoothing: int = Field(1, ge=0, le=12, description="l, sectors: half width of the smoothing.")
+    threshold: float = Field(0.3, gt=0.0, le=100.0, description="Density from which a sector is blocked.")
+
+
+class VfhPlusParams(HistogramParams):
+    """Ulrich & Borenstein 1998."""
+
+    widest_slot: int = Field(16, ge=2, le=72, description="s_max, sectors: a wider opening is followed along its edge.")
+    threshold_low: float = Field(0.2, ge=0.0, le=100.0, description="tau_low: a blocked sector is free below it.")
+    threshold_high: float = Field(0.4, gt=0.0, le=100.0, description="tau_high: a free sector is blocked above it.")
+    mask_certainty: int = Field(3, ge=0, le=14, description="Cells above this certainty block turning circles.")
+    target_weight: float = Field(5.0, gt=0.0, le=100.0, description="mu_1, of the angle to the target.")
+    heading_weight: float = Field(2.0, ge=0.0, le=100.0, description="mu_2, of the angle to the heading.")
+    previous_weight: float = Field(2.0, ge=0.0, le=100.0, description="mu_3, of the angle to the last choice.")
+
+    @model_validator(mode="after")
+    def _is_led_by_the_target(self) -> "VfhPlusParams":
+        if self.target_weight <= self.heading_weight + self.previous_weight:
+            raise ValueError(
+                f"target_weight {self.target_weight:g} must be more than heading_weight {self.heading_weight:g} and "
+                f"previous_weight {self.previous_weight:g} together, or the robot may never turn to its target"
+            )
+        if self.threshold_low > self.threshold_high:
+            raise ValueError(
+                f"threshold_low {self.threshold_low:g} must not be more than threshold_high {self.threshold_high:g}"
+            )
+        return self
+
+
+class VfhStarParams(VfhPlusParams):
+    """Ulrich & Borenstein 2000."""
+
+    window: int = Field(81, ge=11, le=161, description="Cells along a side: look_ahead * step + reach to each side.")
+    look_ahead: int = Field(5, ge=1, le=20, description="n_g, steps looked ahead; 1 is VFH+.")
+    step: float = Field(0.5, gt=0.0, le=5.0, description="d_s, length of a projected step, m.")
+    discount: float = Field(0.8, gt=0.0, le=1.0, description="lambda, by which each further step counts less.")
+    projected_target_weight: float = Field(5.0, gt=0.0, le=100.0, description="mu_1', of the angle to the target.")
+    projected_heading_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_2', of the angle to the heading.")
+    projected_previous_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_3', to the step before.")
+    node_limit: int = Field(400, ge=120, le=5000, description="Nodes of the search tree; bounds the time of a tick.")
+
+    @model_validator(mode="after")
+    def _has_an_admissible_heuristic(self) -> "VfhStarParams":
+        others = self.projected_heading_weight + self.projected_previous_weight
+        if self.projected_target_weight <= others:
+            raise ValueError(
+                f"projected_target_weight {self.projected_target_weight:g} must be more than projected_heading_weight "
+                f"and projected_previous_weight together, {others:g}, or the search may miss the cheapest way"
+            )
+        return self
+
+
+def paper_literal(name: str) -> dict[str, Any]:
+    """The parameters with which one of the three follows the printed text, to be compared with the defaults.
+
+    Args:
+        name: vfh, vfh_plus or vfh_star.
+    """
+    literal: dict[str, Any] = {
+        "clear_margin": 0.0,
+        "blind_depth": 0.0,
+        "stops_at_target": False,
+        "arc_check": False,
+        "creep": 0.0,
+    }
+    if name == "vfh":
+        literal |= {"count_up": 1, "count_down": 0, "disc": "point", "reach": 2.26, "smoothing": 5}
+    return literal

@@ -1,0 +1,153 @@
+"""Closed loop in lockstep on the simulated robot: clutter, doors and dead ends, without a map. No contact."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from navloom import Box, Place, World
+from navloom.config import load_config
+from navloom.study.episode import run_episode
+from navloom_vfh.params import paper_literal
+from vff_drives import (
+    CROSSTALK,
+    LASER,
+    MIRRORS,
+    PAIRS,
+    SONARS,
+    all_of,
+    dead_end,
+    door,
+    drive,
+    field,
+    sudden,
+    told,
+    way_past,
+)
+
+UP = 0.5 * math.pi
+BOUNDS = (-8.0, -8.0, 8.0, 10.0)
+NAMES = ("vfh", "vfh_plus", "vfh_star")
+EACH = pytest.mark.parametrize("avoider", NAMES)
+BOTH_KINDS = pytest.mark.parametrize("sensors", [SONARS, LASER], ids=["sonars", "laser"])
+
+
+def literal(name: str, **changed: object) -> list[str]:
+    """The parameters of one printed text as TOML assignments."""
+    values = paper_literal(name) | changed
+    return [f"{key}={str(value).lower() if isinstance(value, bool) else repr(value)}" for key, value in values.items()]
+
+
+@EACH
+def test_a_field_is_crossed(avoider: str) -> None:
+    assert field(1, avoider=avoider).word == "reached"
+
+
+@EACH
+@BOTH_KINDS
+def test_a_door_twice_as_wide_as_the_robot_is_passed(avoider: str, sensors: str) -> None:
+    """The VFF needs three times the robot."""
+    assert way_past(door(1.6, 0, sensors=sensors, avoider=avoider)) == "through"
+
+
+@EACH
+def test_the_same_seed_gives_the_same_drive(avoider: str) -> None:
+    np.testing.assert_array_equal(door(2.0, 1, avoider=avoider).track, door(2.0, 1, avoider=avoider).track)
+
+
+def test_looking_one_step_ahead_drives_as_vfh_plus() -> None:
+    star = door(1.6, 3, avoider="vfh_star", params=["look_ahead=1", "window=33"])
+    np.testing.assert_array_equal(star.track, door(1.6, 3, avoider="vfh_plus").track)
+
+
+@EACH
+def test_a_room_without_a_way_out_is_called_a_trap(avoider: str) -> None:
+    walls = (
+        Box("left", (-1.2, -1.0), (-1.2, 1.2)),
+        Box("right", (1.0, 1.2), (-1.2, 1.2)),
+        Box("rear", (-1.2, 1.2), (-1.2, -1.0)),
+        Box("front", (-1.2, 1.2), (1.0, 1.2)),
+    )
+    ending = drive(World("room", walls, bounds=BOUNDS), Place(0.0, 0.0, UP), Place(0.0, 6.0), 1, avoider=avoider)
+    assert ending.word == "trapped"
+
+
+@EACH
+def test_in_charge_from_the_start_it_passes_obstacle_o(avoider: str) -> None:
+    found = run_episode(load_config("paper", [f'avoider={{plugin="{avoider}"}}'])).summary()
+    assert (found["outcome"], found["collisions"], found["recoveries"]) == ("succeeded", 0, 0)
+
+
+@pytest.mark.slow
+@EACH
+@BOTH_KINDS
+def test_of_fifty_fields_at_least_47_are_crossed_and_none_with_contact(avoider: str, sensors: str) -> None:
+    endings = all_of(field, [(seed,) for seed in range(50)], sensors=sensors, avoider=avoider)
+    words = told(f"fields, {avoider}, {sensors}", endings)
+    assert set(words) <= {"reached", "trapped"}
+    assert words["reached"] >= 47
+
+
+@pytest.mark.slow
+@EACH
+def test_fields_with_crosstalk_are_crossed_or_called_trapped(avoider: str) -> None:
+    """Each tick, each pair of neighbours has a chance of 5 % that one hears the other; sigma 3 cm."""
+    endings = all_of(field, [(seed,) for seed in range(50)], sensors=CROSSTALK, avoider=avoider)
+    words = told(f"fields, crosstalk, {avoider}", endings)
+    assert set(words) <= {"reached", "trapped"}
+    assert words["reached"] >= 35
+
+
+@pytest.mark.slow
+@EACH
+@BOTH_KINDS
+def test_doors(avoider: str, sensors: str) -> None:
+    """The curve of the README: from twice the robot on every door is passed; nothing is touched."""
+    widths = [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0, 2.4]
+    rows = [(width, approach) for width in widths for approach in range(20)]
+    endings = all_of(door, rows, sensors=sensors, avoider=avoider)
+    for k, width in enumerate(widths):
+        words = told(f"door {width} m, {avoider}", endings[20 * k : 20 * k + 20], way_past)
+        assert set(words) <= {"through", "around", "trapped"}
+        if width >= 1.8:
+            assert words["through"] == 20
+
+
+@pytest.mark.slow
+@EACH
+@BOTH_KINDS
+def test_dead_ends_are_left_or_called_so_and_never_touched(avoider: str, sensors: str) -> None:
+    for width, depth in [(1.6, 2.0), (2.0, 1.5), (2.4, 2.0), (3.0, 3.0), (4.0, 3.0), (5.0, 4.0)]:
+        rows = [(width, depth, approach) for approach in range(20)]
+        endings = all_of(dead_end, rows, sensors=sensors, avoider=avoider)
+        words = told(f"dead end {width} x {depth} m, {avoider}", endings)
+        assert set(words) <= {"reached", "trapped"}
+
+
+@pytest.mark.slow
+@EACH
+@BOTH_KINDS
+def test_what_appears_close_ahead_is_not_touched(avoider: str, sensors: str) -> None:
+    endings = all_of(sudden, [(seed,) for seed in range(30)], sensors=sensors, avoider=avoider)
+    assert set(told(f"sudden, {avoider}, {sensors}", endings)) <= {"reached", "trapped"}
+
+
+@pytest.mark.slow
+@EACH
+def test_looking_where_it_drives_is_what_keeps_the_printed_text_from_touching(avoider: str) -> None:
+    rows = [(seed,) for seed in range(24)]
+    told(f"printed text, {avoider}", all_of(field, rows, avoider=avoider, params=literal(avoider)))
+    checked = all_of(field, rows, avoider=avoider, params=literal(avoider, arc_check=True))
+    assert told(f"the same with arc check, {avoider}", checked)["contact"] == 0
+
+
+@pytest.mark.slow
+@EACH
+def test_where_the_sensors_see_too_little(avoider: str) -> None:
+    """The limits of the README: figures, and that they are no worse than told there."""
+    rows = [(seed,) for seed in range(24)]
+    pairs = told(f"fields, pairs, {avoider}", all_of(field, rows, sensors=PAIRS, avoider=avoider))
+    assert pairs["contact"] <= 8
+    mirrors = told(f"fields, mirrors, {avoider}", all_of(field, rows, sensors=MIRRORS, avoider=avoider))
+    assert mirrors["contact"] == 0

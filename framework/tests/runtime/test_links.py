@@ -17,8 +17,10 @@ from typing import Any
 import pytest
 import zenoh
 from navloom.runtime.access import IDENTITIES
+from navloom.runtime.directory import RobotFolder
 from navloom.runtime.keys import HOSTS, Order, new_authority
 from navloom.runtime.links import CLOSE_WAIT, LEASE, Endpoint, Link, LinkError, peer_link, settings
+from navloom.runtime.network import Network
 
 SOON = 10.0
 BEAT = """
@@ -325,3 +327,12 @@ def test_of_two_neighbours_one_alone_calls_the_other() -> None:
         frozenset((one, other)) for one in names for other in names if one != other
     }
     assert all(link.peers == 2 for link in links)
+
+
+def test_who_only_looks_on_shares_no_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path))
+    network, folder = Network("lab", "r1"), RobotFolder("lab", "r1")
+    folder.make()
+    looking_on, node = network.outsider(folder, ["drive"]), network.links(folder, ["drive"])["drive"]
+    found = [settings(link)["transport"]["shared_memory"]["enabled"] for link in (looking_on, node)]
+    assert found == [False, True]

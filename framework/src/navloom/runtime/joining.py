@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from navloom.plugins.registry import nearest
@@ -78,7 +79,7 @@ def join(
         else:
             sockets = tuple(RobotFolder(realm, name).sockets()) or running.endpoints
             link = Link("peer", (), sockets, realm=realm, robot=name)
-    with Bus(link) as bus:
+    with Bus(replace(link, shared_memory=False)) as bus:
         limit = time.monotonic() + FOUND
         while bus.neighbours() < (len(link.connect) if link.mode == "peer" else 1) and time.monotonic() < limit:
             time.sleep(0.01)

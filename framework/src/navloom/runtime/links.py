@@ -35,8 +35,9 @@ CLOSE_WAIT = 1_500_000
 by that, and shorter than live.hang_timeout, so that no writer is taken for hung because its reader is."""
 SEND_BUFFER = 65_536
 """bytes in the kernel of a link that leaves the host: priorities end where it begins."""
-POOL = 64 * 2**20
-"""bytes of shared memory for large messages; taken when the first one is sent."""
+POOL = 16 * 2**20
+"""bytes of shared memory for large messages; taken, and held in memory, when the first one is sent. Readers keep the
+pools of processes that have died, so it is no larger than some messages of the largest usual kind."""
 URGENT, REST = "prio=0-3", "prio=4-7"
 """Priorities of the two links to another host: commands and poses do not wait behind a map. A client whose router
 started again gets one of them back, which then carries everything: https://github.com/eclipse-zenoh/zenoh/issues/2130
@@ -62,6 +63,7 @@ class Link:
         insecure: Plain TCP beyond this host was asked for.
         realm, robot: Of the keys that the rules of a TLS listener protect.
         peers: Neighbours that opening waits for, as long as GATHER.
+        shared_memory: Large messages come by it. Not for what only looks on, for as long as it likes: see POOL.
     """
 
     mode: str
@@ -73,6 +75,7 @@ class Link:
     realm: str = "lab"
     robot: str = "r1"
     peers: int = 0
+    shared_memory: bool = True
 
 
 def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str) -> Link:
@@ -281,7 +284,10 @@ def _transport(link: Link, ends: list[Endpoint]) -> dict[str, Any]:
             "tcp": buffer,
             "tls": {**_credentials(link), **buffer} if any(end.is_secure for end in ends) else {},
         },
-        "shared_memory": {"enabled": True, "transport_optimization": {"enabled": True, "pool_size": POOL}},
+        "shared_memory": {
+            "enabled": link.shared_memory,
+            "transport_optimization": {"enabled": link.shared_memory, "pool_size": POOL},
+        },
     }
 
 

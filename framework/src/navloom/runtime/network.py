@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from navloom.config.schema import Config
@@ -51,8 +51,9 @@ class Network:
     def outsider(self, folder: RobotFolder, names: Sequence[str], identity: str = "operator") -> Link:
         """Of a tool on the same host, which nobody needs to find."""
         if self.router:
-            return self._client(identity)
-        return Link("peer", (), tuple(folder.socket(name) for name in names), realm=self.realm, robot=self.robot)
+            return replace(self._client(identity), shared_memory=False)
+        sockets = tuple(folder.socket(name) for name in names)
+        return Link("peer", (), sockets, realm=self.realm, robot=self.robot, shared_memory=False)
 
     def _client(self, identity: str) -> Link:
         return Link(

@@ -8,8 +8,9 @@ import networkx as nx
 import numpy as np
 import pyastar2d
 import pytest
-from navloom_astar import inflation, search
-from navloom_astar.search import GridSearch, Way
+from navloom_astar import inflation, jump, search
+from navloom_astar.jump import JumpPointSearch
+from navloom_astar.search import DijkstraSearch, GridSearch, Way
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -20,6 +21,11 @@ ROOT = 2.0**0.5
 @pytest.fixture(scope="module")
 def free() -> NDArray[np.bool_]:
     """512 x 512 cells: rooms of 31 x 31 with a door of 5 to each neighbour, and 5 % clutter."""
+    return rooms_with(0.05)
+
+
+def rooms_with(clutter: float) -> NDArray[np.bool_]:
+    """All that is connected of the rooms, where a share of single cells is occupied."""
     rng = np.random.default_rng(0)
     rooms = np.ones((512, 512), dtype=np.bool_)
     rooms[::32] = rooms[:, ::32] = False
@@ -28,7 +34,7 @@ def free() -> NDArray[np.bool_]:
             across, up = rng.integers(2, 26, size=2)
             rooms[row, column + across : column + across + 5] = True
             rooms[row + up : row + up + 5, column] = True
-    rooms &= rng.random(rooms.shape) >= 0.05
+    rooms &= rng.random(rooms.shape) >= clutter
     parts, _ = ndimage.label(rooms)
     return parts == np.bincount(parts[rooms]).argmax()
 
@@ -72,6 +78,25 @@ def test_three_times_as_fast_as_pyastar2d(free, queries, benchmark) -> None:
     benchmark.extra_info["pyastar2d_over_ours"] = slow / fast
     benchmark.extra_info["pyastar2d_with_prepared_map_over_ours"] = prepared / fast
     assert slow / fast >= 3.0
+
+
+def test_jumps_are_faster_than_astar_among_rooms_and_astar_than_dijkstra(free, queries, benchmark) -> None:
+    """In the rooms without clutter: every single obstacle makes jump points, and with 5 % of them A* is ahead."""
+    search.warm_up()
+    jump.warm_up()
+    rooms = rooms_with(0.0)
+    grids = [kind(free.shape) for kind in (GridSearch, DijkstraSearch, JumpPointSearch)]
+
+    def answers(grid: GridSearch, on: NDArray[np.bool_]) -> list[float]:
+        return [grid.shortest(on, start, goal).length for start, goal in queries]
+
+    assert benchmark.pedantic(answers, (grids[2], rooms), rounds=3) == answers(grids[0], rooms)
+    astar, dijkstra, jumps = seconds(*(lambda grid=grid: answers(grid, rooms) for grid in grids))
+    cluttered, jumps_cluttered = seconds(*(lambda grid=grid: answers(grid, free) for grid in (grids[0], grids[2])))
+    benchmark.extra_info["astar_over_jps"] = astar / jumps
+    benchmark.extra_info["astar_over_jps_in_clutter"] = cluttered / jumps_cluttered
+    benchmark.extra_info["dijkstra_over_astar"] = dijkstra / astar
+    assert astar / jumps >= 1.5 and dijkstra / astar >= 1.5
 
 
 def test_a_hundred_times_as_fast_as_networkx(free, queries, benchmark) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom_astar.search import GridSearch, Way
+from navloom_astar.jump import JumpPointSearch
+from navloom_astar.search import DijkstraSearch, GridSearch, Way
 from numpy.typing import NDArray
 
 FOLDER = Path(os.environ.get("NAVLOOM_DATA", "")) / "movingai"
@@ -23,10 +24,11 @@ def read_map(path: Path) -> NDArray[np.bool_]:
 
 
 @pytest.mark.skipif(not MAPS, reason="NAVLOOM_DATA with a folder movingai is not set")
+@pytest.mark.parametrize("search", [GridSearch, DijkstraSearch, JumpPointSearch])
 @pytest.mark.parametrize("path", MAPS, ids=lambda path: path.name.removesuffix(".map.gz"))
-def test_all_scenarios_have_the_optimal_length(path: Path) -> None:
+def test_all_scenarios_have_the_optimal_length(path: Path, search: type[GridSearch]) -> None:
     free = read_map(path)
-    grid = GridSearch(free.shape)
+    grid = search(free.shape)
     lines = path.with_suffix(".scen").read_text("utf-8").splitlines()[1:]
     assert len(lines) == 50
     for line in lines:

@@ -19,7 +19,7 @@ from navloom import (
     RobotSpec,
 )
 from navloom_astar import inflation, navloom_register, raster, search
-from navloom_astar.adapter import AStar
+from navloom_astar.adapter import AStar, Dijkstra, JumpPoint
 from navloom_astar.params import AstarParams
 from pydantic import ValidationError
 
@@ -39,10 +39,14 @@ def asked(cells: np.ndarray, start, goal, resolution: float = 0.1, segments: np.
     return PlannerInput(request, MapUpdate(1, grid, segments, ()))
 
 
-def test_it_registers_as_astar() -> None:
+def test_it_registers_its_planners() -> None:
     registry = Registry()
     navloom_register(registry)
-    assert registry.roles == {("planner", "astar"): AStar}
+    assert registry.roles == {
+        ("planner", "astar"): AStar,
+        ("planner", "dijkstra"): Dijkstra,
+        ("planner", "jps"): JumpPoint,
+    }
 
 
 def test_a_path_and_where_the_robot_may_be() -> None:

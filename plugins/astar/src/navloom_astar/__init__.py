@@ -1,11 +1,12 @@
-"""Optimal 8-connected grid planning for navloom: A* without corner cutting."""
+"""Optimal 8-connected grid planning for navloom: A*, Dijkstra and jump point search, without corner cutting."""
 
 from navloom import Registry, hookimpl
 
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the planner `astar`."""
-    from navloom_astar.adapter import AStar
+    """Add the planners `astar`, `dijkstra` and `jps`."""
+    from navloom_astar.adapter import AStar, Dijkstra, JumpPoint
 
-    registry.add(AStar)
+    for planner in (AStar, Dijkstra, JumpPoint):
+        registry.add(planner)

@@ -1,28 +1,33 @@
-"""A* as a navloom planner."""
+"""Shortest paths on a grid as navloom planners."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import numpy as np
 from navloom import Context, OccupancyGrid, Path, PlanFailure, Planner, PlannerInput, Point2D, Pose2D
 
 from navloom_astar import planning
 from navloom_astar.grids import RasterMap
+from navloom_astar.jump import JumpPointSearch
 from navloom_astar.params import AstarParams
-from navloom_astar.planning import Found, GridPlanner
+from navloom_astar.planning import Found, GridPlanner, Search
+from navloom_astar.search import DijkstraSearch, GridSearch
 
-__all__ = ["AStar"]
+__all__ = ["AStar", "Dijkstra", "JumpPoint", "PlannerOnGrid"]
 
 
-class AStar(Planner):
-    """Shortest paths on a grid (Hoang et al. 2013, III.A)."""
+class PlannerOnGrid(Planner):
+    """A planner on the grid; which search it uses is all that one has of its own."""
 
-    name = "astar"
     Params = AstarParams
+    search: ClassVar[type[Search]]
+    """Makes the search for grids of a shape (rows, columns)."""
 
     def __init__(self, params: AstarParams, context: Context) -> None:
         super().__init__(params, context)
         start = context.start
-        self._planner = GridPlanner(params.settings(context.robot.footprint), (start.x, start.y))
+        self._planner = GridPlanner(params.settings(context.robot.footprint), (start.x, start.y), type(self).search)
 
     @classmethod
     def warm_up(cls) -> None:
@@ -38,3 +43,24 @@ class AStar(Planner):
             traversable = OccupancyGrid(cells, answer.grid.resolution, Pose2D(*answer.grid.origin))
             return Path(request.request_id, answer.points, answer.length, traversable)
         return PlanFailure(request.request_id, answer.kind, Point2D(*answer.place), answer.detail)
+
+
+class AStar(PlannerOnGrid):
+    """Shortest paths on a grid (Hoang et al. 2013, III.A)."""
+
+    name = "astar"
+    search = GridSearch
+
+
+class Dijkstra(PlannerOnGrid):
+    """The same paths without a heuristic (Dijkstra 1959)."""
+
+    name = "dijkstra"
+    search = DijkstraSearch
+
+
+class JumpPoint(PlannerOnGrid):
+    """The same paths by jump point search (Harabor & Grastien 2011, 2012)."""
+
+    name = "jps"
+    search = JumpPointSearch

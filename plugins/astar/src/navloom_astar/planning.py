@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_astar import inflation, raster, search
+from navloom_astar import inflation, jump, raster, search
 from navloom_astar.escape import way_out
 from navloom_astar.grids import PlanningGrid, RasterMap, Spot, grid_of_cells, grid_of_segments
 from navloom_astar.raster import RasterMethod
-from navloom_astar.search import EXTRA_UNIT, Cell, Closed, GridSearch
+from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch
 
-__all__ = ["Failure", "Found", "GoalOccupied", "GridPlanner", "NoPath", "OutsideMap", "Settings", "StartOccupied",
-           "warm_up"]  # fmt: skip
+__all__ = ["Failure", "Found", "GoalOccupied", "GridPlanner", "NoPath", "OutsideMap", "Search", "Settings",
+           "StartOccupied", "WayOfCells", "warm_up"]  # fmt: skip
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Found:
     """A path.
 
     Attributes:
-        points: (n, 2) start, centres of the cells between, goal; m, map frame; n >= 2.
+        points: (n, 2) start, centres of the cells between or at its turns, goal; m, map frame; n >= 2.
         length: Of that polyline, m.
         traversable: (rows, columns) of the grid: where the centre of the robot may be.
         grid: What was searched.
@@ -115,18 +115,39 @@ class NoPath(Failure):
     kind = "no_path"
 
 
+class WayOfCells(Protocol):
+    """What a search finds: `cells` (n, 2), rows and columns from start to goal, next to each other or in sight."""
+
+    @property
+    def cells(self) -> NDArray[np.int64]: ...
+
+
+class Search(Protocol):
+    """Searches on grids of one shape; arguments and answers as of `GridSearch.shortest`."""
+
+    shape: tuple[int, int]
+
+    def __init__(self, shape: tuple[int, int]) -> None: ...
+
+    def shortest(
+        self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None, ends: Ends
+    ) -> WayOfCells | Closed: ...
+
+
 class GridPlanner:
     """Plans on any number of maps; keeps the work arrays of the last grid size.
 
     Args:
         settings: See there.
         anchor: Where a cell centre of the grid of segments lies.
+        search: Makes the search for grids of a shape (rows, columns).
     """
 
-    def __init__(self, settings: Settings, anchor: Spot) -> None:
+    def __init__(self, settings: Settings, anchor: Spot, search: type[Search] = GridSearch) -> None:
         self.settings = settings
         self.anchor = anchor
-        self._search: GridSearch | None = None
+        self._make_search = search
+        self._search: Search | None = None
 
     def plan(self, start: Spot, goal: Spot, segments: Floats, given: RasterMap) -> Found | Failure:
         """A shortest path on the grid.
@@ -206,8 +227,10 @@ class GridPlanner:
     ) -> Found | Failure:
         """The search from the last cell of a way out of the inflation."""
         if self._search is None or self._search.shape != traversable.shape:
-            self._search = GridSearch(traversable.shape)
-        answer = self._search.shortest(traversable, way[-1], goal, self._extra(grid, wide))
+            self._search = self._make_search((traversable.shape[0], traversable.shape[1]))
+        leave = ends[0] if len(way) == 1 else tuple(grid.centres(np.array(way[-1:]))[0].tolist())
+        first, last = map(tuple, grid.places(np.array([leave, ends[1]])).tolist())
+        answer = self._search.shortest(traversable, way[-1], goal, self._extra(grid, wide), (first, last))
         if isinstance(answer, Closed):
             x, y = grid.centres(np.array([answer.nearest]))[0].tolist()
             gap = math.dist((x, y), ends[1])
@@ -235,6 +258,8 @@ def _near(cells: NDArray[np.int64], shape: tuple[int, ...]) -> Bools:
     """The surroundings of a way, for the framework to smooth it in."""
     on_way = np.zeros(shape, dtype=np.bool_)
     on_way[cells[:, 0], cells[:, 1]] = True
+    turns = cells[:, ::-1].astype(np.float64)
+    raster.draw_segments(on_way, np.concatenate([turns[:-1], turns[1:]], axis=1))
     return inflation.grow(on_way, inflation.square_reach(_SMOOTHING_CELLS))
 
 
@@ -265,5 +290,6 @@ def _at(spot: Spot) -> str:
 def warm_up() -> None:
     """Compile all kernels."""
     search.warm_up()
+    jump.warm_up()
     inflation.warm_up()
     raster.warm_up()

@@ -1,5 +1,7 @@
 """A* on an 8-connected grid without corner cutting (Hart, Nilsson & Raphael 1968), optimal in exact arithmetic.
 
+Without its heuristic the same search is that of Dijkstra (1959).
+
 **Lengths** are a + b sqrt(2) cells, with a straight and b diagonal steps. They are compared as whole numbers q a + p b
 with p/q a convergent of sqrt(2). Two ways would be ranked wrongly, or different ones alike, only if the ratio of their
 differences in a and b lay at p/q or between p/q and sqrt(2). All fractions there have denominators of q or more, so
@@ -27,11 +29,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["EXTRA_UNIT", "Cell", "Closed", "GridSearch", "Way", "step_costs", "warm_up"]
+__all__ = ["EXTRA_UNIT", "Cell", "Closed", "DijkstraSearch", "Ends", "GridSearch", "Way", "step_costs", "warm_up"]
 
 Bools = NDArray[np.bool_]
 Cell = tuple[int, int]
 """Row and column."""
+Ends = tuple[tuple[float, float], tuple[float, float]]
+"""x, y of start and goal, cells: the cell (row, column) is column..column + 1, row..row + 1."""
 
 EXTRA_UNIT = 8
 """Extra costs are whole eighths."""
@@ -119,10 +123,12 @@ def step_costs(most: int) -> tuple[int, int]:
 
 
 class GridSearch:
-    """Searches on grids of one size. Its work arrays are used again and again, and no query clears them.
+    """A* on grids of one size. Its work arrays are used again and again, and no query clears them.
 
     Costs of a query lie below all costs of earlier ones, so old values read as "not yet reached".
     """
+
+    _looks_ahead = True
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
@@ -136,7 +142,9 @@ class GridSearch:
         self._before, self._after = np.zeros((2, size + _MOST_BUCKETS), dtype=np.int32)
         self._base = self._top = 0
 
-    def shortest(self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None) -> Way | Closed:
+    def shortest(
+        self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
+    ) -> Way | Closed:
         """The shortest way between two cells.
 
         A step to a straight neighbour has length 1, to a diagonal one sqrt(2); the cell it leads to must be free, and
@@ -147,6 +155,7 @@ class GridSearch:
             start, goal: Free cells.
             extra: (rows, columns) cost of the ground besides its length, in `EXTRA_UNIT` parts of it. A step of length
                 s from a cell with extra e to one with f costs s (1 + (e + f) / 2).
+            ends: Not used: ways on cells lead from centre to centre, wherever in its cell the robot is.
 
         Raises:
             ValueError: A grid of another shape, or a start or goal that is outside or not free.
@@ -163,9 +172,10 @@ class GridSearch:
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
         shift = max(0, (parts * q // 5).bit_length() - 1)
         buckets = 1 << ((2 * factor * p >> shift) + 2).bit_length()
+        ahead = (q * parts, (p - q) * parts) if self._looks_ahead else (0, 0)
         weights = None if extra is None else self._extra.reshape(-1)
         found = _search(self._wall, weights, self._cost, self._arrival, self._before, self._after, buckets, first, last,
-                        self._base, self._top, q * parts, p * parts, q, p, shift)  # fmt: skip
+                        self._base, self._top, q * parts, p * parts, q, p, *ahead, shift)  # fmt: skip
         if not found:
             return self._nearest(goal)
         cells, diagonal = _trace(self._arrival, stride, first, last)
@@ -196,6 +206,12 @@ class GridSearch:
         return Closed((int(rows[best]), int(columns[best])))
 
 
+class DijkstraSearch(GridSearch):
+    """The same search without a look towards the goal (Dijkstra 1959): the same costs, and many more cells."""
+
+    _looks_ahead = False
+
+
 def _cost_of(cells: NDArray[np.int64], extra: NDArray[np.uint8]) -> float:
     lengths = np.where((np.diff(cells, axis=0) != 0).all(axis=1), math.sqrt(2.0), 1.0)
     ground = extra[cells[:, 0], cells[:, 1]] / EXTRA_UNIT
@@ -203,10 +219,14 @@ def _cost_of(cells: NDArray[np.int64], extra: NDArray[np.uint8]) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _search(
-    wall, extra, cost, arrival, before, after, buckets, start, goal, base, top, straight, diagonal, q, p, shift
-):  # type: ignore[no-untyped-def]
+def _search(  # type: ignore[no-untyped-def]
+    wall, extra, cost, arrival, before, after, buckets, start, goal, base, top, straight, diagonal, q, p, ahead_long,
+    ahead_short, shift,
+):  # fmt: skip
     """Fill `cost` and `arrival` from the start until the goal's are final. Whether it was reached.
+
+    The heuristic is `ahead_long` a cell of the longer side to the goal and `ahead_short` one of the shorter: octile
+    where these are q and p - q, none where they are 0.
 
     `before` and `after` link the cells of a bucket, whose head is element `size + bucket`; a cell in none has -1 before
     it. `held` is the top of the current bucket without the detour through its list.
@@ -218,7 +238,7 @@ def _search(
         beside[k], beyond[k] = offsets[k - 1], offsets[(k + 1) & 7]
     goal_row, goal_column = goal // stride, goal % stride
     down, across = abs(start // stride - goal_row), abs(start % stride - goal_column)
-    bottom = base + straight * max(down, across) + (diagonal - straight) * min(down, across)
+    bottom = base + ahead_long * max(down, across) + ahead_short * min(down, across)
     for head in range(size, size + buckets):
         before[head], after[head] = head, head
     cost[start], arrival[start], before[start] = base, _START, _CLOSED
@@ -256,7 +276,7 @@ def _search(
                 after[before[other]], before[after[other]] = after[other], before[other]
             cost[other], arrival[other] = reached, k
             down, across = abs(row + _ROW_STEP[k] - goal_row), abs(column + _COLUMN_STEP[k] - goal_column)
-            ahead = straight * max(down, across) + (diagonal - straight) * min(down, across)
+            ahead = ahead_long * max(down, across) + ahead_short * min(down, across)
             place = (reached + ahead - bottom) >> shift
             if place == bucket and n + 1 == _COUNTS[case]:
                 held, before[other] = np.int64(other), _CLOSED

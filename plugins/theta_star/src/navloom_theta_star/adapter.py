@@ -1,0 +1,29 @@
+"""Any-angle paths as navloom planners."""
+
+from __future__ import annotations
+
+from navloom_astar.adapter import PlannerOnGrid
+
+from navloom_theta_star import search
+from navloom_theta_star.search import LazyThetaSearch, ThetaSearch
+
+__all__ = ["LazyThetaStar", "ThetaStar"]
+
+
+class ThetaStar(PlannerOnGrid):
+    """Any-angle paths on a grid (Nash, Daniel, Koenig & Felner 2007)."""
+
+    name = "theta_star"
+    search = ThetaSearch
+
+    @classmethod
+    def warm_up(cls) -> None:
+        super().warm_up()
+        search.warm_up()
+
+
+class LazyThetaStar(ThetaStar):
+    """The same with a line of sight for a cell instead of for each of its neighbours (Nash, Koenig & Tovey 2010)."""
+
+    name = "lazy_theta_star"
+    search = LazyThetaSearch

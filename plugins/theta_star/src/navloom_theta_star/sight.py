@@ -1,0 +1,70 @@
+"""Line of sight on a grid, and what the ground costs along it.
+
+Places are x, y in cells: the cell (row, column) is column..column + 1, row..row + 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+__all__ = ["ground_cost", "is_in_sight"]
+
+_TOUCH = 1e-6
+"""A segment this near to a cell touches it, in cells: the answer must not hang on rounding."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def is_in_sight(wall, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """Whether a segment touches no wall, be it at a corner only (closed supercover).
+
+    A segment through the shared corner of four cells touches all four, so corners are not cut, and between obstacles
+    that touch at a corner there is no way. The framework prunes paths by the same rule.
+
+    Args:
+        wall: (rows, columns) bool with a border of walls.
+        x0, y0, x1, y1: Places within the border.
+    """
+    if y0 > y1:
+        x0, y0, x1, y1 = x1, y1, x0, y0
+    rise = y1 - y0
+    for row in range(math.floor(y0 - _TOUCH), math.floor(y1 + _TOUCH) + 1):
+        enter, leave = 0.0, 1.0
+        if rise > _TOUCH:
+            enter = max(0.0, (row - _TOUCH - y0) / rise)
+            leave = min(1.0, (row + 1.0 + _TOUCH - y0) / rise)
+        xa, xb = x0 + enter * (x1 - x0), x0 + leave * (x1 - x0)
+        for column in range(math.floor(min(xa, xb) - _TOUCH), math.floor(max(xa, xb) + _TOUCH) + 1):
+            if wall[row, column]:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def ground_cost(extra, unit, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """Integral of 1 + extra / unit along a segment, cells.
+
+    Between the centres of neighbouring cells that is the cost of a step of A*.
+
+    Args:
+        extra: (rows, columns) of the ground besides its length.
+        unit: Parts of `extra` that count as the length once more.
+        x0, y0, x1, y1: Places within the grid.
+    """
+    length = math.hypot(x1 - x0, y1 - y0)
+    if y0 > y1:
+        x0, y0, x1, y1 = x1, y1, x0, y0
+    rise, more = y1 - y0, 0.0
+    for row in range(math.floor(y0), math.floor(y1) + 1):
+        enter, leave = 0.0, 1.0
+        if rise > 0.0:
+            enter, leave = max(0.0, (row - y0) / rise), min(1.0, (row + 1.0 - y0) / rise)
+        xa, xb = x0 + enter * (x1 - x0), x0 + leave * (x1 - x0)
+        left, right = min(xa, xb), max(xa, xb)
+        for column in range(math.floor(left), math.floor(right) + 1):
+            share = leave - enter
+            if right > left:
+                share *= (min(right, column + 1.0) - max(left, float(column))) / (right - left)
+            more += share * extra[row, column]
+    return length * (1.0 + more / unit)

@@ -67,7 +67,7 @@ def test_bad_tracks() -> None:
     assert track_error([0.5, 0.5, 1.0], [still] * 3).given.startswith("stamps that do not rise")
     assert track_error([0.0, 1.0], [still, [NAN, 0.0, 0.0]]).given.endswith("not finite")
     late = track_error([0.0, 0.8], [still] * 2)
-    assert late.given == "a track from 0.000 to 0.800 s after the sweep's stamp"
+    assert late.given == "a track from 0.000 to 0.800 s after the stamp"
     assert late.expected == "one that covers 0.000 to 1.000 s, within 0.1 s"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navloom import Context, InputError, MapperInput, MapUpdate, Pose2D, PoseTrack, Registry, RobotSpec, Sweep
 from navloom_ipabd import navloom_register
-from navloom_ipabd.adapter import Ipabd
+from navloom_ipabd.adapter import Ipabd, Union
 from navloom_ipabd.params import IpabdParams
 from pydantic import ValidationError
 
@@ -60,10 +60,10 @@ def sweep(paper_sweep) -> Sweep:
     return message_of(paper_sweep.image)
 
 
-def test_the_hook_registers_one_mapper() -> None:
+def test_the_hook_registers_both_mappers() -> None:
     registry = Registry()
     navloom_register(registry)
-    assert registry.roles == {("mapper", "ipabd"): Ipabd}
+    assert registry.roles == {("mapper", "ipabd"): Ipabd, ("mapper", "union"): Union}
 
 
 def test_a_sweep_gives_a_map(sweep) -> None:

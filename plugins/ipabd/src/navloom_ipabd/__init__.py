@@ -5,7 +5,8 @@ from navloom import Registry, hookimpl
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the mapper `ipabd`."""
-    from navloom_ipabd.adapter import Ipabd
+    """Add the mappers `ipabd` and `union`."""
+    from navloom_ipabd.adapter import Ipabd, Union
 
     registry.add(Ipabd)
+    registry.add(Union)

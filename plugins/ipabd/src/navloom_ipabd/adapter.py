@@ -1,4 +1,4 @@
-"""IPaBD as a navloom mapper."""
+"""IPaBD, and its first step alone, as navloom mappers."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from navloom import Context, Count, InputError, Mapper, MapperInput, MapUpdate, 
 from navloom_ipabd import mapping
 from navloom_ipabd.errors import DataError
 from navloom_ipabd.mapping import GridMap, Outline
-from navloom_ipabd.params import IpabdParams
+from navloom_ipabd.params import IpabdParams, UnionParams
 from navloom_ipabd.rules import Rule
 from navloom_ipabd.sweep import SweepImage
-from navloom_ipabd.track import frame_motion
+from navloom_ipabd.track import FrameMotion, frame_motion
+from navloom_ipabd.union import union_outline
 
-__all__ = ["Ipabd"]
+__all__ = ["Ipabd", "Union"]
 
 
 class Ipabd(Mapper):
@@ -24,7 +25,7 @@ class Ipabd(Mapper):
     accepts = (Sweep,)
     Params = IpabdParams
 
-    def __init__(self, params: IpabdParams, context: Context) -> None:
+    def __init__(self, params: IpabdParams | UnionParams, context: Context) -> None:
         super().__init__(params, context)
         self._settings = params.settings(context.robot.height, (context.start.x, context.start.y))
         self._known: GridMap | None = None
@@ -66,7 +67,20 @@ class Ipabd(Mapper):
                            (sweep.x, sweep.y, sweep.z), sweep.range_min, sweep.range_max, geometry)  # fmt: skip
         motion = frame_motion(sweep.stamp_ns, image.frame_times, (sweep.x, sweep.y), track.stamps_ns, track.poses,
                               slack=self.params.track_slack, deskew=self.params.deskew)  # fmt: skip
+        return self._outline_of(image, motion)
+
+    def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
         return mapping.outline(image, motion, self._settings)
+
+
+class Union(Ipabd):
+    """All pixels pressed to the plane (Hoang et al. 2013, Fig. 7): the map that IPaBD improves on, for comparison."""
+
+    name = "union"
+    Params = UnionParams
+
+    def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
+        return union_outline(image, motion, self._settings, self.params.keeps_floor)
 
 
 def _message(known: GridMap, stamp_ns: int, counts: Counter[Rule]) -> MapUpdate:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import inf, radians
 from typing import Literal
 
 from navloom import Params
@@ -12,7 +12,7 @@ from navloom_ipabd.mapping import MapSettings
 from navloom_ipabd.rules import FilterOrder, Filters
 from navloom_ipabd.segmentation import Segmentation, SegmentationMethod
 
-__all__ = ["IpabdParams"]
+__all__ = ["IpabdParams", "UnionParams"]
 
 
 class IpabdParams(Params):
@@ -82,5 +82,45 @@ class IpabdParams(Params):
             free_range=self.free_range,
             raster=self.raster,
             paper_t=self.paper_raster_t,
+            bin_width=None if self.bin_width_deg is None else radians(self.bin_width_deg),
+        )
+
+
+class UnionParams(Params):
+    """Those of `ipabd` that a map without floor filter, minimum and lines has, with the same meaning and unit."""
+
+    geometry: Literal["as_sweep", "paper", "rigid_pitch"] = Field(
+        "as_sweep", description="how ranges become points; as_sweep: as the sweep itself says"
+    )
+    keeps_floor: bool = Field(True, description="press the floor like everything else, as in Fig. 7")
+    floor_tolerance: float = Field(0.06, ge=0.0, description="points this near to the floor are floor, m")
+    z_limit: float | None = Field(None, gt=0.0, description="points above do not count, m; default: all heights do")
+    min_range: float = Field(0.0, ge=0.0, description="shorter ranges are outliers, m, besides the sensor's own limit")
+    max_range_tolerance: float = Field(0.05, ge=0.0, description="this near to the maximum is no return, m")
+    deskew: bool = Field(True, description="move each frame to where it was taken")
+    track_slack: float = Field(0.2, ge=0.0, description="how far the pose track may miss the sweep's ends, s")
+    bin_width_deg: float | None = Field(None, gt=0.0, le=30.0, description="azimuth bins; default: the bearing step")
+    cell: float = Field(0.40, gt=0.0, description="edge of a grid cell, m")
+    anchor: tuple[float, float] | None = Field(None, description="a cell centre, m, map frame; default: the start")
+    extent: tuple[float, float, float, float] | None = Field(
+        None, description="lowest x, y, highest x, y of the map, m; default: what was seen, and the anchor"
+    )
+    free_range: float = Field(20.0, gt=0.0, description="farther from the sensor nothing is marked free, m")
+    accumulate: bool = Field(True, description="keep the map between sweeps; false: the latest sweep only")
+
+    def settings(self, robot_height: float, start: tuple[float, float]) -> MapSettings:
+        """The same for the pure modules; the robot's height is that of `IpabdParams.settings` and does not matter."""
+        filters = Filters(
+            floor_tolerance=self.floor_tolerance,
+            z_limit=inf if self.z_limit is None else self.z_limit,
+            min_range=self.min_range,
+            max_range_tolerance=self.max_range_tolerance,
+        )
+        return MapSettings(
+            filters=filters,
+            resolution=self.cell,
+            anchor=self.anchor or start,
+            extent=self.extent,
+            free_range=self.free_range,
             bin_width=None if self.bin_width_deg is None else radians(self.bin_width_deg),
         )

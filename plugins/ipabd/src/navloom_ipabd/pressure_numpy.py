@@ -13,7 +13,7 @@ from navloom_ipabd.rules import Filters, Rule
 from navloom_ipabd.sweep import SweepImage
 from navloom_ipabd.track import FrameMotion, standing
 
-__all__ = ["classify", "points_in_reference", "press_numpy", "union"]
+__all__ = ["bin_index", "classify", "points_in_reference", "press_numpy", "union"]
 
 Floats = NDArray[np.float64]
 
@@ -80,14 +80,15 @@ def press_numpy(
     bins = bins_of(sweep, motion, bin_width)
     with np.errstate(invalid="ignore"):
         level = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
-    index = _bin_index(points, is_return, bins)
+    index = bin_index(points, is_return, bins)
     seen = np.zeros(bins.size)
     np.maximum.at(seen, index[is_return], level[is_return])
     nearest, chosen = _minimum(index, level, points, rules == Rule.NOT_MINIMUM, bins.size)
     return settle(bins, nearest, chosen, seen, np.bincount(rules.ravel(), minlength=7), filters)
 
 
-def _bin_index(points: Floats, is_return: NDArray[np.bool_], bins: Bins) -> NDArray[np.int64]:
+def bin_index(points: Floats, is_return: NDArray[np.bool_], bins: Bins) -> NDArray[np.int64]:
+    """Azimuth bin of every point, 0 where there is no return; points (frames, beams, 3) in the reference frame."""
     x, y = np.where(is_return, points[..., 0], 1.0), np.where(is_return, points[..., 1], 0.0)
     angle = np.arctan2(y, x) - bins.first + 0.5 * bins.step
     angle -= TAU * np.floor(angle / TAU)

@@ -62,7 +62,7 @@ def poses_at(offsets: Floats, track_offsets: Floats, track_poses: Floats, slack:
         raise TrackError("track", "stamps that do not rise or poses that are not finite", "rising stamps, finite poses")
     early, late = track_offsets[0] - offsets.min(), offsets.max() - track_offsets[-1]
     if early > slack or late > slack:
-        given = f"a track from {track_offsets[0]:.3f} to {track_offsets[-1]:.3f} s after the sweep's stamp"
+        given = f"a track from {track_offsets[0]:.3f} to {track_offsets[-1]:.3f} s after the stamp"
         wanted = f"one that covers {offsets.min():.3f} to {offsets.max():.3f} s, within {slack:g} s"
         raise TrackError("track.stamps_ns", given, wanted)
     headings = np.unwrap(track_poses[:, 2])

@@ -1,0 +1,121 @@
+"""The grid itself: where its cells lie, how it grows, and what is kept in them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from navloom_ipabd.errors import SettingError
+from numpy.typing import NDArray
+
+from navloom_scan_grid import kernels
+from navloom_scan_grid.kernels import Weights
+
+__all__ = ["MAX_CELLS", "Bounds", "LogOddsGrid"]
+
+Box = tuple[float, float, float, float]
+"""Lowest x, y, highest x, y, m, map frame."""
+MAX_CELLS = 64_000_000
+_LAST_MARK = 2**31 - 2
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Cells of a lattice whose borders lie at multiples of the cell's edge in the map frame.
+
+    Attributes:
+        column, row: Index of the lowest x and y: its border lies at index times edge.
+        columns, rows: Size.
+    """
+
+    column: int
+    row: int
+    columns: int
+    rows: int
+
+    @classmethod
+    def of(cls, box: Box, cell: float, chunk: int) -> Bounds:
+        """The fewest chunks of `chunk` cells a side that hold a box.
+
+        Raises:
+            SettingError: That is more than `MAX_CELLS`.
+        """
+        column, row = (chunk * math.floor(math.floor(low / cell) / chunk) for low in box[:2])
+        after_column, after_row = (chunk * (math.floor(math.floor(high / cell) / chunk) + 1) for high in box[2:])
+        return cls(column, row, after_column - column, after_row - row).checked(cell)
+
+    def with_(self, other: Bounds, cell: float) -> Bounds:
+        """The least bounds that hold both.
+
+        Raises:
+            SettingError: That is more than `MAX_CELLS`.
+        """
+        column, row = min(self.column, other.column), min(self.row, other.row)
+        right = max(self.column + self.columns, other.column + other.columns)
+        top = max(self.row + self.rows, other.row + other.rows)
+        return Bounds(column, row, right - column, top - row).checked(cell)
+
+    def checked(self, cell: float) -> Bounds:
+        """Itself, where it is not too large."""
+        if self.columns * self.rows > MAX_CELLS:
+            given = f"{self.columns} × {self.rows} cells of {cell:g} m"
+            raise SettingError("map.extent, cell", given, f"at most {MAX_CELLS} cells; enlarge the cells")
+        return self
+
+
+class LogOddsGrid:
+    """Log odds of occupancy, growing in chunks as more is seen.
+
+    Args:
+        cell: Edge of a cell, m.
+        chunk: It grows by this many cells at a time.
+        box: What it holds from the start: m, map frame.
+
+    Attributes:
+        odds: (rows, columns) float32 log odds; NaN where nothing was seen; row 0 has the lowest y.
+        bounds: Where they lie.
+    """
+
+    def __init__(self, cell: float, chunk: int, box: Box) -> None:
+        self.cell, self.chunk = cell, chunk
+        self.bounds = Bounds.of(box, cell, chunk)
+        self.odds = self._unknown()
+        self._marks = np.zeros(self.odds.shape, np.int32)
+        self._mark = 0
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Lower left corner, m, map frame."""
+        return self.bounds.column * self.cell, self.bounds.row * self.cell
+
+    def cover(self, box: Box) -> None:
+        """Grow where a box reaches beyond; what is known stays.
+
+        Raises:
+            SettingError: It would be too large; it is left as it is.
+        """
+        old = self.bounds
+        new = old.with_(Bounds.of(box, self.cell, self.chunk), self.cell)
+        if new == old:
+            return
+        self.bounds = new
+        known, self.odds = self.odds, self._unknown()
+        row, column = old.row - new.row, old.column - new.column
+        self.odds[row : row + old.rows, column : column + old.columns] = known
+        self._marks, self._mark = np.zeros(self.odds.shape, np.int32), 0
+
+    def insert(self, placed: NDArray[np.float64], limits: tuple[float, float], weights: Weights) -> None:
+        """Take one scan in; the grid must cover it. Arguments as of `kernels.insert`."""
+        if self._mark == _LAST_MARK:
+            self._marks[:], self._mark = 0, 0
+        self._mark += 1
+        kernels.insert(self.odds, self._marks, self._mark, *self.origin, self.cell, placed, limits, weights)
+
+    def render(self, occupied_from: float, is_ternary: bool) -> NDArray[np.int8]:
+        """(rows, columns) int8 of the cells, see `kernels.render`."""
+        cells: NDArray[np.int8] = kernels.render(self.odds, occupied_from, is_ternary)
+        return cells
+
+    def _unknown(self) -> NDArray[np.float32]:
+        return np.full((self.bounds.rows, self.bounds.columns), np.nan, np.float32)

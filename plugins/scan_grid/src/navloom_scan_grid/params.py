@@ -1,0 +1,80 @@
+"""Parameters of the scan_grid mapper, as a config file gives them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from navloom import Params
+from pydantic import Field, model_validator
+
+from navloom_scan_grid.kernels import Weights
+from navloom_scan_grid.mapping import MapSettings
+from navloom_scan_grid.models import log_odds
+
+__all__ = ["ScanGridParams"]
+
+
+class ScanGridParams(Params):
+    """Lengths in m, probabilities without unit. The README tells where each default comes from."""
+
+    cell: float = Field(0.05, ge=0.005, le=1.0, description="Edge of a cell, m.")
+    chunk: float = Field(5.0, gt=0.0, le=100.0, description="The map grows by this at a time, m, in whole cells.")
+    extent: tuple[float, float, float, float] | None = Field(
+        None, description="Lowest x, y, highest x, y that is covered from the start, m; none: what is seen."
+    )
+    max_range: float = Field(10.0, gt=0.0, le=1000.0, description="Farther than this nothing is taken, m.")
+    max_range_tolerance: float = Field(0.01, ge=0.0, le=10.0, description="This near to the maximum is no echo, m.")
+    no_echo_clears: bool = Field(True, description="A reading without an echo frees what lies before the sensor.")
+    p_hit: float = Field(0.7, gt=0.5, lt=1.0, description="Occupancy that one echo of a beam speaks for.")
+    p_passed: float = Field(0.4, gt=0.0, lt=0.5, description="Occupancy that one beam that passed speaks for.")
+    p_cone_hit: float = Field(0.6, gt=0.5, lt=1.0, description="The same of a cone, on the axis at its echo.")
+    p_cone_passed: float = Field(0.3, gt=0.0, lt=0.5, description="The same of a cone, right before the sensor.")
+    p_lowest: float = Field(0.12, gt=0.0, lt=0.5, description="No cell is held freer than this.")
+    p_highest: float = Field(0.97, gt=0.5, lt=1.0, description="No cell is held more occupied than this.")
+    thickness: float = Field(0.0, ge=0.0, le=2.0, description="Depth of obstacles along a beam, m; 0: one cell.")
+    clear_margin: float = Field(0.1, ge=0.0, le=2.0, description="Not freed before a beam's echo, m.")
+    cone_depth: float = Field(0.1, gt=0.0, le=2.0, description="Half the depth of a cone's arc, m.")
+    levels: Literal["ternary", "percent"] = Field("ternary", description="Publish free and occupied, or percent.")
+    occupied_from: float = Field(0.65, gt=0.0, lt=1.0, description="Ternary: occupied from this probability on.")
+    publish_rate_hz: float = Field(2.0, gt=0.0, le=1000.0, description="The map is published no more often, Hz.")
+    track_slack: float = Field(0.2, ge=0.0, le=10.0, description="How far the poses may miss a scan, s.")
+
+    @model_validator(mode="after")
+    def _limits_enclose(self) -> ScanGridParams:
+        if self.extent is not None and not (self.extent[0] <= self.extent[2] and self.extent[1] <= self.extent[3]):
+            raise ValueError(f"extent is {list(self.extent)}, expected lowest x, y, highest x, y")
+        if not self.p_lowest < self.occupied_from <= self.p_highest:
+            raise ValueError(
+                f"occupied_from is {self.occupied_from:g}, expected more than p_lowest and at most p_highest"
+            )
+        return self
+
+    def settings(self, start: tuple[float, float]) -> MapSettings:
+        """The same for the pure modules.
+
+        Args:
+            start: Where the robot starts, m, map frame.
+        """
+        weights = Weights(
+            hit=log_odds(self.p_hit),
+            passed=log_odds(self.p_passed),
+            cone_hit=log_odds(self.p_cone_hit),
+            cone_passed=log_odds(self.p_cone_passed),
+            lowest=log_odds(self.p_lowest),
+            highest=log_odds(self.p_highest),
+            thickness=self.thickness,
+            clear_margin=self.clear_margin,
+            depth=self.cone_depth,
+            no_echo_clears=self.no_echo_clears,
+        )
+        return MapSettings(
+            weights=weights,
+            cell=self.cell,
+            chunk=max(1, round(self.chunk / self.cell)),
+            extent=self.extent or (*start, *start),
+            max_range=self.max_range,
+            max_range_tolerance=self.max_range_tolerance,
+            occupied_from=log_odds(self.occupied_from),
+            is_ternary=self.levels == "ternary",
+            track_slack=self.track_slack,
+        )

@@ -1,0 +1,212 @@
+"""One scan in the grid: cells counted by hand, and what holds of any scan."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from navloom_ipabd.errors import SettingError
+from navloom_scan_grid.grid import Bounds, LogOddsGrid
+from navloom_scan_grid.kernels import Weights
+from navloom_scan_grid.models import cone_log_odds
+
+WEIGHTS = Weights(1.0, -0.5, 0.4, -0.8, -2.0, 3.5, 0.0, 0.0, 0.1, True)
+LIMITS = (0.05, 5.0)
+CELL = 0.1
+
+
+def grid_of(size: float = 6.0) -> LogOddsGrid:
+    return LogOddsGrid(CELL, 10, (-size, -size, size - 0.01, size - 0.01))
+
+
+def beam(x: float, y: float, angle: float, reading: float, half_angle: float = 0.0) -> list[float]:
+    return [x, y, math.cos(angle), math.sin(angle), reading, half_angle]
+
+
+def at(grid: LogOddsGrid, x: float, y: float) -> float:
+    """Log odds of the cell that holds a place."""
+    return float(grid.odds[math.floor(y / CELL) - grid.bounds.row, math.floor(x / CELL) - grid.bounds.column])
+
+
+def told(grid: LogOddsGrid) -> dict[tuple[int, int], float]:
+    """Cells (column, row) of the map's lattice that something is known of, with their log odds."""
+    rows, columns = np.nonzero(~np.isnan(grid.odds))
+    b = grid.bounds
+    return {(c + b.column, r + b.row): float(grid.odds[r, c]) for r, c in zip(rows, columns, strict=True)}
+
+
+def test_a_beam_along_a_row() -> None:
+    grid = grid_of()
+    grid.insert(np.array([beam(0.05, 0.05, 0.0, 0.5)]), LIMITS, WEIGHTS)
+    assert told(grid) == {**{(c, 0): -0.5 for c in range(5)}, (5, 0): 1.0}
+
+
+def test_an_oblique_beam_crosses_each_cell_of_its_line_once() -> None:
+    """From (0.05, 0.05) with slope 1/2 to (0.45, 0.25): borders at x = 0.1, 0.2, 0.3, 0.4 and y = 0.1, 0.2."""
+    grid = grid_of()
+    grid.insert(np.array([beam(0.05, 0.05, math.atan2(1.0, 2.0), math.hypot(0.4, 0.2))]), LIMITS, WEIGHTS)
+    free = [(0, 0), (1, 0), (1, 1), (2, 1), (3, 1), (3, 2)]
+    assert set(told(grid)) <= {*free, (4, 2), (2, 0), (0, 1), (2, 2), (4, 1)}
+    assert told(grid)[(4, 2)] == 1.0
+    assert len(told(grid)) == 7
+
+
+@pytest.mark.parametrize("angle_deg", range(-180, 180, 45))
+def test_axis_and_diagonal_beams_end_where_their_echo_is(angle_deg: int) -> None:
+    grid, angle = grid_of(), math.radians(angle_deg)
+    grid.insert(np.array([beam(0.03, 0.02, angle, 2.03)]), LIMITS, WEIGHTS)
+    assert at(grid, 0.03 + 2.03 * math.cos(angle), 0.02 + 2.03 * math.sin(angle)) == 1.0
+    assert [value for value in told(grid).values() if value > 0.0] == [1.0]
+
+
+def test_in_one_scan_an_echo_counts_before_what_saw_through() -> None:
+    """The second beam grazes the cell in which the first ends."""
+    beams = np.array([beam(0.05, 0.05, 0.0, 0.5), beam(0.05, 0.06, 0.0, 0.9)])
+    for order in (beams, beams[::-1].copy()):
+        grid = grid_of()
+        grid.insert(order, LIMITS, WEIGHTS)
+        assert (at(grid, 0.55, 0.05), at(grid, 0.95, 0.05), at(grid, 0.25, 0.05)) == (1.0, 1.0, -0.5)
+
+
+def test_many_beams_through_one_cell_count_once_a_scan_but_every_scan_counts() -> None:
+    grid = grid_of()
+    fan = np.array([beam(0.05, 0.05, angle, 3.0) for angle in np.linspace(-0.05, 0.05, 21)])
+    grid.insert(fan, LIMITS, WEIGHTS)
+    assert at(grid, 0.25, 0.05) == -0.5
+    grid.insert(fan, LIMITS, WEIGHTS)
+    assert at(grid, 0.25, 0.05) == -1.0
+
+
+def test_log_odds_are_clamped_so_that_a_cell_can_change_its_mind() -> None:
+    """3.5 less 8 times 0.5 is below 0: a wall that is gone is free after 8 scans, however long it stood."""
+    grid = grid_of()
+    for _ in range(100):
+        grid.insert(np.array([beam(0.05, 0.05, 0.0, 1.0)]), LIMITS, WEIGHTS)
+    assert (at(grid, 1.05, 0.05), at(grid, 0.55, 0.05)) == (3.5, -2.0)
+    for count in range(8):
+        assert at(grid, 1.05, 0.05) == 3.5 - 0.5 * count
+        grid.insert(np.array([beam(0.05, 0.05, 0.0, 2.0)]), LIMITS, WEIGHTS)
+    assert at(grid, 1.05, 0.05) == pytest.approx(-0.5)
+
+
+def test_no_echo_frees_up_to_the_reach_and_occupies_nothing() -> None:
+    grid = grid_of()
+    grid.insert(np.array([beam(0.05, 0.05, 0.0, math.inf)]), LIMITS, WEIGHTS)
+    assert told(grid) == {(c, 0): -0.5 for c in range(51)}
+
+
+@pytest.mark.parametrize("half_angle", [0.0, 0.26])
+def test_no_echo_may_say_nothing(half_angle: float) -> None:
+    grid = grid_of()
+    no = WEIGHTS._replace(no_echo_clears=False)
+    grid.insert(np.array([beam(0.05, 0.05, 0.0, math.inf, half_angle)]), LIMITS, no)
+    assert told(grid) == {}
+    grid.insert(np.array([beam(0.05, 0.05, 0.0, 5.5, half_angle)]), LIMITS, no)  # an echo beyond the reach
+    assert max(told(grid).values()) < 0.0
+
+
+def test_a_reading_at_the_sensors_minimum_frees_nothing() -> None:
+    grid = grid_of()
+    grid.insert(np.array([beam(0.05, 0.05, 0.0, 0.3)]), (0.3, 5.0), WEIGHTS)
+    assert told(grid) == {(3, 0): 1.0}
+
+
+def test_a_cone_gives_each_cell_what_the_model_says_of_its_centre() -> None:
+    grid = grid_of()
+    grid.insert(np.array([beam(0.0, 0.0, 0.6, 2.0, 0.26)]), LIMITS, WEIGHTS)
+    for column in range(-5, 30):
+        for row in range(-5, 30):
+            x, y = (column + 0.5) * CELL, (row + 0.5) * CELL
+            angle = abs(math.remainder(math.atan2(y, x) - 0.6, math.tau))
+            wanted = cone_log_odds(math.hypot(x, y), angle, 2.0, 0.26, *LIMITS, 0.1, 0.4, -0.8)
+            assert told(grid).get((column, row), 0.0) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_what_was_seen_through_is_hardly_occupied_by_an_arc() -> None:
+    """A cell at -2 gets e^-2 of what an unknown one gets."""
+    grid, fresh = grid_of(), grid_of()
+    arc = np.array([beam(0.0, 0.05, 0.0, 2.05, 0.26)])
+    for _ in range(9):
+        grid.insert(np.array([beam(0.05, 0.05, 0.0, 3.0)]), LIMITS, WEIGHTS)
+    assert at(grid, 2.05, 0.05) == -2.0
+    grid.insert(arc, LIMITS, WEIGHTS)
+    fresh.insert(arc, LIMITS, WEIGHTS)
+    assert at(grid, 2.05, 0.05) + 2.0 == pytest.approx(math.exp(-2.0) * at(fresh, 2.05, 0.05), rel=1e-4)
+    assert at(grid, 2.05, 0.25) == at(fresh, 2.05, 0.25)
+
+
+BEAMS = st.lists(
+    st.tuples(
+        # Steps that do not meet the borders of cells: on a border, which side it is is a matter of rounding.
+        st.integers(-30, 30).map(lambda k: 0.0371 * k + 0.0123),
+        st.integers(-30, 30).map(lambda k: 0.0371 * k + 0.0123),
+        st.integers(0, 500).map(lambda k: 0.0123 * k + 0.0077),
+        st.one_of(st.integers(1, 80).map(lambda k: 0.0717 * k + 0.0013), st.just(math.inf)),
+    ),
+    min_size=1,
+    max_size=30,
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(BEAMS)
+def test_of_any_scan_echoes_get_more_occupied_what_lies_before_them_freer_and_the_rest_stays(beams: list) -> None:
+    """Every 2 mm of each beam is looked up: the cells crossed, and no others, have changed, and in the right sense."""
+    grid = grid_of(8.0)
+    grid.insert(np.array([beam(*one) for one in beams]), LIMITS, WEIGHTS)
+    known = told(grid)
+    echoes = {
+        (math.floor((x + r * math.cos(a)) / CELL), math.floor((y + r * math.sin(a)) / CELL))
+        for x, y, a, r in beams
+        if r <= LIMITS[1]
+    }
+    assert {cell for cell, value in known.items() if value == 1.0} == echoes
+    assert {value for cell, value in known.items() if cell not in echoes} <= {-0.5}
+    crossed, near = set(), set()
+    for x, y, a, r in beams:
+        along = np.arange(0.0, min(r, LIMITS[1]), 0.002)
+        px, py = (x + along * math.cos(a)) / CELL, (y + along * math.sin(a)) / CELL
+        crossed |= set(zip(np.floor(px).astype(int).tolist(), np.floor(py).astype(int).tolist(), strict=True))
+        for dx, dy in ((-0.02, -0.02), (-0.02, 0.02), (0.02, -0.02), (0.02, 0.02)):
+            shifted = np.floor(px + dx).astype(int).tolist(), np.floor(py + dy).astype(int).tolist()
+            near |= set(zip(*shifted, strict=True))
+    assert crossed <= set(known)
+    assert set(known) <= crossed | near | echoes
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(-60, 60), st.integers(-60, 60), st.integers(0, 40), st.integers(0, 40))
+def test_growing_keeps_what_is_known(column: int, row: int, columns: int, rows: int) -> None:
+    grid = LogOddsGrid(CELL, 10, (0.0, 0.0, 0.0, 0.0))
+    grid.insert(np.array([beam(0.05, 0.05, 0.0, 0.5)]), LIMITS, WEIGHTS)
+    before = told(grid)
+    box = (column * CELL, row * CELL, (column + columns) * CELL, (row + rows) * CELL)
+    grid.cover(box)
+    b = grid.bounds
+    assert told(grid) == before
+    assert {value % 10 for value in (b.column, b.row, b.columns, b.rows)} == {0}
+    assert grid.origin[0] <= box[0] + 1e-9 and grid.origin[1] <= box[1] + 1e-9
+    assert grid.origin[0] + b.columns * CELL > box[2] - 1e-9 and grid.origin[1] + b.rows * CELL > box[3] - 1e-9
+
+
+def test_a_grid_that_would_be_too_large_is_refused_and_left_alone() -> None:
+    grid = grid_of()
+    before = grid.bounds
+    with pytest.raises(SettingError, match=r"map\.extent, cell: got \d+ × \d+ cells of 0\.1 m, expected at most"):
+        grid.cover((0.0, 0.0, 1e5, 1e5))
+    assert grid.bounds == before and grid.odds.shape == (before.rows, before.columns)
+
+
+def test_marks_begin_anew_before_they_overflow() -> None:
+    grid = grid_of()
+    grid._mark = 2**31 - 3
+    for _ in range(3):
+        grid.insert(np.array([beam(0.05, 0.05, 0.0, 0.5)]), LIMITS, WEIGHTS)
+    assert at(grid, 0.55, 0.05) == 3.0
+
+
+def test_bounds_are_whole_chunks() -> None:
+    assert Bounds.of((0.0, -0.01, 0.0, 0.99), 0.1, 10) == Bounds(0, -10, 10, 20)

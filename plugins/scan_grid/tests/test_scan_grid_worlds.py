@@ -1,0 +1,91 @@
+"""Maps of known worlds against the truth: share of wrong cells, walls without holes, scans taken while turning."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from navloom import Box, World
+from navloom.worlds.small import clutter_world, corridor, doorway
+from navloom_scan_grid.mapping import MapSettings, ScanMap
+from scan_grid_scenes import cast, holes, laser, mapped, ring, way, wrong
+
+WORLDS = {"doorway": doorway(), "corridor": corridor(), "clutter": clutter_world("3", Path())}
+CORNERS = {
+    "doorway": ((0.0, 0.0), (2.0, 2.2), (2.0, 4.0), (0.0, 6.0)),
+    "corridor": ((0.0, 0.0), (0.0, 8.0)),
+    "clutter": ((0.0, -0.5), (0.0, 14.5)),
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_laser_maps_a_world_with_hardly_a_wrong_cell(name: str) -> None:
+    world, poses = WORLDS[name], way(*CORNERS[name], step=0.1)
+    scan_map = mapped(world, poses)
+    in_free, beside = wrong(scan_map, world)
+    assert in_free < 0.001
+    assert beside < 0.001
+    assert holes(scan_map, world, poses[::10]) < 0.03
+
+
+def test_walls_survive_being_grazed() -> None:
+    """Beams pass the cells of a wall at a few degrees before they meet it: without the margin they wear it away."""
+    world, poses = WORLDS["doorway"], way(*CORNERS["doorway"], step=0.1)
+    worn = mapped(world, poses, weights=MapSettings().weights._replace(clear_margin=0.0))
+    assert (worn.cells() == 100).sum() < 0.9 * (mapped(world, poses).cells() == 100).sum()
+
+
+@pytest.mark.parametrize("name", ["doorway", "corridor"])
+def test_a_ring_of_sonars_maps_free_space_that_is_free(name: str) -> None:
+    """Its arcs call occupied much that is not: that is what a cone of 30° knows. What it calls free is."""
+    world = WORLDS[name]
+    in_free, beside = wrong(mapped(world, way(*CORNERS[name]), sensor=ring), world)
+    assert in_free < 0.03
+    assert 0.2 < beside < 0.85
+
+
+def test_arcs_without_regard_for_what_was_seen_through_would_be_larger() -> None:
+    """The cells are those of the cone model alone, where the map does not keep what it learnt: one scan a map."""
+    world, poses = WORLDS["clutter"], way(*CORNERS["clutter"], step=0.1)
+    together = mapped(world, poses, sensor=ring)
+    arcs = np.zeros(together.grid.odds.shape, bool)
+    b = together.grid.bounds
+    for pose in poses:
+        alone = mapped(world, pose[None], sensor=ring, occupied_from=0.2)
+        cells = alone.cells() == 100
+        row, column = alone.grid.bounds.row - b.row, alone.grid.bounds.column - b.column
+        arcs[row : row + cells.shape[0], column : column + cells.shape[1]] |= cells
+    assert (together.cells() == 100).sum() < 0.5 * arcs.sum()
+
+
+def turning_scan(rate: float, deskewed: bool) -> ScanMap:
+    """A room of 6 m by 6 m, seen in one scan of 0.1 s from its middle by a robot that turns."""
+    walls = (
+        Box("right", (3.0, 3.2), (-3.2, 3.2)),
+        Box("left", (-3.2, -3.0), (-3.2, 3.2)),
+        Box("front", (-3.2, 3.2), (3.0, 3.2)),
+        Box("rear", (-3.2, 3.2), (-3.2, -3.0)),
+    )
+    world, beams = World("room", walls), 360
+    bearings, offsets = np.radians(np.arange(-180.0, 180.0)), np.linspace(0.0, 0.1, beams)
+    ranges = cast(world, np.zeros((beams, 2)), bearings + rate * offsets)
+    scan = laser(world, np.zeros(3), 0, np.random.default_rng(0), beams=beams)
+    scan = dataclasses.replace(
+        scan, origins=np.zeros((beams, 2)), bearings=bearings, ranges=ranges, time_offsets=offsets * deskewed
+    )
+    stamps = np.array([0, 100_000_000])
+    scan_map = ScanMap(MapSettings())
+    scan_map.insert(scan, stamps, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1 * rate]]))
+    in_free, beside = wrong(scan_map, world, slack=0.0)
+    scan_map.counts["wrong"] = round(1e4 * (in_free + beside))
+    return scan_map
+
+
+def test_each_beam_is_placed_where_the_robot_was_when_it_was_taken() -> None:
+    """At 120°/s a scan of 0.1 s is smeared over 12°: 0.6 m at 3 m."""
+    rate = math.radians(120.0)
+    assert turning_scan(rate, deskewed=True).counts["wrong"] == 0
+    assert turning_scan(rate, deskewed=False).counts["wrong"] > 1000

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from navloom.plugins import *  # noqa: F403
     from navloom.roles import *  # noqa: F403
     from navloom.runtime.navigator import *  # noqa: F403
+    from navloom.study import *  # noqa: F403
 
 _HOUSES = (
     "navloom.messages",
@@ -18,6 +19,7 @@ _HOUSES = (
     "navloom.roles",
     "navloom.plugins",
     "navloom.runtime.navigator",
+    "navloom.study",
 )
 
 

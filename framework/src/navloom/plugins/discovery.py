@@ -12,7 +12,7 @@ import pluggy
 
 from navloom.geometry.world import World
 from navloom.plugins.hooks import HookSpecs
-from navloom.plugins.registry import PluginError, Registry, nearest
+from navloom.plugins.registry import Named, PluginError, Registry, nearest
 from navloom.roles import ROLES, Role
 
 __all__ = ["GROUP", "Discovery", "PluginInfo"]
@@ -26,7 +26,7 @@ class PluginInfo:
     """What is known of a plugin without importing it.
 
     Attributes:
-        role, name: From the entry point `<role>.<name>`; the role may also be "world" or "scheme".
+        role, name: From the entry point `<role>.<name>`; the role may also be "world", "scheme" or "metric".
         distribution, version: Who provides it.
         target: Module that implements the hook.
     """
@@ -94,6 +94,14 @@ class Discovery:
         if reference not in worlds and f"world.{reference}" not in self.blocked:
             raise PluginError(f"world {reference!r} does not exist{nearest(reference, worlds)}")
         return self._given("world", reference, self._load("world", reference).worlds)()
+
+    def metric(self, name: str) -> Named:
+        """A metric of episodes.
+
+        Raises:
+            PluginError: No metric of that name, named twice, or broken.
+        """
+        return self._given("metric", name, self._load("metric", name).metrics)
 
     def _given(self, role: str, name: str, registered: Mapping[str, T]) -> T:
         """What an entry point registered under its own name."""

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Protocol
 
 from navloom.geometry.world import World
 from navloom.roles import ROLE_API, ROLES, Role
 
-__all__ = ["PluginError", "Registry", "nearest"]
+__all__ = ["Named", "PluginError", "Registry", "nearest"]
+
+
+class Named(Protocol):
+    """Something registered under its own name. What a metric is besides is known only above, where episodes are."""
+
+    @property
+    def name(self) -> str:
+        """By which it is asked for."""
 
 
 class PluginError(ValueError):
@@ -25,12 +35,13 @@ def nearest(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """Classes by role and name, named worlds and world schemes. One is filled by one entry point at a time."""
+    """Classes by role and name, named worlds, world schemes and metrics. One is filled by one entry point at a time."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}
         self.worlds: dict[str, Callable[[], World]] = {}
         self.schemes: dict[str, Callable[[str, Path], World]] = {}
+        self.metrics: dict[str, Named] = {}
 
     def add(self, plugin: type[Role]) -> None:
         """Add a role's implementation.
@@ -65,3 +76,12 @@ class Registry:
         if scheme in self.schemes:
             raise PluginError(f"world scheme {scheme!r} is registered twice: rename one of them")
         self.schemes[scheme] = load
+
+    def metric(self, metric: Named) -> None:
+        """Add a metric of episodes, a `navloom.Metric`."""
+        name = getattr(metric, "name", None)
+        if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+            raise PluginError(f"{metric!r}: expected a navloom.Metric with a name of lower case letters, digits and _")
+        if name in self.metrics:
+            raise PluginError(f"metric {name!r} is registered twice: rename one of them")
+        self.metrics[name] = metric

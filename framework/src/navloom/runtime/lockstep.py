@@ -47,6 +47,7 @@ class RunLog:
         results: Of every goal, in order.
         ticks: Ticks run.
         tick_ns: Wall time of each.
+        control_ns: Wall time of each tick's steps of the active nodes but the platform; empty where it is not measured.
         step_ns: By role, wall time of each step of planner and mapper.
         wall_ns: From the first tick to the last.
         swaps: Selections after the first.
@@ -58,6 +59,7 @@ class RunLog:
     results: list[GoalResult] = field(default_factory=list)
     ticks: int = 0
     tick_ns: list[int] = field(default_factory=list)
+    control_ns: list[int] = field(default_factory=list)
     step_ns: dict[str, list[int]] = field(default_factory=lambda: {"planner": [], "mapper": []})
     wall_ns: int = 0
     swaps: int = 0
@@ -99,6 +101,7 @@ class Lockstep:
         self._by_name = {(i.spec.role, i.name): i for i in self.instances}
         self._active = {i.spec.role: i for i in self.instances if i.active}
         self._epoch = 0
+        self._control_ns = 0
         self._versions: dict[tuple[str, str], int] = {}
         self._due: dict[int, list[tuple[Instance, list[tuple[str, Message]], Tick, int]]] = {}
         self._selection: Selection | None = None
@@ -120,8 +123,10 @@ class Lockstep:
         last_request = max(self.requests, default=0)
         for number in range(ticks):
             before = perf_counter_ns()
+            self._control_ns = 0
             self._step(number)
             self.log.tick_ns.append(perf_counter_ns() - before)
+            self.log.control_ns.append(self._control_ns)
             if progress is not None and number % 64 == 0:
                 progress(number)
             if self._goal.machine.is_idle and number >= last_request + 1:
@@ -165,6 +170,8 @@ class Lockstep:
             outputs = []
         spent = perf_counter_ns() - before
         instance.stepped = number
+        if instance.active and instance.spec.role != "platform":
+            self._control_ns += spent
         if instance.spec.role in self.log.step_ns and instance.active:
             self.log.step_ns[instance.spec.role].append(spent)
         if self._step_observers:

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages import (
+    Command,
     Envelope,
+    GateStatus,
     HandOver,
     MapUpdate,
     Message,
@@ -30,9 +32,14 @@ class Recorder:
 
     Attributes:
         truth: (time s, x m, y m, heading rad, speed m/s, clearance m) of each tick, map frame.
+        turn_rates: True turn rate, rad/s, of each tick.
         cross_tracks: m, of each tick that had a reference.
+        reference_times: s, of the same ticks.
         speeds: Reference speeds, m/s.
+        commands: (time s, forward m/s, turn rate rad/s) of the gate.
+        gate_stopped: (time s, it stops a driving robot) at each change.
         touches: How often a contact began.
+        contacts: (row of the truth, name of the obstacle) of each tick in contact.
         engaged: (time s, avoider drives) at each change.
         plans: Every path of the planner in charge.
         trajectories: Every trajectory.
@@ -49,13 +56,20 @@ class Recorder:
             ("mapper", "map"),
             ("goal", "recovery"),
             ("avoider", "handover"),
+            ("gate", "command"),
+            ("gate", "status"),
         }
     )
     wants_steps: bool = False
     truth: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
+    turn_rates: list[float] = field(default_factory=list)
     cross_tracks: list[float] = field(default_factory=list)
+    reference_times: list[float] = field(default_factory=list)
     speeds: list[float] = field(default_factory=list)
+    commands: list[tuple[float, float, float]] = field(default_factory=list)
+    gate_stopped: list[tuple[float, bool]] = field(default_factory=list)
     touches: int = 0
+    contacts: list[tuple[int, str]] = field(default_factory=list)
     nearest: str = ""
     engaged: list[tuple[float, bool]] = field(default_factory=list)
     plans: list[Path] = field(default_factory=list)
@@ -71,12 +85,19 @@ class Recorder:
             return
         if isinstance(message, Truth):
             self._keep_truth(message, at.stamp_ns * 1e-9)
+        elif isinstance(message, Command):
+            self.commands.append((at.stamp_ns * 1e-9, message.twist.vx, message.twist.wz))
         elif isinstance(message, Reference):
+            self.reference_times.append(at.stamp_ns * 1e-9)
             self.cross_tracks.append(message.cross_track)
             self.speeds.append(message.speed)
         elif isinstance(message, HandOver):
             if not self.engaged or self.engaged[-1][1] != message.engaged:
                 self.engaged.append((at.stamp_ns * 1e-9, message.engaged))
+        elif isinstance(message, GateStatus):
+            stopped = message.stopped and message.reason not in ("no_trajectory", "ending")
+            if not self.gate_stopped or self.gate_stopped[-1][1] != stopped:
+                self.gate_stopped.append((at.stamp_ns * 1e-9, stopped))
         elif isinstance(message, Trajectory):
             self.trajectories.append(message)
         elif isinstance(message, Path):
@@ -92,8 +113,11 @@ class Recorder:
     def _keep_truth(self, truth: Truth, time: float) -> None:
         pose = truth.pose
         self.truth.append((time, pose.x, pose.y, pose.heading, truth.twist.vx, truth.clearance))
+        self.turn_rates.append(truth.twist.wz)
         if truth.clearance < self._least:
             self._least, self.nearest = truth.clearance, truth.nearest
+        if truth.touching:
+            self.contacts.append((len(self.truth) - 1, truth.nearest))
         self.touches += truth.touching and not self._touching
         self._touching = truth.touching
 

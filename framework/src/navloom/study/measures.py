@@ -1,0 +1,218 @@
+"""The numbers behind the metrics: functions of a trail. Definitions, sources and limits: docs/metrics.md.
+
+Values are taken as linear between ticks, and integrals over time as those of that polyline, so that a trail sampled at
+another period gives the same to within what its motion does between two ticks.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.study.trail import Trail
+
+__all__ = ["DEAD_BAND", "JERK_WINDOW", "LEAST_WAY", "STILL_SPEED", "STILL_TURN", "avoider_share", "barn_2_8",
+           "barn_4_8", "clearance_min", "clearance_p5", "collisions", "cross_track_max", "cross_track_rms",
+           "danger_share", "gate_stops", "goal_distance", "integrated_jerk", "path_length", "recoveries", "spl",
+           "steering_flips_per_metre", "stopped_time", "success", "time_to_goal", "turning_per_metre"]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+JERK_WINDOW = 0.4
+"""s the acceleration is averaged over: longer than a tick of any controller, shorter than any manoeuvre."""
+LEAST_WAY = 0.1
+"""m below which nothing is said per metre: there the metre in the denominator is noise."""
+DEAD_BAND = 0.05
+"""rad/s of commanded turn rate, either way, that is neither left nor right: 3°/s."""
+STILL_SPEED = 0.02
+"""m/s below which a robot does not drive."""
+STILL_TURN = 0.02
+"""rad/s below which it does not turn."""
+_JERK_STEPS = 8
+"""Steps of the jerk's own grid in a window: the grid does not depend on the period."""
+
+
+def success(trail: Trail) -> float:
+    """1 where the goal was reached, else 0."""
+    return float(trail.succeeded)
+
+
+def spl(trail: Trail) -> float | None:
+    """Success weighted by path length: Anderson et al. 2018, S l / max(p, l)."""
+    optimal = _optimal(trail)
+    if optimal is None:
+        return None
+    return optimal / max(trail.path_length, optimal) if trail.succeeded else 0.0
+
+
+def barn_2_8(trail: Trail) -> float | None:
+    """Score of the BARN challenge since 2023."""
+    return _barn(trail, 2.0, 8.0)
+
+
+def barn_4_8(trail: Trail) -> float | None:
+    """Score of the BARN challenge of 2022."""
+    return _barn(trail, 4.0, 8.0)
+
+
+def time_to_goal(trail: Trail) -> float:
+    """Time from the start of the run to the goal, s; the limit for a failure, so that to give up early is not fast."""
+    return trail.duration if trail.succeeded else trail.limit
+
+
+def path_length(trail: Trail) -> float | None:
+    """Distance driven, m."""
+    return trail.path_length if trail.time.size else None
+
+
+def goal_distance(trail: Trail) -> float | None:
+    """Distance to the goal at the end, m."""
+    return trail.goal_distance
+
+
+def clearance_min(trail: Trail) -> float | None:
+    """Least clearance, m, signed."""
+    known = _known(trail.clearance)
+    least = float(known.min()) if known.size else math.inf
+    return least if math.isfinite(least) else None
+
+
+def clearance_p5(trail: Trail) -> float | None:
+    """5th percentile of the clearance over the ticks, m: linear between the two it falls between."""
+    known = np.sort(_known(trail.clearance))
+    if not known.size:
+        return None
+    place = 0.05 * (known.size - 1)
+    low, share = int(place), place - int(place)
+    ends = known[low : low + 2] if share else known[low : low + 1]
+    if not np.isfinite(ends).all():
+        return None
+    return float(ends[0] + share * (ends[-1] - ends[0]))
+
+
+def danger_share(trail: Trail) -> float | None:
+    """Share of the time in which the clearance is at most the way the robot needs to stop from its speed.
+
+    That way is |v| t + v² / (2 a), with t the longest time a command may go on and a the robot's deceleration.
+    """
+    speed = np.abs(trail.vx)
+    to_stop = speed * trail.reaction + 0.5 * speed**2 / trail.max_deceleration
+    is_known = ~np.isnan(trail.clearance)
+    # Beyond any braking distance all clearances are alike; infinite ones would spoil the line between two ticks.
+    spare = np.minimum(trail.clearance, to_stop + 1.0) - to_stop
+    return _share_below(trail.time[is_known], spare[is_known])
+
+
+def cross_track_rms(trail: Trail) -> float | None:
+    """Root mean square over time of the cross-track error, m, over the stretches with a reference."""
+    e = trail.cross_track
+    if np.isnan(e).all():
+        return None
+    steps = np.diff(trail.time)
+    there = ~np.isnan(e[:-1]) & ~np.isnan(e[1:])
+    if not there.any():
+        return math.sqrt(float(np.nanmean(e**2)))
+    a, b, step = e[:-1][there], e[1:][there], steps[there]
+    # Of a line from a to b, the mean square is (a² + ab + b²) / 3.
+    return math.sqrt(float(((a * a + a * b + b * b) * step).sum() / (3.0 * step.sum())))
+
+
+def cross_track_max(trail: Trail) -> float | None:
+    """Largest magnitude of the cross-track error, m."""
+    known = _known(trail.cross_track)
+    return float(np.abs(known).max()) if known.size else None
+
+
+def integrated_jerk(trail: Trail) -> float | None:
+    """∫ |da/dt| dt, m/s², of the acceleration a of base in the plane, averaged over a sliding window.
+
+    The mean acceleration of a window is the change of the velocity over it, by its length: no second derivative of
+    samples is taken. The integral is the length of the way of a, on a grid of its own.
+    """
+    if trail.duration < 2.0 * JERK_WINDOW:
+        return None
+    step = JERK_WINDOW / _JERK_STEPS
+    count = int(round((trail.duration - JERK_WINDOW) / step, 6)) + 1
+    at = trail.time[0] + step * np.arange(count)
+    acceleration = (_velocity(trail, at + JERK_WINDOW) - _velocity(trail, at)) / JERK_WINDOW
+    change = np.diff(acceleration, axis=0)
+    return float(np.hypot(change[:, 0], change[:, 1]).sum())
+
+
+def turning_per_metre(trail: Trail) -> float | None:
+    """∫ |dθ| over the distance driven, rad/m; turns on the spot count."""
+    turned = float(np.abs(np.diff(np.unwrap(trail.heading))).sum())
+    return _per_metre(trail, turned)
+
+
+def steering_flips_per_metre(trail: Trail) -> float | None:
+    """Changes of the commanded turn rate from left to right or back, 1/m, with what lies in the dead band left out."""
+    steering = trail.command_wz[np.abs(trail.command_wz) > DEAD_BAND]
+    return _per_metre(trail, float(np.count_nonzero(np.diff(np.sign(steering)))))
+
+
+def stopped_time(trail: Trail) -> float | None:
+    """Time the robot neither drove nor turned, s."""
+    motion = np.maximum(np.abs(trail.vx) / STILL_SPEED, np.abs(trail.wz) / STILL_TURN)
+    share = _share_below(trail.time, motion - 1.0)
+    return None if share is None else share * trail.duration
+
+
+def avoider_share(trail: Trail) -> float | None:
+    """Share of the ticks in which the avoider drove."""
+    return float(trail.engaged.mean()) if trail.time.size else None
+
+
+def recoveries(trail: Trail) -> float:
+    """Attempts of the recovery."""
+    return float(trail.recoveries)
+
+
+def gate_stops(trail: Trail) -> float:
+    """How often the gate stopped a driving robot."""
+    return float(trail.gate_stops)
+
+
+def collisions(trail: Trail) -> float:
+    """How often a contact began; a run that ended in one had one, also where no truth tells."""
+    return float(max(trail.touches, trail.outcome == "collision"))
+
+
+def _optimal(trail: Trail) -> float | None:
+    return trail.optimal if trail.optimal is not None and trail.optimal > 0.0 else None
+
+
+def _barn(trail: Trail, low: float, high: float) -> float | None:
+    """Perille et al. 2020, Xiao et al. 2022: S OT / clip(AT, low OT, high OT), OT the optimum at the highest speed."""
+    optimal = _optimal(trail)
+    if optimal is None:
+        return None
+    fastest = optimal / trail.max_linear
+    return fastest / min(max(trail.duration, low * fastest), high * fastest) if trail.succeeded else 0.0
+
+
+def _known(values: Floats) -> Floats:
+    return values[~np.isnan(values)]
+
+
+def _per_metre(trail: Trail, amount: float) -> float | None:
+    way = trail.path_length
+    return amount / way if way >= LEAST_WAY else None
+
+
+def _velocity(trail: Trail, at: Floats) -> Floats:
+    """(k, 2) velocity of base in the map frame at times within the trail, m/s: linear between ticks."""
+    vx, vy = trail.vx * np.cos(trail.heading), trail.vx * np.sin(trail.heading)
+    return np.stack([np.interp(at, trail.time, vx), np.interp(at, trail.time, vy)], axis=-1)
+
+
+def _share_below(time: Floats, values: Floats) -> float | None:
+    """Share of the time in which a polyline of values is at most 0; of a single tick, whether it is."""
+    if time.size < 2:
+        return float(values[0] <= 0.0) if time.size else None
+    a, b = values[:-1], values[1:]
+    rise = np.abs(b - a)
+    below = np.where(rise > 0.0, np.maximum(-np.minimum(a, b), 0.0) / np.where(rise > 0.0, rise, 1.0), a <= 0.0)
+    return float((np.minimum(below, 1.0) * np.diff(time)).sum() / (time[-1] - time[0]))

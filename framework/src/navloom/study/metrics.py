@@ -1,0 +1,174 @@
+"""What an episode is worth: numbers from its trail, each defined for failed episodes too. See docs/metrics.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from navloom.study import measures
+from navloom.study.trail import Trail
+
+if TYPE_CHECKING:
+    from navloom.plugins import Discovery
+
+__all__ = ["METRICS", "Metric", "all_metrics", "measure", "timing"]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number of an episode.
+
+    Attributes:
+        name: Column of the table: lower case letters, digits and `_`.
+        unit: As printed: "m", "s", "1/m", "1" for shares and counts.
+        better: Which way is better; None where neither is.
+        compute: Gives the number, or None where it is not defined for this episode.
+        about: One or two sentences: what it is, and when it is not defined.
+    """
+
+    name: str
+    unit: str
+    better: Literal["lower", "higher"] | None
+    compute: Callable[[Trail], float | None]
+    about: str
+
+
+def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
+    """Every metric of one episode by name, default the built-in ones; None where it is not defined.
+
+    Raises:
+        ValueError: A metric gave something else than a finite number or None.
+    """
+    found: dict[str, float | None] = {}
+    for metric in METRICS if metrics is None else metrics:
+        value = metric.compute(trail)
+        if value is not None:
+            try:
+                value = float(value)
+            except (TypeError, ValueError):
+                raise ValueError(f"metric {metric.name}: gave {value!r}, expected a number or None") from None
+            if not np.isfinite(value):
+                raise ValueError(
+                    f"metric {metric.name}: gave {value}, expected a finite number, or None where undefined"
+                )
+        found[metric.name] = value
+    return found
+
+
+def timing(trail: Trail) -> dict[str, float | bool]:
+    """Wall time of the control steps: median, 95th and 99th percentile and maximum, µs, and whether the 99th is late.
+
+    `too_slow` says that one step in a hundred or more takes longer than the control period. Empty without ticks.
+    Not reproducible: for timing.json, never for the table.
+    """
+    if not trail.tick_ns.size:
+        return {}
+    p50, p95, p99, top = (float(np.percentile(trail.tick_ns, share)) * 1e-3 for share in (50, 95, 99, 100))
+    late = p99 > trail.period * 1e6
+    return {"tick_us_p50": p50, "tick_us_p95": p95, "tick_us_p99": p99, "tick_us_max": top, "too_slow": late}
+
+
+def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
+    """The built-in metrics and then those of plugins, by name.
+
+    Raises:
+        PluginError: A plugin's metric is no metric, or is named like a built-in one.
+    """
+    from navloom.plugins import PluginError
+
+    taken = {metric.name for metric in METRICS} | _COLUMNS
+    found = []
+    for name in discovery.names("metric"):
+        metric = discovery.metric(name)
+        if not isinstance(metric, Metric):
+            raise PluginError(f"metric.{name}: registers {metric!r}, expected a navloom.Metric")
+        if name in taken:
+            raise PluginError(f"metric.{name}: a column {name!r} is there already: rename the metric")
+        found.append(metric)
+    return (*METRICS, *found)
+
+
+_COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
+
+METRICS: tuple[Metric, ...] = (
+    Metric("success", "1", "higher", measures.success, "1 where the goal was reached, else 0."),
+    Metric(
+        "spl", "1", "higher", measures.spl,
+        "Success weighted by path length: optimal / max(driven, optimal), 0 for a failure. "
+        "Undefined where no shortest way is known.",
+    ),
+    Metric(
+        "barn_2_8", "1", "higher", measures.barn_2_8,
+        "BARN score: success times OT / clip(time, 2 OT, 8 OT), OT = optimal / max_linear; at best 0.5. "
+        "Undefined where no shortest way is known.",
+    ),
+    Metric(
+        "barn_4_8", "1", "higher", measures.barn_4_8,
+        "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined where no shortest way is known.",
+    ),
+    Metric(
+        "time", "s", "lower", measures.time_to_goal,
+        "Time from the start of the run to the goal; a failed episode counts with the longest time it was allowed.",
+    ),
+    Metric(
+        "path_length", "m", None, measures.path_length,
+        "Distance driven, failed or not. Undefined without ground truth.",
+    ),
+    Metric(
+        "goal_distance", "m", "lower", measures.goal_distance,
+        "Distance to the goal where the episode ended. Undefined without a goal, and where nothing is left of a run.",
+    ),
+    Metric(
+        "clearance_min", "m", "higher", measures.clearance_min,
+        "Least gap between footprint and obstacles; 0 in contact, negative by the depth of an overlap. "
+        "Undefined where nothing is near or without ground truth.",
+    ),
+    Metric(
+        "clearance_p5", "m", "higher", measures.clearance_p5,
+        "Gap that 5 % of the time is below. Undefined where nothing is near or without ground truth.",
+    ),
+    Metric(
+        "danger_share", "1", "lower", measures.danger_share,
+        "Share of the time in which the gap is within the way the robot would need to stop. "
+        "Undefined without ground truth.",
+    ),
+    Metric(
+        "cross_track_rms", "m", "lower", measures.cross_track_rms,
+        "Root mean square over time of the distance from the trajectory. Undefined where none was driven.",
+    ),
+    Metric(
+        "cross_track_max", "m", "lower", measures.cross_track_max,
+        "Largest distance from the trajectory. Undefined where none was driven.",
+    ),
+    Metric(
+        "jerk", "m/s²", "lower", measures.integrated_jerk,
+        "Integral of the magnitude of jerk, of the acceleration in the plane averaged over 0.4 s. "
+        "Undefined for less than 0.8 s of ground truth.",
+    ),
+    Metric(
+        "turning", "rad/m", "lower", measures.turning_per_metre,
+        "Angle turned, either way, per metre driven. Undefined below 0.1 m.",
+    ),
+    Metric(
+        "steering_flips", "1/m", "lower", measures.steering_flips_per_metre,
+        "How often the commanded turn rate changed sign by more than 0.05 rad/s either way, per metre driven. "
+        "Undefined below 0.1 m.",
+    ),
+    Metric(
+        "stopped_time", "s", "lower", measures.stopped_time,
+        "Time the robot neither drove 0.02 m/s nor turned 0.02 rad/s. Undefined without ground truth.",
+    ),
+    Metric(
+        "avoider_share", "1", None, measures.avoider_share,
+        "Share of the time the avoider drove instead of the controller. Undefined without ground truth.",
+    ),
+    Metric("recoveries", "1", "lower", measures.recoveries, "Attempts of the recovery."),
+    Metric("gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot."),
+    Metric(
+        "collisions", "1", "lower", measures.collisions,
+        "How often a contact began; at least 1 where the outcome is collision.",
+    ),
+)  # fmt: skip

@@ -1,0 +1,159 @@
+"""Bootstrap intervals, sign-flip tests and Holm's adjustment, for many columns at once. Arrays in, arrays out.
+
+Units are (n, columns), NaN where a unit has no value, each in a stratum (n,) of whole numbers. The statistic of a
+column is the mean over its strata of the mean within each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["bootstrap", "holm", "intervals", "sign_flip_p"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_LEVEL = 0.95
+_EXACT_UNITS = 13
+"""Units that differ up to which all 2^n sign patterns are gone through."""
+_ENTRIES = 1_000_000
+"""Numbers a chunk of resamples may hold."""
+
+
+def intervals(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> tuple[Floats, Floats, Floats]:
+    """Mean of each column and the ends of its 95 % interval: (columns,) three times, NaN where there is none.
+
+    BCa (Efron 1987) over resampled units, with Student's t in place of the normal quantile (Hesterberg 2015), since
+    the variance within the strata is estimated. No ends where a stratum has but one value.
+    """
+    from scipy.special import stdtrit
+
+    mean, counts, influence = _statistic(units, strata)
+    drawn = bootstrap(units, strata, rng, resamples)
+    low, high = np.full_like(mean, np.nan), np.full_like(mean, np.nan)
+    freedom = np.where(counts > 0, counts - 1, 0).sum(axis=0)
+    known = ((counts != 1).all(axis=0)) & (freedom > 0)
+    for column in np.flatnonzero(known).tolist():
+        reach = float(stdtrit(freedom[column], 0.5 + 0.5 * _LEVEL))
+        levels = _bca_levels(drawn[:, column], mean[column], influence[:, column], reach)
+        low[column], high[column] = np.quantile(drawn[:, column], levels)
+    return mean, low, high
+
+
+def bootstrap(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> Floats:
+    """(resamples, columns) of the statistic, units drawn with replacement within their strata.
+
+    Deviations are stretched by sqrt(n / (n - 1)) in a stratum of n values (Rao and Wu 1988): without that the interval
+    is too narrow, by 30 % for two episodes a world.
+    """
+    names = np.unique(strata)
+    total = np.zeros((resamples, units.shape[1]))
+    strata_told = np.zeros(units.shape[1])
+    for name in names.tolist():
+        values = units[strata == name]
+        told = (~np.isnan(values)).sum(axis=0)
+        mean = np.where(np.isnan(values), 0.0, values).sum(axis=0) / np.maximum(told, 1)
+        stretch = np.sqrt(told / np.maximum(told - 1, 1))
+        total += mean + stretch * _deviations(values, mean, rng, resamples)
+        strata_told += told > 0
+    drawn: Floats = total / np.maximum(strata_told, 1)
+    return drawn
+
+
+def sign_flip_p(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> Floats:
+    """(columns,) two-sided chance of a statistic as far from 0, were the sign of each unit a coin's; NaN without units.
+
+    Exact, over all patterns, where few units differ from 0; else by resamples, the one observed among them.
+    """
+    _, counts, _ = _statistic(units, strata)
+    told = (counts > 0).sum(axis=0)
+    places = np.searchsorted(np.unique(strata), strata)
+    weights = 1.0 / (np.maximum(counts, 1)[places] * np.maximum(told, 1))
+    shares = np.where(np.isnan(units), 0.0, units) * weights
+    # Sums of the same numbers in another order may differ in the last digits; such a tie is one.
+    least = np.abs(shares.sum(axis=0)) - 1e-9 * np.abs(shares).sum(axis=0)
+    few = np.count_nonzero(shares, axis=0) <= _EXACT_UNITS
+    chance = np.full(units.shape[1], np.nan)
+    for column in np.flatnonzero(few & (told > 0)).tolist():
+        chance[column] = _exact_p(shares[:, column], least[column])
+    many = np.flatnonzero(~few)
+    if many.size:
+        hits = np.ones(many.size)
+        for size in _chunks(len(units), resamples):
+            signs = 2.0 * rng.integers(0, 2, size=(size, len(units)), dtype=np.int8) - 1.0
+            hits += (np.abs(signs @ shares[:, many]) >= least[many]).sum(axis=0)
+        chance[many] = hits / (resamples + 1)
+    return chance
+
+
+def holm(chances: Floats) -> Floats:
+    """Holm 1979: (n,) p-values adjusted so that the chance of any false one in the family stays below the level."""
+    order = np.argsort(chances, kind="stable")
+    stepped = np.minimum(np.maximum.accumulate(chances[order] * (len(chances) - np.arange(len(chances)))), 1.0)
+    adjusted = np.empty_like(stepped)
+    adjusted[order] = stepped
+    return adjusted
+
+
+def _statistic(units: Floats, strata: Ints) -> tuple[Floats, Ints, Floats]:
+    """The statistic (columns,), values in each stratum (strata, columns), and each unit's influence (n, columns)."""
+    names, places = np.unique(strata, return_inverse=True)
+    there = ~np.isnan(units)
+    counts = np.zeros((len(names), units.shape[1]), dtype=np.int64)
+    totals = np.zeros((len(names), units.shape[1]))
+    np.add.at(counts, places, there)
+    np.add.at(totals, places, np.where(there, units, 0.0))
+    means = totals / np.maximum(counts, 1)
+    told = (counts > 0).sum(axis=0)
+    mean = np.where(told > 0, means.sum(axis=0) / np.maximum(told, 1), np.nan)
+    influence = np.where(there, (units - means[places]) / np.maximum(counts, 1)[places], 0.0)
+    return mean, counts, influence
+
+
+def _deviations(values: Floats, mean: Floats, rng: np.random.Generator, resamples: int) -> Floats:
+    """(resamples, columns) resampled means of one stratum's values (n, columns), less their mean."""
+    count = len(values)
+    there = (~np.isnan(values)).astype(np.float64)
+    off = np.where(there > 0.0, values - mean, 0.0)
+    is_full = bool(there.all())
+    found = np.empty((resamples, values.shape[1]))
+    begin = 0
+    for size in _chunks(count, resamples):
+        times = rng.multinomial(count, np.full(count, 1.0 / count), size=size).astype(np.float64)
+        drawn = count if is_full else np.maximum(times @ there, 1.0)
+        found[begin : begin + size] = times @ off / drawn
+        begin += size
+    return found
+
+
+def _bca_levels(drawn: Floats, mean: float, influence: Floats, reach: float) -> tuple[float, float]:
+    """Shares of the resamples below the two ends: bias from how many lie below the mean, acceleration from the skew."""
+    from scipy.special import ndtr, ndtri
+
+    spread = float((influence**2).sum())
+    if spread == 0.0:
+        return 0.5, 0.5
+    below = (np.count_nonzero(drawn < mean) + 0.5 * np.count_nonzero(drawn == mean)) / len(drawn)
+    bias = float(ndtri(np.clip(below, 0.01, 0.99)))
+    skew = float((influence**3).sum()) / (6.0 * spread**1.5)
+
+    def level(z: float) -> float:
+        shifted = bias + z
+        return float(ndtr(bias + shifted / max(1.0 - skew * shifted, 0.1)))
+
+    return level(-reach), level(reach)
+
+
+def _exact_p(shares: Floats, least: float) -> float:
+    """Share of all sign patterns that reach a statistic."""
+    shares = shares[shares != 0.0]
+    patterns = np.arange(2 ** len(shares))[:, None]
+    signs = 1.0 - 2.0 * ((patterns >> np.arange(len(shares))) & 1)
+    return float((np.abs(signs @ shares) >= least).mean())
+
+
+def _chunks(width: int, resamples: int) -> list[int]:
+    """Sizes of chunks of resamples that fit into memory."""
+    size = max(1, min(resamples, _ENTRIES // max(width, 1)))
+    return [size] * (resamples // size) + ([resamples % size] if resamples % size else [])

@@ -1,0 +1,316 @@
+"""Paired comparison of methods over worlds and seeds: intervals, tests, worst worlds. See docs/metrics.md.
+
+Episodes of one world resemble each other, so they are not independent evidence: with enough worlds the unit is the
+world, and what is claimed is about worlds like these. With fewer the unit is the episode within its world, and what is
+claimed is about these worlds only.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.study.metrics import Metric
+from navloom.study.resampling import holm, intervals, sign_flip_p
+
+__all__ = ["FEW_WORLDS", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference", "Estimate", "Summary",
+           "WorstWorld", "compare_methods"]  # fmt: skip
+
+T = TypeVar("T")
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FEW_WORLDS = 10
+"""Worlds below which they say nothing about others."""
+WORLDS_LIKE_THESE = "worlds like these"
+THESE_WORLDS = "for these worlds only"
+WORST = 5
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A mean over worlds, each world's mean counting alike, with its 95 % interval.
+
+    Attributes:
+        mean: None where it is defined in no episode.
+        low, high: Ends of the interval; None where there is too little to tell: less than two worlds or, for these
+            worlds only, a world with less than two episodes.
+        worlds, episodes: How many it is made of.
+    """
+
+    mean: float | None
+    low: float | None
+    high: float | None
+    worlds: int
+    episodes: int
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One metric of one method by itself."""
+
+    method: str
+    metric: str
+    estimate: Estimate
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One metric of a method less that of the baseline, over the pairs of equal world and seed.
+
+    Attributes:
+        method, metric: Of which.
+        estimate: Of the difference, method minus baseline.
+        p: Two-sided, of a difference as large where signs are flipped by chance; None for a metric without a better
+            side, and without pairs.
+        p_holm: The same, adjusted for the metrics tested of this method.
+        unpaired: Pairs of episodes left out, because the metric is defined in one of them only or one is missing.
+    """
+
+    method: str
+    metric: str
+    estimate: Estimate
+    p: float | None
+    p_holm: float | None
+    unpaired: int
+
+
+@dataclass(frozen=True)
+class WorstWorld:
+    """A world a method did badly in, and its worst episode there, to be run again."""
+
+    world: str
+    episodes: int
+    failures: int
+    seed: int
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a study of several methods says.
+
+    Attributes:
+        baseline: The method the others are compared with.
+        methods, metrics, worlds, seeds: In the order given; worlds and seeds sorted.
+        scope: What the intervals and tests speak about: `WORLDS_LIKE_THESE` or `THESE_WORLDS`.
+        resamples: Draws of the bootstrap, and of a permutation test that is not exact.
+        summaries: Of every method and metric.
+        differences: Of every method but the baseline and every metric.
+        outcomes: How many episodes of each method ended how.
+        worst: The five worst worlds of each method, worst first. Worlds, and the episodes in one, are ranked by the
+            metrics in their order, a later one deciding between equals; what is not defined counts as 0.
+    """
+
+    baseline: str
+    methods: tuple[str, ...]
+    metrics: tuple[str, ...]
+    worlds: tuple[str, ...]
+    seeds: tuple[int, ...]
+    scope: str
+    resamples: int
+    summaries: tuple[Summary, ...]
+    differences: tuple[Difference, ...]
+    outcomes: Mapping[str, Mapping[str, int]]
+    worst: Mapping[str, tuple[WorstWorld, ...]]
+
+    def summary(self, method: str, metric: str) -> Estimate:
+        """One metric of one method. Raises KeyError for what was not compared."""
+        return _only(s.estimate for s in self.summaries if (s.method, s.metric) == (method, metric))
+
+    def difference(self, method: str, metric: str) -> Difference:
+        """One metric of a method against the baseline. Raises KeyError for what was not compared."""
+        return _only(d for d in self.differences if (d.method, d.metric) == (method, metric))
+
+
+def compare_methods(
+    rows: Iterable[Mapping[str, Any]],
+    baseline: str,
+    metrics: Sequence[Metric],
+    rng: np.random.Generator,
+    resamples: int = 10_000,
+) -> Comparison:
+    """Compare methods with a baseline, episode by episode of equal world and seed.
+
+    Args:
+        rows: One an episode: `method`, `world`, `seed`, `outcome`, and each metric by name: a number, or None or the
+            empty text where it is not defined. Rows of a CSV file will do.
+        baseline: Name of a method.
+        metrics: Which to compare; the first decide which worlds are worst.
+        rng: For the resamples. The same rows and the same state give the same comparison.
+        resamples: Draws, at least 5,000 for a report.
+
+    Raises:
+        ValueError: No rows, an unknown baseline, an episode that is there twice, or a missing or unreadable column.
+    """
+    table = _Table(list(rows), [metric.name for metric in metrics])
+    if baseline not in table.methods:
+        close = get_close_matches(baseline, table.methods, n=1) or [", ".join(table.methods)]
+        raise ValueError(f"baseline {baseline!r}: no such method in the rows; did you mean {close[0]}?")
+    few = len(table.worlds) < FEW_WORLDS
+    others = [method for method in table.methods if method != baseline]
+    base = table.values[table.methods.index(baseline)]
+    parts = [table.values[table.methods.index(method)] for method in table.methods]
+    parts += [table.values[table.methods.index(method)] - base for method in others]
+    # (worlds, seeds, columns): every method's metrics, then every other method's differences.
+    episodes = np.concatenate(parts, axis=-1)
+    units, strata = _units(episodes, few)
+    estimates = _estimates(episodes, units, strata, rng, resamples)
+    count, first = len(metrics), len(table.methods) * len(metrics)
+    summaries = [
+        Summary(method, metric.name, estimates[m * count + k])
+        for m, method in enumerate(table.methods)
+        for k, metric in enumerate(metrics)
+    ]
+    differences: list[Difference] = []
+    for m, method in enumerate(others):
+        here = slice(first + m * count, first + (m + 1) * count)
+        told = np.isfinite(table.values[table.methods.index(method)]) | np.isfinite(base)
+        unpaired = (told & ~np.isfinite(episodes[..., here])).sum(axis=(0, 1)).tolist()
+        chances = sign_flip_p(units[:, here], strata, rng, resamples)
+        differences += _differences(method, metrics, estimates[here], chances, unpaired)
+    return Comparison(
+        baseline=baseline,
+        methods=tuple(table.methods),
+        metrics=tuple(metric.name for metric in metrics),
+        worlds=tuple(table.worlds),
+        seeds=tuple(table.seeds),
+        scope=THESE_WORLDS if few else WORLDS_LIKE_THESE,
+        resamples=resamples,
+        summaries=tuple(summaries),
+        differences=tuple(differences),
+        outcomes=table.counts(),
+        worst={method: _worst(table, method, metrics) for method in table.methods},
+    )
+
+
+class _Table:
+    """The rows as arrays.
+
+    Attributes:
+        values: (methods, worlds, seeds, metrics), NaN where there is none.
+        outcomes: By method, world and seed.
+    """
+
+    def __init__(self, rows: list[Mapping[str, Any]], metrics: list[str]) -> None:
+        if not rows:
+            raise ValueError("rows: there are none; expected one an episode")
+        for column in ("method", "world", "seed", "outcome", *metrics):
+            if any(column not in row for row in rows):
+                close = get_close_matches(column, list(rows[0]), n=1)
+                raise ValueError(f"rows: no column {column!r}" + (f"; did you mean {close[0]!r}?" if close else ""))
+        self.methods: list[str] = list(dict.fromkeys(row["method"] for row in rows))
+        self.worlds: list[str] = sorted({row["world"] for row in rows})
+        self.seeds: list[int] = sorted({int(row["seed"]) for row in rows})
+        self.outcomes: dict[tuple[str, str, int], str] = {}
+        self.values = np.full((len(self.methods), len(self.worlds), len(self.seeds), len(metrics)), np.nan)
+        places = [{name: at for at, name in enumerate(names)} for names in (self.methods, self.worlds)]
+        at_seed = {seed: at for at, seed in enumerate(self.seeds)}
+        for row in rows:
+            key = (row["method"], row["world"], int(row["seed"]))
+            if key in self.outcomes:
+                raise ValueError(f"rows: {key[0]} in {key[1]} with seed {key[2]} is there twice; keep one of them")
+            self.outcomes[key] = row["outcome"]
+            at = (places[0][key[0]], places[1][key[1]], at_seed[key[2]])
+            self.values[at] = [_number(row[name], name, key) for name in metrics]
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """How many episodes of each method ended how."""
+        return {
+            method: dict(sorted(Counter(end for (m, _, _), end in self.outcomes.items() if m == method).items()))
+            for method in self.methods
+        }
+
+
+def _number(value: Any, name: str, key: tuple[str, str, int]) -> float:
+    if value is None or value == "":
+        return np.nan
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.inf
+    if not np.isfinite(number):
+        where = f"{key[0]} in {key[1]} with seed {key[2]}"
+        raise ValueError(f"rows: {name} of {where} is {value!r}, expected a finite number, or nothing where undefined")
+    return number
+
+
+def _units(episodes: Floats, few: bool) -> tuple[Floats, Ints]:
+    """What is resampled, (n, columns), and the stratum each is resampled within, (n,).
+
+    Of few worlds every episode, within its world; else every world by its mean, all in one stratum.
+    """
+    worlds, seeds, columns = episodes.shape
+    if few:
+        return episodes.reshape(worlds * seeds, columns), np.repeat(np.arange(worlds), seeds)
+    return _means(episodes), np.zeros(worlds, dtype=np.int64)
+
+
+def _means(episodes: Floats) -> Floats:
+    """(worlds, columns) means over the seeds that have a value, NaN where none has."""
+    there = ~np.isnan(episodes)
+    count = there.sum(axis=1)
+    total = np.where(there, episodes, 0.0).sum(axis=1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _estimates(
+    episodes: Floats, units: Floats, strata: Ints, rng: np.random.Generator, resamples: int
+) -> list[Estimate]:
+    """Of every column."""
+    mean, low, high = intervals(units, strata, rng, resamples)
+    there = ~np.isnan(episodes)
+    worlds, count = there.any(axis=1).sum(axis=0).tolist(), there.sum(axis=(0, 1)).tolist()
+    ends = zip(mean.tolist(), low.tolist(), high.tolist(), worlds, count, strict=True)
+    return [Estimate(_told(m), _told(lo), _told(hi), w, n) for m, lo, hi, w, n in ends]
+
+
+def _told(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def _differences(
+    method: str, metrics: Sequence[Metric], estimates: list[Estimate], chances: Floats, unpaired: list[int]
+) -> list[Difference]:
+    """Of one method; metrics that have no better side are not tested."""
+    tested = [k for k, metric in enumerate(metrics) if metric.better is not None and not np.isnan(chances[k])]
+    adjusted = dict(zip(tested, holm(chances[tested]).tolist(), strict=True))
+    return [
+        Difference(
+            method,
+            metric.name,
+            estimates[k],
+            float(chances[k]) if k in adjusted else None,
+            adjusted.get(k),
+            unpaired[k],
+        )
+        for k, metric in enumerate(metrics)
+    ]
+
+
+def _worst(table: _Table, method: str, metrics: Sequence[Metric]) -> tuple[WorstWorld, ...]:
+    signs = np.array([{"higher": 1.0, "lower": -1.0, None: 0.0}[metric.better] for metric in metrics])
+    values = table.values[table.methods.index(method)]
+    worlds = np.nan_to_num(_means(values)) * signs
+    found = []
+    for w in sorted(range(len(table.worlds)), key=lambda w: worlds[w].tolist()):
+        world = table.worlds[w]
+        seeds = [s for s, seed in enumerate(table.seeds) if (method, world, seed) in table.outcomes]
+        if seeds:
+            ends = {s: table.outcomes[method, world, table.seeds[s]] for s in seeds}
+            worst = min(seeds, key=lambda s: (np.nan_to_num(values[w, s]) * signs).tolist())
+            failures = sum(end != "succeeded" for end in ends.values())
+            found.append(WorstWorld(world, len(seeds), failures, table.seeds[worst], ends[worst]))
+    return tuple(found[:WORST])
+
+
+def _only(found: Iterable[T]) -> T:
+    for one in found:
+        return one
+    raise KeyError("not compared")

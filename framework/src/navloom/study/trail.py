@@ -1,0 +1,237 @@
+"""What an episode is measured by: its ticks as arrays, and what it came to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.footprints import inscribed_radius
+from navloom.geometry.overlap import overlap_depth
+from navloom.geometry.world import Place, World
+
+if TYPE_CHECKING:
+    from navloom.runtime.build import System
+    from navloom.study.episode import Episode
+    from navloom.study.recorder import Recorder
+
+__all__ = ["Trail", "lost_trail", "optimal_of", "trail_of"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """A finished episode as the metrics see it. Arrays are (n,), one entry a tick of the platform's truth.
+
+    Attributes:
+        time: Run time, s, rising; 0 is when the run began.
+        x, y, heading: True pose of base, m, rad, map frame; headings as they come, wrapped or not.
+        vx, wz: True velocity, base frame, m/s, rad/s.
+        clearance: Gap between footprint and nearest obstacle, m: negative where they overlap, by the depth; +inf where
+            there is nothing to meet, NaN where it is not known.
+        cross_track: Signed distance to the left of the trajectory, m; NaN where none is driven.
+        command_vx, command_wz: The gate's command, m/s, rad/s; 0 before the first.
+        engaged: The avoider drives.
+        stopped_by_gate: The gate commands zero for another reason than that there is no trajectory.
+        outcome, reason: How the last goal ended: one of `navloom.messages.OUTCOMES`, and one phrase.
+        touches: How often a contact began.
+        recoveries: Attempts.
+        gate_stops: How often the gate stopped a driving robot.
+        period: Control tick, s.
+        optimal: Shortest way of the inscribed disc in the true world, m; None where it is not known or there is none.
+        goal_distance: From where the episode ended to the goal, m; None where there was no goal.
+        limit: Longest time an episode may take, s.
+        max_linear: Limit of the robot's speed, m/s.
+        max_deceleration: Of the robot, m/s².
+        reaction: Longest time a command may go on that nothing has renewed, s: the gate's `stop_deadline`.
+        tick_ns: Wall time of each control step, ns: not reproducible, so no metric may use it.
+    """
+
+    time: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    vx: Floats
+    wz: Floats
+    clearance: Floats
+    cross_track: Floats
+    command_vx: Floats
+    command_wz: Floats
+    engaged: Bools
+    stopped_by_gate: Bools
+    outcome: str
+    reason: str
+    touches: int
+    recoveries: int
+    gate_stops: int
+    period: float
+    optimal: float | None
+    goal_distance: float | None
+    limit: float
+    max_linear: float
+    max_deceleration: float
+    reaction: float
+    tick_ns: NDArray[np.int64]
+
+    @property
+    def succeeded(self) -> bool:
+        """The goal was reached."""
+        return self.outcome == "succeeded"
+
+    @property
+    def duration(self) -> float:
+        """From the first tick to the last, s, to the ns; 0 without ticks."""
+        return round(float(self.time[-1] - self.time[0]), 9) if self.time.size else 0.0
+
+    @property
+    def path_length(self) -> float:
+        """Distance driven, m: the sum of the chords between ticks."""
+        return float(np.hypot(np.diff(self.x), np.diff(self.y)).sum())
+
+
+def trail_of(episode: Episode) -> Trail:
+    """The trail of a finished episode.
+
+    What was published in a tick is found by its stamp; what says nothing in a tick holds on. A run on a real robot has
+    no truth, and so no ticks here: what is counted and how it ended are all there is.
+    """
+    recorder, system, log = episode.recorder, episode.system, episode.log
+    config, result = system.config, episode.result
+    truth = np.array(recorder.truth, dtype=np.float64).reshape(-1, 6)
+    time = truth[:, 0]
+    commands = np.array(recorder.commands, dtype=np.float64).reshape(-1, 3)
+    references = np.array(recorder.reference_times, dtype=np.float64)
+    end = (truth[-1, 1], truth[-1, 2]) if len(truth) else (result.place.x, result.place.y)
+    goal = system.goal
+    return Trail(
+        time=time,
+        x=truth[:, 1],
+        y=truth[:, 2],
+        heading=truth[:, 3],
+        vx=truth[:, 4],
+        wz=np.array(recorder.turn_rates, dtype=np.float64),
+        clearance=_signed(truth, recorder, system),
+        cross_track=_at(time, references, np.array(recorder.cross_tracks, dtype=np.float64)),
+        command_vx=_held(time, commands[:, 0], commands[:, 1]),
+        command_wz=_held(time, commands[:, 0], commands[:, 2]),
+        engaged=_switched(time, recorder.engaged),
+        stopped_by_gate=_switched(time, recorder.gate_stopped),
+        outcome=result.outcome,
+        reason=result.reason,
+        touches=recorder.touches,
+        recoveries=recorder.recoveries,
+        gate_stops=log.gate_stops,
+        period=config.run.period,
+        optimal=optimal_of(system),
+        goal_distance=None if goal is None else math.hypot(goal.x - end[0], goal.y - end[1]),
+        limit=config.run.stop_after,
+        max_linear=system.robot.max_linear,
+        max_deceleration=system.robot.max_deceleration,
+        reaction=config.gate.stop_deadline,
+        tick_ns=np.array(log.control_ns or log.tick_ns, dtype=np.int64),
+    )
+
+
+def lost_trail(
+    outcome: str,
+    reason: str,
+    *,
+    period: float,
+    limit: float,
+    max_linear: float,
+    max_deceleration: float,
+    reaction: float,
+    optimal: float | None = None,
+) -> Trail:
+    """The trail of an episode of which nothing is left, as after a crash: no ticks. Arguments as of `Trail`."""
+    none, never = np.empty(0), np.empty(0, dtype=np.bool_)
+    return Trail(
+        time=none,
+        x=none,
+        y=none,
+        heading=none,
+        vx=none,
+        wz=none,
+        clearance=none,
+        cross_track=none,
+        command_vx=none,
+        command_wz=none,
+        engaged=never,
+        stopped_by_gate=never,
+        outcome=outcome,
+        reason=reason,
+        touches=0,
+        recoveries=0,
+        gate_stops=0,
+        period=period,
+        optimal=optimal,
+        goal_distance=None,
+        limit=limit,
+        max_linear=max_linear,
+        max_deceleration=max_deceleration,
+        reaction=reaction,
+        tick_ns=np.empty(0, dtype=np.int64),
+    )
+
+
+_OPTIMAL: WeakKeyDictionary[World, dict[tuple[float, ...], float | None]] = WeakKeyDictionary()
+"""A search on a raster takes longer than many an episode: what is known of a world is kept as long as the world is."""
+
+
+def optimal_of(system: System) -> float | None:
+    """Shortest way of the robot's inscribed disc from start to goal, m, at any angle in the true world.
+
+    None where there is no world, no goal, or no way. Kept by world object: whoever hands out one world twice pays once.
+    """
+    from navloom.geometry.shortest import optimal_length
+
+    if system.world is None or system.goal is None:
+        return None
+    start, goal, radius = system.start, system.goal, inscribed_radius(system.robot.footprint)
+    key = (start.x, start.y, goal.x, goal.y, radius, system.robot.height)
+    known = _OPTIMAL.setdefault(system.world, {})
+    if key not in known:
+        places = Place(start.x, start.y), Place(goal.x, goal.y)
+        known[key] = optimal_length(system.world, *places, radius, system.robot.height)
+    return known[key]
+
+
+def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
+    """(n,) clearances, m, with the depth of the overlap where the simulator says contact."""
+    clearance = truth[:, 5].copy()
+    if system.world is not None:
+        for row, name in recorder.contacts:
+            time, x, y, heading = truth[row, :4].tolist()
+            depth = overlap_depth(system.robot.footprint, Place(x, y, heading), system.world, name, time)
+            clearance[row] = -depth if depth > 0.0 else 0.0
+    return clearance
+
+
+def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:
+    """(n,) the value stamped with each time, the last one where there are more; NaN where there is none."""
+    given = np.full(len(time), np.nan)
+    if stamps.size:
+        last = np.searchsorted(stamps, time, side="right") - 1
+        there = (last >= 0) & (stamps[last] == time)
+        given[there] = values[last[there]]
+    return given
+
+
+def _held(time: Floats, stamps: Floats, values: Floats) -> Floats:
+    """(n,) the newest value at each time; 0 before the first."""
+    last = np.searchsorted(stamps, time, side="right")
+    return np.concatenate([[0.0], values])[last]
+
+
+def _switched(time: Floats, changes: list[tuple[float, bool]]) -> Bools:
+    """(n,) what holds at each time, from the times it changed; False before the first."""
+    stamps = np.array([at for at, _ in changes], dtype=np.float64)
+    states = np.array([False, *(state for _, state in changes)], dtype=np.bool_)
+    held: Bools = states[np.searchsorted(stamps, time, side="right")]
+    return held

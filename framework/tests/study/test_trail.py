@@ -1,0 +1,156 @@
+"""From a finished episode to its trail."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from navloom.geometry.world import Box, World
+from navloom.messages import (
+    Command,
+    Envelope,
+    GateStatus,
+    GoalResult,
+    HandOver,
+    Message,
+    Point2D,
+    Pose2D,
+    Reference,
+    Truth,
+    Twist2D,
+)
+from navloom.study.episode import Episode, run_episode
+from navloom.study.metrics import measure
+from navloom.study.recorder import Recorder
+from navloom.study.trail import optimal_of, trail_of
+from toys import discovery, toy_config
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Episode:
+    """3 m straight ahead by the toys, which need no warming up."""
+    return run_episode(toy_config(tmp_path_factory.mktemp("toy")), discovery=discovery())
+
+
+def test_a_trail_has_one_entry_a_tick(toy: Episode) -> None:
+    trail = trail_of(toy)
+    assert trail.time.tolist() == pytest.approx([0.05 * tick for tick in range(toy.log.ticks)])
+    for name in ("x", "y", "heading", "vx", "wz", "clearance", "cross_track", "command_vx", "command_wz", "engaged"):
+        assert getattr(trail, name).shape == trail.time.shape, name
+    assert trail.tick_ns.size == toy.log.ticks and (trail.tick_ns < np.array(toy.log.tick_ns)).all()
+
+
+def test_what_a_trail_says_is_what_happened(toy: Episode) -> None:
+    trail = trail_of(toy)
+    assert (trail.outcome, trail.reason) == ("succeeded", "the goal was reached")
+    assert trail.optimal == pytest.approx(3.0)
+    assert trail.goal_distance == pytest.approx(3.0 - trail.x[-1]) and trail.goal_distance <= 0.21
+    assert (trail.period, trail.limit, trail.max_linear) == (0.05, 60.0, 0.5)
+    assert (trail.max_deceleration, trail.reaction) == (1.0, 0.10)
+    assert not trail.engaged.any() and not trail.stopped_by_gate.any()
+    # The platform drives with the command of the tick before.
+    assert trail.vx[1:].tolist() == trail.command_vx[:-1].tolist()
+    assert np.isnan(trail.cross_track[0]) and np.nanmax(np.abs(trail.cross_track)) < 1e-9
+
+
+def test_the_metrics_agree_with_the_summary_of_the_run(toy: Episode) -> None:
+    found, summary = measure(trail_of(toy)), toy.summary()
+    assert found["path_length"] == summary["path_length_m"]
+    assert found["spl"] == pytest.approx(summary["spl"])
+    assert found["time"] == summary["sim_time_s"]
+    assert found["cross_track_max"] == summary["cross_track_max_m"]
+    assert found["success"] == 1.0 and found["collisions"] == summary["collisions"] == 0
+
+
+def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> None:
+    events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 5.0\ndo = "resume"\n'
+    trail = trail_of(run_episode(toy_config(tmp_path, more=events), discovery=discovery()))
+    stopped = trail.time[trail.stopped_by_gate]
+    assert stopped[0] == pytest.approx(2.0) and stopped[-1] == pytest.approx(4.95)
+    assert trail.gate_stops == 1 and trail.outcome == "succeeded"
+    assert not trail.command_vx[trail.stopped_by_gate].any()
+    assert measure(trail)["stopped_time"] == pytest.approx(3.0, abs=0.3)
+
+
+def test_the_shortest_way_is_searched_for_once_a_world(toy: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
+    from navloom.geometry import shortest
+
+    calls: list[object] = []
+    original = shortest.optimal_length
+    monkeypatch.setattr(shortest, "optimal_length", lambda *given: calls.append(given) or original(*given))
+    world = World("new", (Box("box", (1.0, 2.0), (-1.0, 1.0)),))
+    toy_system, monkeypatched = toy.system, monkeypatch
+    monkeypatched.setattr(toy_system, "world", world)
+    first, second = optimal_of(toy_system), optimal_of(toy_system)
+    assert first == second and first is not None and first > 3.0 and len(calls) == 1
+    monkeypatched.setattr(toy_system, "world", None)
+    assert optimal_of(toy_system) is None and len(calls) == 1
+
+
+def said(stamp: float, message: Message) -> tuple[Message, Envelope]:
+    return message, Envelope("lab/r1/x/main/y", 1, round(stamp / 0.05), round(stamp * 1e9), 0, 0)
+
+
+def truth(x: float, clearance: float, touching: bool = False) -> Truth:
+    return Truth(Pose2D(x, 0.0, 0.0), Twist2D(0.1, 0.0, 0.2), clearance, "box" if touching else "", touching)
+
+
+def fed(toy: Episode, world: World | None, messages: Sequence[tuple[Message, Envelope]]) -> Episode:
+    """An episode of the toys' robot with a recorder that was told these messages."""
+    from dataclasses import replace
+
+    recorder = Recorder()
+    for message, at in messages:
+        recorder.on_message("role", "main", True, "port", message, at)
+    log = replace(toy.log, results=[GoalResult(1, "collision", "bump", Point2D(0.0, 0.0))], control_ns=[])
+    return Episode(replace(toy.system, world=world, goal=None), log, recorder)
+
+
+def test_messages_are_matched_by_their_stamps(toy: Episode) -> None:
+    def reference(e: float) -> Reference:
+        pose, way = Pose2D(0.0, 0.0, 0.0), np.zeros((1, 2))
+        return Reference(1, 0.0, 1.0, pose, 0.4, 0.0, e, Point2D(1.0, 0.0), way, 0.4)
+
+    idle = GateStatus("none", "", True, False, "no_trajectory", ())
+    held = GateStatus("none", "", True, True, "operator", ())
+    trail = trail_of(
+        fed(
+            toy,
+            None,
+            [
+                said(0.0, truth(0.0, 1.0)), said(0.0, idle),
+                said(0.05, truth(0.1, 1.0)), said(0.05, Command(Twist2D(0.3, 0.0, -0.1))), said(0.05, reference(0.7)),
+                said(0.10, truth(0.2, 1.0)), said(0.10, HandOver(True, 0.5)), said(0.10, held),
+                said(0.15, truth(0.3, 1.0)), said(0.15, HandOver(False, 9.0)), said(0.15, reference(0.9)),
+            ],
+        )
+    )  # fmt: skip
+    assert trail.cross_track.tolist() == pytest.approx([math.nan, 0.7, math.nan, 0.9], nan_ok=True)
+    assert trail.command_vx.tolist() == [0.0, 0.3, 0.3, 0.3] and trail.command_wz.tolist() == [0.0, -0.1, -0.1, -0.1]
+    assert trail.engaged.tolist() == [False, False, True, False]
+    assert trail.stopped_by_gate.tolist() == [False, False, True, True]
+    assert trail.wz.tolist() == [0.2] * 4 and trail.goal_distance is None and trail.optimal is None
+    assert trail.tick_ns.tolist() == toy.log.tick_ns
+
+
+def test_a_clearance_in_contact_is_minus_the_depth(toy: Episode) -> None:
+    world = World("one", (Box("box", (1.0, 2.0), (-1.0, 1.0)),))
+    messages = [
+        said(0.0, truth(0.4, 0.2)),
+        said(0.05, truth(0.6, 0.0, True)),
+        said(0.10, truth(0.65, 0.0, True)),
+        said(0.15, truth(0.55, 0.05)),
+    ]
+    trail = trail_of(fed(toy, world, messages))
+    assert trail.clearance.tolist() == pytest.approx([0.2, 0.0, -0.05, 0.05])
+    assert trail.touches == 1
+
+
+def test_a_run_without_truth_has_no_ticks_but_its_counts(toy: Episode) -> None:
+    trail = trail_of(fed(toy, None, []))
+    assert trail.time.size == 0 and trail.outcome == "collision"
+    found = measure(trail)
+    assert found["success"] == 0.0 and found["path_length"] is None and found["collisions"] == 1.0

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+import textwrap
+
 import typer
 
 from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
@@ -36,5 +40,14 @@ def doctor(
         if found.is_healthy:
             typer.echo(f"{found.robot}: {found.nodes} nodes, nothing is wrong")
         for finding in found.findings:
-            typer.echo(f"{finding.severity}: {finding.what}\n    {finding.remedy}")
+            typer.echo(_lines(f"{finding.severity}: {finding.what}"))
+            typer.echo(_lines(f"    {finding.remedy}"))
     raise typer.Exit(0 if found.is_healthy else 1)
+
+
+def _lines(text: str) -> str:
+    """A finding on a terminal: broken between words, each further line set in."""
+    if not sys.stdout.isatty():
+        return text
+    width = shutil.get_terminal_size().columns
+    return textwrap.fill(text, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)

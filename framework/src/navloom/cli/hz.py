@@ -10,8 +10,8 @@ from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, Ro
 
 __all__ = ["hz"]
 
-COLUMNS = ("stream", "messages", "Hz", "jitter, ms", "longest gap, ms", "age p50, ms", "age p99, ms", "kB/s", "lost",
-           "malformed")  # fmt: skip
+COLUMNS = ("stream", "count", "Hz", "jitter\nms", "longest\nms", "age p50\nms", "age p99\nms", "kB/s", "lost", "bad")
+"""Short, so that streams have room in 80 columns: jitter and longest are of the intervals, bad is malformed."""
 
 
 def hz(
@@ -33,12 +33,16 @@ def hz(
         nodes = listing(client)
         names = resolve(key, nodes)
         odometry = [name for name in streams(nodes) if name.startswith("platform/") and name.endswith("/odometry")]
-        has_clock = any(node["answers"] and node["clock_ns"] >= 0 for node in nodes)
+        has_clock = any(node["clock_ns"] >= 0 for node in nodes)
         found = measure(client, names, odometry, seconds, has_clock)
     if as_json:
         print_json(found)
         return
-    print_table(COLUMNS, [_row(name, one) for name, one in found.items()])
+    rows = [_row(name, one) for name, one in found.items() if one["messages"] or one["malformed"]]
+    if rows:
+        print_table(COLUMNS, rows)
+    if silent := [name for name, one in found.items() if not one["messages"] and not one["malformed"]]:
+        typer.echo(f"nothing came on {', '.join(silent)}")
     for name, one in found.items():
         if one["malformed"]:
             typer.echo(f"navloom: {name}: malformed messages: {one['complaint']}", err=True)

@@ -31,15 +31,21 @@ def list_nodes(
 
     with join(robot, connect, keys, VIEWER, insecure) as client:
         nodes = listing(client)
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
     if as_json:
         print_json([{key: value for key, value in node.items() if key not in QUIET} for node in nodes])
         return
-    if not nodes:
-        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
-    rows = [(n["role"], n["instance"], *(n[key] for key in SHOWN), n["tick"], state(n)) for n in nodes]
+    rows = [(n["role"], n["instance"], *(n[key] for key in SHOWN), _tick(n), state(n)) for n in nodes]
     for gone in missing(nodes):
-        rows.append((gone.role, gone.instance, None, gone.process, None, gone.host or None, None, "is missing"))
+        rows.append((gone.role, gone.instance, None, gone.process, None, gone.host or None, None, "missing"))
     print_table(("role", "instance", *SHOWN, "tick", "state"), rows)
+
+
+def _tick(node: Mapping[str, Any]) -> int | None:
+    """Of its last step; None before the first."""
+    tick: int | None = node["tick"]
+    return None if tick is None or tick < 0 else tick
 
 
 def state(node: Mapping[str, Any]) -> str:

@@ -18,7 +18,7 @@ def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     from navloom.runtime.looking import missing
 
     kept = ("role", "instance", "process", "host", "active")
-    found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node.get("published", {})}
+    found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node["published"]}
              for node in nodes]  # fmt: skip
     for gone in missing(nodes):
         found.append(
@@ -33,7 +33,7 @@ def live_edges(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     return [
         {"from": stream.rpartition("/")[0], "port": stream.rpartition("/")[2],
          "to": f"{node['role']}/{node['instance']}", "received": counts["received"]}
-        for node in nodes if node["answers"] for stream, counts in node["streams"].items()
+        for node in nodes for stream, counts in node["streams"].items()
     ]  # fmt: skip
 
 

@@ -36,15 +36,24 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table for people, as wide as its contents."""
-    from rich.console import Console
-    from rich.table import Table
+    """A table for people, as wide as its contents; where the terminal is narrower, entries go on in the next line.
 
-    table = Table(*columns, box=None, pad_edge=False)
+    Args:
+        columns: Their names; all empty for a table without a head.
+        rows: As many entries each.
+    """
+    from rich.console import Console
+    from rich.table import Column, Table
+    from rich.text import Text
+
+    heads = [Column(name, overflow="fold") for name in columns]
+    table = Table(*heads, box=None, pad_edge=False, show_header=any(columns))
     for row in rows:
-        table.add_row(*(shown(value) for value in row))
-    width = None if sys.stdout.isatty() else WIDE
-    Console(soft_wrap=True, highlight=False, width=width).print(table)
+        table.add_row(*(Text(shown(value)) for value in row))
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
+    with console.capture() as captured:
+        console.print(table)
+    print("\n".join(line.rstrip() for line in captured.get().splitlines()))
 
 
 def shown(value: Any) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
 
-__all__ = ["status"]
+__all__ = ["rows", "status"]
 
 
 def status(
@@ -30,7 +30,7 @@ def status(
     if as_json:
         print_json(_summary(client.keys.prefix, nodes, words, changed))
     else:
-        print_table(("", ""), _rows(client.keys.prefix, nodes, words, changed))
+        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed))
 
 
 def _summary(
@@ -40,7 +40,7 @@ def _summary(
 
     gate = words["gate/status"]
     reason, remedy = ("", "") if gate is None else why_stopped(gate)
-    clock = max((node["clock_ns"] for node in nodes if node["answers"]), default=-1)
+    clock = max(node["clock_ns"] for node in nodes)
     return {
         "robot": name,
         "run_clock_s": clock * 1e-9 if clock >= 0 else None,
@@ -55,30 +55,43 @@ def _summary(
     }
 
 
-def _rows(
+def rows(
     name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
 ) -> list[tuple[str, str]]:
-    from navloom.runtime.looking import missing, platform_age
+    """What is printed of a robot, line by line; without what there is nothing to say of."""
+    from navloom.runtime.looking import missing
 
-    clock = max((node["clock_ns"] for node in nodes if node["answers"]), default=-1)
-    age, gone = platform_age(nodes), missing(nodes)
+    clock = max(node["clock_ns"] for node in nodes)
+    gone = missing(nodes)
     silent = [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]]
-    rows = [
+    found = [
         ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
-        ("goal", _goal(words["goal/feedback"])),
+        ("goal", _goal(words["goal/feedback"], nodes)),
         ("last goal", _result(words["goal/result"])),
         ("drives", _driver(words["gate/status"], words["goal/feedback"])),
-        ("platform", "never heard" if age is None else f"heard {age:.2f} s ago"),
+        ("platform", _platform(nodes)),
         ("in charge", _selection(words["gate/selection"])),
         ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
         ("missing", ", ".join(_place(one) for one in gone)),
         ("does not answer", ", ".join(silent)),
         *((f"changed, {source}", ", ".join(values)) for source, values in changed.items()),
     ]
-    return [row for row in rows if row[1]]
+    return [row for row in found if row[1]]
 
 
-def _goal(feedback: Any) -> str:
+def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
+    from navloom.runtime.looking import platform_age
+
+    age = platform_age(nodes)
+    if age is not None:
+        return f"heard {age:.2f} s ago"
+    tick = max((n["tick"] for n in nodes if n["role"] == "platform" and n["tick"] is not None), default=-1)
+    return f"at tick {tick}, in simulated time" if tick >= 0 else "never heard"
+
+
+def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
+    if feedback is None and not any(node["role"] == "goal" and node["answers"] for node in nodes):
+        return "unknown: its goal node does not answer"
     if feedback is None or not feedback.goal_id:
         return "none"
     text = f"{feedback.goal_id}: {feedback.state}"

@@ -9,11 +9,10 @@ from typing import Any
 
 from navloom.messages import Feedback, GateStatus
 from navloom.runtime.client import Client
-from navloom.runtime.directory import DirectoryError, Fate, RobotFolder, robots
+from navloom.runtime.directory import DirectoryError, RobotFolder, robots
 from navloom.runtime.findings import Finding, differing, failing, flowing, named, sharing, unheard, where
 from navloom.runtime.host_faults import fate_in_words, left_behind, restarting
 from navloom.runtime.joining import find_robot, join
-from navloom.runtime.links import LinkError
 from navloom.runtime.looking import Missing, last_words, listing, missing, neighbours_names, why_stopped
 from navloom.runtime.metering import clock_offsets
 from navloom.runtime.zenoh_bus import BusError
@@ -58,7 +57,8 @@ def diagnose(
     """Examine a robot; see `join` for the arguments. That it cannot be reached is a finding, too.
 
     Raises:
-        DirectoryError: Several robots are up, and none was named.
+        DirectoryError: Several robots are up and none was named, or what was named is no REALM/NAME.
+        LinkError: An endpoint or certificates that are refused before anybody is asked.
     """
     here = left_behind() if connect is None else []
     folder, config = None, "CONFIG"
@@ -75,7 +75,7 @@ def diagnose(
         with join(robot, connect, keys, identity, insecure) as client:
             nodes, found = examine(client, folder, config)
             return _diagnosis(client.keys.prefix, nodes, found + here)
-    except (BusError, LinkError, DirectoryError) as error:
+    except BusError as error:
         return _diagnosis(robot or "", 0, [_no_way(str(error)), *here])
 
 
@@ -91,17 +91,18 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
         Nodes that are there, and the findings.
     """
     nodes = listing(client)
-    fates = folder.fates() if folder is not None else {}
-    found = restarting(folder, client.keys.prefix) if folder is not None else []
+    gone = missing(nodes)
+    silent = {one.process for one in gone} | {node["process"] for node in nodes if not node["answers"]}
+    again = restarting(folder, silent) if folder is not None else []
     if not nodes:
-        return 0, [*found, _nobody(client)]
-    found = [*_absent(missing(nodes), folder, fates, config), *_mute(nodes, folder, fates), *found]
+        return 0, [*again, _nobody(client)]
+    found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
     answering = [node for node in nodes if node["answers"]]
     for check in (failing, flowing, differing, unheard, sharing):
         found += check(answering)
     found += _clocks(client, answering)
     stands = _standing(client, answering)
-    return len(nodes), found + stands + _stopped(client, has_cause=bool(stands) or bool(missing(nodes)))
+    return len(nodes), found + stands + _stopped(client, has_cause=bool(stands) or bool(gone))
 
 
 def _diagnosis(robot: str, nodes: int, found: Sequence[Finding]) -> Diagnosis:
@@ -121,9 +122,7 @@ def _first_step(text: str) -> Finding:
 
 def _no_way(text: str) -> Finding:
     """Its network cannot be joined."""
-    if "shm segment" in text:
-        remedy = "this host has no shared memory left: remove *.zenoh from /dev/shm where no robot is up, or enlarge it"
-    elif "nobody listens" in text:
+    if "nobody listens" in text:
         remedy = "start the robot (`navloom up CONFIG`) or its router (`navloom router ENDPOINT`), or correct --connect"
     elif "TLS" in text or "tls/" in text or "certificate" in text:
         remedy = "both ends need tls/ and certificates of one `navloom keys new`, given with --keys, or neither does"
@@ -142,20 +141,18 @@ def _nobody(client: Client) -> Finding:
 # --- who is there ---------------------------------------------------------------------------------------------------
 
 
-def _absent(
-    gone: Sequence[Missing], folder: RobotFolder | None, fates: Mapping[str, Fate], config: str
-) -> list[Finding]:
+def _absent(gone: Sequence[Missing], folder: RobotFolder | None, config: str) -> list[Finding]:
     """Nodes that are missing, by the process they belong to."""
+    fates = folder.fates() if folder is not None else {}
     found = []
     for process in dict.fromkeys(one.process for one in gone):
         ours = [one for one in gone if one.process == process]
         names = ", ".join(f"{one.role} {one.instance}" for one in ours)
         host = ours[0].host
         what = f"{names}: missing; of process {process}" + (f" on host {host}" if host else "")
-        fate = fates.get(process)
-        if folder is not None and fate is not None:
-            what += f": {fate_in_words(folder, process, fate)}"
-            remedy = f"`navloom up` starts it again by itself; what it says is in {folder.path / f'{process}.log'}"
+        if folder is not None and process in fates:
+            fate, remedy = fate_in_words(folder, process, fates[process])
+            what += f": {fate}"
         elif host:
             remedy = f"`navloom up {config} --host {host}` there; where it is up, see whether it reaches the router"
         else:
@@ -164,16 +161,18 @@ def _absent(
     return found
 
 
-def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None, fates: Mapping[str, Fate]) -> list[Finding]:
+def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None) -> list[Finding]:
     """Nodes that are announced, but do not answer, by process."""
+    fates = folder.fates() if folder is not None else {}
     mute = [node for node in nodes if not node["answers"]]
     found = []
     for process in dict.fromkeys(node["process"] for node in mute):
         names = ", ".join(named(node) for node in mute if node["process"] == process)
         what = f"{names}: announced, but not answering; of process {process or 'unknown'}"
-        if folder is not None and process in fates:
-            what += f": {fate_in_words(folder, process, fates[process])}"
         remedy = "its process is stopped, overloaded, or just gone with its host: look again, then restart it"
+        if folder is not None and process in fates:
+            fate, remedy = fate_in_words(folder, process, fates[process])
+            what += f": {fate}"
         found.append(Finding("problem", what, remedy))
     return found
 
@@ -197,7 +196,9 @@ def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Findin
     """Nodes that should step with every tick and do not; where the platform stands, it alone."""
     first = {named(node): node for node in nodes if node["role"] in STEPPING and node["active"]}
     left, limit = dict(first), time.monotonic() + ADVANCE
-    while left and time.monotonic() < limit:
+    is_late = False
+    while left and not is_late:
+        is_late = time.monotonic() > limit  # asked once more after the limit: this process may have been held up itself
         time.sleep(0.1)
         now = {named(node): node["tick"] for node in client.describe()}
         left = {name: node for name, node in left.items() if now.get(name) in (None, node["tick"])}

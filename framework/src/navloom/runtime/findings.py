@@ -6,12 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from navloom.runtime import links
+
 __all__ = ["Finding", "differing", "failing", "flowing", "sharing", "unheard"]
 
 LOW = 8.0
-"""MB of free shared memory below which a process that starts, or a tool, cannot join."""
-POOL = 64.0
-"""MB of shared memory a process may take for large messages."""
+"""MB of free shared memory below which a process that starts cannot join."""
+POOL = links.POOL / 2**20
+"""MB of shared memory a process takes for large messages."""
 BUSY, BUSY_LONG = 0.5, 5.0
 """s in one step after which a node is said to be busy, and one that may compute for long."""
 PATIENT = ("mapper", "planner", "recovery")
@@ -62,7 +64,7 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
             what = f"{named(node)} has been in one step for {node['busy_s']:.1f} s"
             found.append(Finding("problem", what, "its plugin hangs or is too slow; live.hang_timeout ends it"))
         if node.get("late_ticks", 0) > max(FEW, node.get("ticks", 0) // 100):
-            what = f"{named(node)}: {node['late_ticks']} of {node['ticks']} ticks came late"
+            what = f"{named(node)}: {node['late_ticks']} of {node['ticks']} ticks since its start came late"
             remedy = "the host is overloaded: move mapper and planner elsewhere, or make run.period longer"
             found.append(Finding("problem", what, remedy))
     return found
@@ -128,10 +130,8 @@ def sharing(nodes: Sequence[Node]) -> list[Finding]:
     for node in nodes:
         for stream, counts in node["streams"].items():
             source, _, port = stream.rpartition("/")
-            is_large = (stream.startswith("platform/") and port not in SMALL) or (source[:7], port) == (
-                "mapper/",
-                "map",
-            )
+            is_scan = source.startswith("platform/") and port not in SMALL
+            is_large = is_scan or (source.startswith("mapper/") and port == "map")
             if is_large and counts["received"] and hosts.get(source, node["host"]) != node["host"]:
                 what = f"{named(node)} on {node['host']} gets {stream} over the network, from {hosts[source]}"
                 remedy = "shared memory works within a host: where its age is high (`navloom hz`), move it there"

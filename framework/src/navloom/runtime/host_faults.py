@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Container
 from pathlib import Path
 
 from navloom.runtime.directory import Fate, RobotFolder, runtime_folder
@@ -28,15 +29,13 @@ def left_behind() -> list[Finding]:
     return found
 
 
-def restarting(folder: RobotFolder, robot: str) -> list[Finding]:
-    """Processes of a robot of this host that were started again, or are left down."""
+def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
+    """Processes of a robot of this host that were started again, or are left down; without those told of already."""
     found = []
     for name, fate in folder.fates().items():
-        if fate.state == "failed":
-            remedy = f"repair what it says, then `navloom down --robot {robot}` and `navloom up`"
-            found.append(
-                Finding("problem", f"process {name} is left down: {fate_in_words(folder, name, fate)}", remedy)
-            )
+        if fate.state == "failed" and name not in told:
+            what, remedy = fate_in_words(folder, name, fate)
+            found.append(Finding("problem", f"process {name}: {what}", remedy))
         elif fate.restarts and fate.state == "running":
             times = "once" if fate.restarts == 1 else f"{fate.restarts} times"
             what = f"process {name} was started again {times}: it {fate.why}"
@@ -44,14 +43,19 @@ def restarting(folder: RobotFolder, robot: str) -> list[Finding]:
     return found
 
 
-def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> str:
-    """What has become of a process."""
+def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, str]:
+    """What has become of a process, and what to do about it."""
+    log = folder.path / f"{process}.log"
     if fate.state == "running":
         if fate.pid is not None and is_stopped(fate.pid):
-            return f"it is stopped (process {fate.pid}); `kill -CONT {fate.pid}` lets it go on"
-        return "it is running, but not ready, or it hangs"
+            return f"it is stopped (process {fate.pid})", f"`kill -CONT {fate.pid}` lets it go on"
+        again = f"`kill -KILL {fate.pid}` has `navloom up` start it anew"
+        return f"it runs (process {fate.pid}), but is not ready, or hangs", f"look again, see {log}; {again}"
     said = folder.last_words(process)
-    return f"it {fate.why}" + (f" and said last: {said}" if said else "")
+    what = f"it {fate.why}" + (f" and said last: {said}" if said else "")
+    if fate.state == "failed":
+        return f"{what}; it is left down", "repair what it says, then `navloom down` and `navloom up`"
+    return what, f"`navloom up` starts it again by itself; what it says is in {log}"
 
 
 def is_stopped(pid: int) -> bool:

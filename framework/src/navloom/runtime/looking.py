@@ -35,14 +35,21 @@ __all__ = [
 
 FIRST = 4
 """Entries of an array that are shown where it is summarised."""
-UNKNOWN = ("plugin", "pid", "host", "active", "enabled", "tick", "epoch", "busy_s")
-"""What a node that does not answer leaves open."""
+_OPEN: Mapping[str, Any] = {
+    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch", "busy_s", "silence_s")),
+    **{key: {} for key in ("versions", "published", "streams", "places", "hosts")},
+    "clock_ns": -1,
+    "faulted": 0,
+    "fault": "",
+}
+"""What a node that does not answer leaves open, and one of another version perhaps."""
 
 _STOPS = {
     "operator": ("an operator stopped it", "`navloom resume` lets it drive again"),
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
     "no_trajectory": ("there is nothing to follow", "`navloom goal X Y` gives it a goal"),
     "ending": ("its gate has ended", "`navloom up` starts it again"),
+    "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
     "silent: platform": ("the platform is not heard", "`navloom doctor` looks for the cause"),
 }
 _KINDS = {
@@ -77,18 +84,13 @@ class Missing(NamedTuple):
 
 def listing(client: Client) -> list[dict[str, Any]]:
     """Every node, in the order of the graph: what it says of itself, and those that are announced but do not answer."""
-    nodes = client.describe()
+    nodes = [{**_OPEN, **node, "answers": True} for node in client.describe()]
     answered = {(node["role"], node["instance"]) for node in nodes}
     places = _places(nodes)
-    for key in client.bus.alive(client.keys.alive("*", "*", "*")):
-        role, name, _ = client.keys.split(key)
-        if (role, name) not in answered:
-            answered.add((role, name))
-            process = places.get(f"{role} {name}")
-            nodes.append({"role": role, "instance": name, "process": process, **dict.fromkeys(UNKNOWN)})
-            nodes[-1]["answers"] = False
-    for node in nodes:
-        node.setdefault("answers", True)
+    announced = {client.keys.split(key)[:2] for key in client.bus.alive(client.keys.alive("*", "*", "*"))}
+    for role, name in sorted(announced - answered):
+        process = places.get(f"{role} {name}")
+        nodes.append({**_OPEN, "role": role, "instance": name, "process": process, "answers": False})
     order = {node: number for number, node in enumerate(places)}
     return sorted(nodes, key=lambda n: (order.get(f"{n['role']} {n['instance']}", len(order)), n["role"]))
 
@@ -98,7 +100,7 @@ def missing(nodes: Sequence[Mapping[str, Any]]) -> list[Missing]:
     there = {f"{node['role']} {node['instance']}" for node in nodes}
     hosts: dict[str, str] = {}
     for node in nodes:
-        hosts |= node.get("hosts", {})
+        hosts |= node["hosts"]
     gone = [(*name.split(" ", 1), process) for name, process in _places(nodes).items() if name not in there]
     return [Missing(role, instance, process, hosts.get(process, "")) for role, instance, process in gone]
 
@@ -112,7 +114,7 @@ def _places(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Process of each "role instance", in the order of the graph, as the nodes that answer know it."""
     found: dict[str, str] = {}
     for node in nodes:
-        found |= node.get("places", {})
+        found |= node["places"]
     return found
 
 
@@ -139,7 +141,7 @@ def changed_parameters(client: Client) -> dict[str, list[str]]:
 
 def platform_age(nodes: Sequence[Mapping[str, Any]]) -> float | None:
     """s since the platform was heard, by the gate where it is there, else by who heard it last; None for never."""
-    ages = {node["role"]: node["silence_s"] for node in nodes if node.get("silence_s") is not None}
+    ages = {node["role"]: node["silence_s"] for node in nodes if node["silence_s"] is not None}
     return ages.get("gate", min(ages.values(), default=None))
 
 
@@ -159,7 +161,7 @@ def why_stopped(status: GateStatus) -> tuple[str, str]:
 
 def streams(nodes: Sequence[Mapping[str, Any]]) -> list[str]:
     """Every stream of the robot as role/instance/port."""
-    found = [f"{n['role']}/{n['instance']}/{port}" for n in nodes if n["answers"] for port in n["published"]]
+    found = [f"{n['role']}/{n['instance']}/{port}" for n in nodes for port in n["published"]]
     return sorted(found)
 
 
@@ -178,13 +180,22 @@ def resolve(key: str, nodes: Sequence[Mapping[str, Any]]) -> list[str]:
             return fitting
     if not known:
         raise NoStream(f"no stream {key!r}: no node of the robot answers; `navloom doctor` says why")
+    if lacking := _lacking(wanted, nodes):
+        raise NoStream(f"no stream {key!r}: {', '.join(lacking)}; `navloom doctor` says why")
     raise NoStream(f"no stream {key!r}: expected role/port or role/instance/port; {_nearest(key, known)}")
+
+
+def _lacking(wanted: Sequence[str], nodes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Nodes of the role and instance meant that could publish it, were they there."""
+    found = [(gone.role, gone.instance, "is missing") for gone in missing(nodes)]
+    found += [(n["role"], n["instance"], "does not answer") for n in nodes if not n["answers"]]
+    return [f"{role} {name} {how}" for role, name, how in found if role == wanted[0] and wanted[1] in ("*", name)]
 
 
 def _nearest(key: str, known: Sequence[str]) -> str:
     """What may have been meant: the nearest stream, the role's own, or the roles there are."""
     short = list(dict.fromkeys(f"{role}/{port}" for role, _, port in (stream.split("/") for stream in known)))
-    near = difflib.get_close_matches(key, [*known, *short], n=1)
+    near = difflib.get_close_matches(key, [*known, *short], n=1, cutoff=0.8)  # much of it is the role's name
     if near:
         return f"did you mean {near[0]!r}?"
     role = key.strip("/").split("/")[0]

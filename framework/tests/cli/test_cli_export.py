@@ -77,7 +77,7 @@ def test_a_units_command_says_ready_feeds_its_watchdog_and_says_that_it_stops(tm
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line,
     ):
         line.bind(f"{runtime}/notify")
-        line.settimeout(90.0)
+        line.settimeout(240.0)  # kernels may have to be compiled
         given = {**os.environ, "NOTIFY_SOCKET": f"{runtime}/notify", "NAVLOOM_RUNTIME_DIR": runtime}
         process = subprocess.Popen(command, env=given, stderr=subprocess.DEVNULL)
         try:

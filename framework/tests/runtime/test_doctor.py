@@ -270,6 +270,14 @@ def test_a_stop_for_what_is_missing_is_not_told_twice() -> None:
     ]
 
 
+def test_a_stop_that_latches_is_told_beside_what_is_missing() -> None:
+    bus = BusInWords(without("drive"), last={"gate/main/status": status("contact", latched=True)})
+    assert said(examine(client(bus), None, "robot.toml")[1]) == [
+        "controller law, avoider vfh: missing; of process drive",
+        "the robot is stopped: it touched something (contact)",
+    ]
+
+
 def test_clocks_of_two_hosts_that_differ_are_told() -> None:
     ahead = {"host": "brain", "wall_ns": 3_000_000_000}
     found = only(examine(client(BusInWords(everyone(mapper=ahead, goal=ahead))), None, "robot.toml")[1])

@@ -66,6 +66,17 @@ def test_what_was_born_outlives_the_nursery_and_another_takes_its_place(nursery:
         one.send_signal(signal.SIGTERM)  # nobody there: nothing happens
 
 
+def test_when_the_supervisor_is_gone_what_was_born_ends_even_where_it_is_stopped(
+    nursery: Nursery, tmp_path: Path
+) -> None:
+    born = nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", READY)
+    assert born is not None and nursery._line is not None and nursery._process is not None
+    os.kill(born.pid, signal.SIGSTOP)
+    nursery._line.close()  # as its death would
+    assert born.wait(20) == -signal.SIGTERM
+    assert nursery._process.wait(20) == 0
+
+
 def test_nobody_is_born_where_the_nursery_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
     made = Nursery(tmp_path / "nursery.log")

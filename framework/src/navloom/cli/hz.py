@@ -10,8 +10,8 @@ from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, Ro
 
 __all__ = ["hz"]
 
-COLUMNS = ("stream", "count", "Hz", "jitter\nms", "longest\nms", "age p50\nms", "age p99\nms", "kB/s", "lost", "bad")
-"""Short, so that streams have room in 80 columns: jitter and longest are of the intervals, bad is malformed."""
+COLUMNS = ("stream", "count", "Hz", "jitter\nms", "max\nms", "age50\nms", "age99\nms", "kB/s", "lost", "bad")
+"""Short, so that streams have room in 80 columns: jitter and max are of the intervals, bad is malformed."""
 
 
 def hz(

@@ -21,8 +21,6 @@ import time
 from pathlib import Path
 from typing import IO
 
-from navloom.runtime.process import die_with_parent
-
 __all__ = ["READY", "Born", "Nursery", "main"]
 
 PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
@@ -130,13 +128,13 @@ class Nursery:
 
     def close(self) -> None:
         """End it; what came from it runs on."""
-        if self._line is not None:
-            self._line.close()
-            self._line = None
         if self._process is not None:
             self._process.kill()
             self._process.wait()
             self._process = None
+        if self._line is not None:
+            self._line.close()
+            self._line = None
 
     def _wait_ready(self, patience: float) -> bool:
         if self._process is None or self._process.poll() is not None:
@@ -150,9 +148,9 @@ class Nursery:
 
 
 def main() -> None:
-    """Bear a process for each line that comes, until the supervisor is gone."""
+    """Bear a process for each line that comes, until the supervisor is gone; then what it bore has to end, too."""
     supervisor = int(sys.argv[2])
-    die_with_parent(supervisor)
+    borne: list[int] = []
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = socket.socket(fileno=int(sys.argv[1]))
     _import_all()
@@ -161,7 +159,18 @@ def main() -> None:
     with contextlib.suppress(OSError):
         line.sendall(b"+")
         for order in line.makefile("rb"):
-            line.sendall(b"%d" % _bear(json.loads(order), line, supervisor))
+            borne.append(_bear(json.loads(order), line, supervisor))
+            line.sendall(b"%d" % borne[-1])
+    for pid in borne:
+        _end(pid)
+
+
+def _end(pid: int) -> None:
+    """Tell a process to end. The system tells those that run, and those that are stopped, but not one just stopping."""
+    with contextlib.suppress(OSError):
+        if os.getpgid(pid) == pid and os.getsid(pid) == os.getsid(0):  # it is still the one that was born here
+            os.kill(pid, signal.SIGTERM)
+            os.kill(pid, signal.SIGCONT)
 
 
 def _import_all() -> None:

@@ -1,0 +1,292 @@
+"""One tick of the dynamic window: scans and pose in, velocity and reasons out (Fox, Burgard & Thrun 1997)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from navloom_improved_vfh.avoidance import Beams
+from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_cells
+from navloom_improved_vfh.clearance import footprint_edges
+from navloom_improved_vfh.search import Progress, Trap
+from numpy.typing import NDArray
+
+from navloom_dwa.contact import enlarged_corners, first_contacts
+from navloom_dwa.critics import score_critics
+from navloom_dwa.field import centre_field, fill_field, obstacle_distance
+from navloom_dwa.objective import score_1997
+from navloom_dwa.points import obstacles_in_base, remember
+from navloom_dwa.rollout import choose, highest_speeds, stays_free
+from navloom_dwa.trail import TurnTrend, trail_ahead
+from navloom_dwa.window import reachable, sample_arcs
+
+if TYPE_CHECKING:
+    from navloom_dwa.params import DwaParams
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+Point = tuple[float, float]
+SPEED_ERROR, TURN_ERROR = 0.1, 0.2  # m/s, rad/s: a robot this far off its command is not following it
+STANDING = (0.01, 0.02)  # m/s, rad/s: slower is to stand
+MOST_OBSTACLES, MOST_POINTS = 4096, 8192
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
+
+    footprint: Floats
+    half_track: float
+    max_linear: float
+    max_angular: float
+    max_acceleration: float
+    max_deceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What one tick is decided on, pose frame.
+
+    Attributes:
+        time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
+        target: m. remaining: Way after it, m.
+    """
+
+    time: float
+    pose: Pose
+    twist: tuple[float, float]
+    target: Point
+    remaining: float
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Answer of one tick.
+
+    Attributes:
+        speed: m/s. turn: rad/s. status: As the Avoider role names it.
+        arc: Index of the arc chosen, -1 where none is.
+        why: One phrase.
+    """
+
+    speed: float
+    turn: float
+    status: Literal["clear", "steering", "trapped"]
+    arc: int
+    why: str
+
+
+def is_standing(v: float, w: float) -> bool:
+    """Whether a velocity, m/s and rad/s, is none to speak of."""
+    return abs(v) < STANDING[0] and abs(w) < STANDING[1]
+
+
+class DynamicWindow:
+    """The dynamic window of one robot: what it remembers of obstacles, targets and its own standing.
+
+    Attributes of the last tick:
+        window: Lowest and highest v, m/s, and w, rad/s.
+        arcs: (m, 4) of window.sample_arcs(). contacts: (m,), m along u; +inf for none.
+        costs: (m, n), by arc and speed, +inf where not admissible.
+        distance, origin: Of field.fill_field().
+    """
+
+    def __init__(self, params: DwaParams, robot: Robot, period: float) -> None:
+        p, self.params, self.robot, self.period = params, params, robot, period
+        self.edges = footprint_edges(robot.footprint)
+        self.inner = float(self.edges[:, 2].min())
+        self.radius = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
+        self.max_speed = min(p.max_speed, robot.max_linear)
+        self.max_turn = min(math.radians(p.max_turn_deg), robot.max_angular)
+        self.turn_acceleration = math.radians(p.turn_acceleration_deg)
+        self.rim_speed = p.wheel_speed if p.wheel_speed > 0.0 else math.inf
+        self.margin = max(p.laser_margin, p.sonar_margin)
+        self.corners = enlarged_corners(self.edges, self.margin)
+        self.reaction = period if p.reacts else 0.0
+        self.weights = np.array(
+            [p.goal_distance, p.goal_align, p.path_distance, p.path_align, p.obstacle, p.contact, p.turning]
+        )
+        self.arcs, self.contacts, self.limits = np.zeros((p.arcs, 4)), np.zeros(p.arcs), np.zeros(p.arcs)
+        self.costs = np.zeros((p.arcs, p.speeds))
+        self.distance, self.cost_to_go = (np.zeros((p.field, p.field), np.int32) for _ in range(2))
+        self._obstacles, self._gaps = np.zeros((MOST_OBSTACLES, 3)), np.zeros(MOST_OBSTACLES)
+        self._points, self._cells = np.zeros((MOST_POINTS, 3)), np.zeros((p.cone_window**2, 3))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget obstacles, targets and traps."""
+        p = self.params
+        self.grid, self.grid_origin = new_window(p.cone_window)
+        self.origin = np.zeros(2, np.int64)
+        self.count = 0
+        self.has_cones = False
+        self.window = (0.0, 0.0, 0.0, 0.0)
+        self.progress = Progress(p.progress_step, p.target_shift)
+        self.trap = Trap(p.release_distance, math.radians(p.release_deg))
+        self.trend = TurnTrend(p.oscillation_distance, math.radians(p.oscillation_deg))
+        self._trail: list[Point] = []
+        self._backed, self._backing = 0, None
+        self._sent = (0.0, 0.0)
+
+    _backing: Pose | None
+
+    def step(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
+        """Decide for one tick.
+
+        Args:
+            lasers: Readings of each laser in this tick. cones: Of all sonars; None where there are none.
+            given: Where the robot is and is to go.
+        """
+        p, pose, target = self.params, given.pose, given.target
+        obstacles, gaps = self.sense(lasers, cones, given)
+        if self.trap.place is not None:
+            if self.trap.holds(pose, target, p.target_shift):
+                return Decision(0.0, 0.0, "trapped", -1, "trapped: neither robot nor target moved since")
+            self.progress.restart()
+            self._backed, self._backing = 0, None
+        if self.progress.note(math.dist(target, pose[:2]), target):
+            self._backed = 0
+        self._count_time(given)
+        self.trend.follow(pose)
+        if self._backing is not None:
+            return self._back_up(given, obstacles, gaps)
+        return self._steer(given, obstacles, gaps)
+
+    def sense(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> tuple[Floats, Floats]:
+        """Enter the readings of one tick; (n, 3) obstacles, x, y and margin, m, base frame, and (n,) their gaps, m."""
+        p, pose = self.params, given.pose
+        for beams in lasers:
+            self.count = remember(
+                self._points, self.count, pose, beams.origins, beams.bearings, beams.ranges,
+                float(beams.limits[0, 1]), given.time, p.memory, p.reach, p.spacing, self.edges,
+            )  # fmt: skip
+        if cones is not None:
+            self.has_cones = True
+            insert_beams(
+                self.grid, self.grid_origin, p.cone_cell, pose, cones.origins, cones.bearings, cones.half_angles,
+                cones.ranges, cones.limits, cones.sensors, 0.5 * p.cone_cell, p.blind_depth, True, False,
+            )  # fmt: skip
+        cells = self._cells[:0]
+        if self.has_cones:
+            cells = self._cells[
+                : occupied_cells(self.grid, self.grid_origin, p.cone_cell, pose, self.edges, self._cells)
+            ]
+        margins = (p.laser_margin, p.sonar_margin)
+        n = obstacles_in_base(
+            self._points[: self.count], cells, p.cone_reach, pose, self.edges, margins, p.reach,
+            self._obstacles, self._gaps,
+        )  # fmt: skip
+        return self._obstacles[:n], self._gaps[:n]
+
+    def _count_time(self, given: Given) -> None:
+        """Time without progress; a robot that was stopped, or is driven by another, does not do what it was told."""
+        v, w = given.twist
+        obeyed = abs(v - self._sent[0]) < SPEED_ERROR and abs(w - self._sent[1]) < TURN_ERROR
+        elapsed = self.period if obeyed else 0.0
+        self.progress.stalled += elapsed
+        is_there = math.dist(given.pose[:2], given.target) < self.params.progress_step
+        is_blocked = is_standing(*self._sent) and not is_there
+        self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
+
+    def _steer(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
+        """Score the window, and send the best of it that stays free."""
+        p, r = self.params, self.robot
+        self._look(given, obstacles, gaps)
+        arc, speed, v, w = choose(
+            self.costs, self.arcs, given.twist, obstacles, gaps, self.edges, self.period,
+            r.max_acceleration, r.max_deceleration, self.turn_acceleration, self.margin, p.roll_check,
+        )  # fmt: skip
+        is_clear = bool(np.isinf(self.contacts).all())
+        if is_clear:
+            self.progress.stalled = 0.0
+        if self.progress.stalled > p.patience and abs(given.twist[0]) <= STANDING[0]:
+            return self._give_up(given, f"no progress in {p.patience:g} s")
+        if self.progress.blocked > p.blocked_patience and is_standing(v, w):
+            return self._recover(given, obstacles, gaps)
+        if arc < 0 or self.progress.stalled > p.patience:
+            # Braking on the arc that was found free a tick ago keeps it free, whatever the noise says now.
+            turn = given.twist[1] if abs(given.twist[0]) > STANDING[0] else 0.0
+            return self._send(0.0, turn, "steering", -1, "nothing of the window is free: braking")
+        self.trend.note(v, w, p.slow, given.pose)
+        return self._send(v, w, "clear" if is_clear else "steering", arc, self._reason(arc, speed))
+
+    def _look(self, given: Given, obstacles: Floats, gaps: Floats) -> None:
+        """Fill window, arcs, contacts, field and costs."""
+        p, r, (v, w) = self.params, self.robot, given.twist
+        low, high = reachable(v, 0.0, self.max_speed, r.max_acceleration, r.max_deceleration, p.window_time)
+        turn = self.turn_acceleration
+        self.window = (low, high, *reachable(w, -self.max_turn, self.max_turn, turn, turn, p.window_time))
+        sample_arcs(self.window, self.radius, r.half_track, self.rim_speed, self.arcs)
+        first_contacts(
+            obstacles, gaps, self.corners, self.edges, self.radius, p.shape == "disc", self.margin,
+            self.arcs, p.farthest, self.contacts,
+        )  # fmt: skip
+        highest_speeds(self.arcs, self.contacts, r.max_deceleration, self.turn_acceleration, self.reaction, self.limits)
+        dx, dy = given.target[0] - given.pose[0], given.target[1] - given.pose[1]
+        c, s = math.cos(given.pose[2]), math.sin(given.pose[2])
+        target = (dx * c + dy * s, dy * c - dx * s)
+        if p.objective == "1997":
+            centre_field(self.origin, given.pose[0], given.pose[1], p.cell, p.field)
+            obstacle_distance(obstacles, given.pose, self.origin, p.cell, self.distance)
+            score_1997(
+                self.arcs, self.limits, self.contacts, target, p.window_time, r.max_deceleration,
+                self.turn_acceleration, self.max_speed, p.farthest, (p.alpha, p.beta, p.gamma), self.costs,
+            )  # fmt: skip
+            return
+        fill_field(
+            obstacles, given.pose, given.target, self.origin, p.cell, self.inner, p.soft, p.soft_weight,
+            self.distance, self.cost_to_go,
+        )  # fmt: skip
+        path = trail_ahead(self._trail, given.pose[:2], given.target, p.target_shift)
+        score_critics(
+            self.arcs, self.limits, self.contacts, target, given.pose, p.horizon, p.nose, given.remaining, p.capture,
+            path, self.cost_to_go, self.distance, self.origin, p.cell, self.inner, p.soft, self.weights,
+            self.trend.sign, p.slow, (p.rotate_within, math.radians(p.rotate_deg)), self.costs,
+        )  # fmt: skip
+
+    def _recover(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
+        """Stands blocked: back up, if that was not tried too often, or give up."""
+        p = self.params
+        if p.back_up == 0.0 or self._backed >= p.back_ups:
+            return self._give_up(given, f"blocked after backing up {self._backed} times")
+        self._backed += 1
+        self._backing = given.pose
+        return self._back_up(given, obstacles, gaps)
+
+    def _back_up(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
+        """Straight back until far enough, or something is in the way."""
+        p, r = self.params, self.robot
+        assert self._backing is not None
+        way = math.dist(given.pose[:2], self._backing[:2])
+        command = (-min(p.back_speed, self.max_speed), 0.0)
+        if way < p.back_up and stays_free(
+            obstacles, gaps, self.edges, given.twist[0], command, self.period,
+            r.max_acceleration, r.max_deceleration, self.turn_acceleration, self.margin,
+        ):  # fmt: skip
+            return self._send(*command, "steering", -1, f"blocked: backing up, {way:.2f} of {p.back_up:g} m")
+        self._backing = None
+        if way < STANDING[0]:
+            return self._give_up(given, "blocked, and no room to back up")
+        return self._send(0.0, 0.0, "steering", -1, f"backed up {way:.2f} m")
+
+    def _send(self, v: float, w: float, status: Literal["clear", "steering"], arc: int, why: str) -> Decision:
+        self._sent = (v, w)
+        return Decision(v, w, status, arc, why)
+
+    def _give_up(self, given: Given, why: str) -> Decision:
+        self.trap.place, self.trap.target = given.pose, given.target
+        self._sent, self._backing = (0.0, 0.0), None
+        return Decision(0.0, 0.0, "trapped", -1, "trapped: " + why)
+
+    def _reason(self, arc: int, speed: int) -> str:
+        """The window, how much of it may be driven, and what was chosen."""
+        low, high, right, left = self.window
+        free = int(np.isfinite(self.costs).sum())
+        ahead = "nothing" if math.isinf(self.contacts[arc]) else f"contact in {self.contacts[arc]:.2f} m"
+        return (
+            f"window {low:.2f}..{high:.2f} m/s, {math.degrees(right):+.0f}..{math.degrees(left):+.0f} deg/s: "
+            f"{free} of {self.costs.size} admissible, cost {self.costs[arc, speed]:.2f}, {ahead} on the arc"
+        )

@@ -1,0 +1,217 @@
+"""Cost to go round what is known near the robot: the wave of the goal distance critic.
+
+Brock & Khatib 1999 (*High-Speed Navigation Using the Global Dynamic Window Approach*) add such a field to the dynamic
+window, and the goal distance of Nav2's DWB is one on its local cost map. Here: a chamfer distance to what is occupied
+(Borgefors 1986), costs from it, and a shortest-path wave with bucket queue (Dial 1969) from the target.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int32]
+CHAMFER = 3.0  # chamfer units a cell: 3 along, 4 across
+UNIT = 10  # wave units a cell at cost 1: 10 along, 14 across
+COSTLIEST = 25.0
+FARTHEST = 2**30
+BUCKETS = 512  # more than the dearest edge: 14 * 255 / 10
+
+
+@njit(cache=True, nogil=True)
+def centre_field(origin: NDArray[np.int64], x: float, y: float, cell: float, size: int) -> None:
+    """Lay the field about the robot, m, pose frame: column and row of its first cell from the frame's origin."""
+    origin[0], origin[1] = math.floor(x / cell) - size // 2, math.floor(y / cell) - size // 2
+
+
+@njit(cache=True, nogil=True)
+def obstacle_distance(
+    obstacles: Floats, pose: tuple[float, float, float], origin: NDArray[np.int64], cell: float, distance: Counts
+) -> None:
+    """Chamfer distance of each cell to the nearest one that holds an obstacle.
+
+    Args:
+        obstacles: (n, >= 2), x, y, m, base frame. pose: x, y, m, heading, rad, of the base in the pose frame.
+        origin, cell: Of the field, see centre_field(), m.
+        distance: (rows, cols), filled: 3 units a cell.
+    """
+    rows, cols = distance.shape
+    distance[:, :] = 30000
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(obstacles.shape[0]):
+        bx, by = obstacles[i, 0], obstacles[i, 1]
+        column = math.floor((pose[0] + bx * c - by * s) / cell) - origin[0]
+        row = math.floor((pose[1] + bx * s + by * c) / cell) - origin[1]
+        if 0 <= row < rows and 0 <= column < cols:
+            distance[row, column] = 0
+    for r in range(rows):
+        for k in range(cols):
+            best = distance[r, k]
+            if k > 0:
+                best = min(best, distance[r, k - 1] + 3)
+            if r > 0:
+                best = min(best, distance[r - 1, k] + 3)
+                best = min(best, distance[r - 1, max(k - 1, 0)] + 4, distance[r - 1, min(k + 1, cols - 1)] + 4)
+            distance[r, k] = best
+    for r in range(rows - 1, -1, -1):
+        for k in range(cols - 1, -1, -1):
+            best = distance[r, k]
+            if k < cols - 1:
+                best = min(best, distance[r, k + 1] + 3)
+            if r < rows - 1:
+                best = min(best, distance[r + 1, k] + 3)
+                best = min(best, distance[r + 1, max(k - 1, 0)] + 4, distance[r + 1, min(k + 1, cols - 1)] + 4)
+            distance[r, k] = best
+
+
+@njit(cache=True, nogil=True)
+def cell_cost(clearance: float, inner: float, soft: float, weight: float) -> float:
+    """Cost of a metre at a clearance of the base, m.
+
+    Args:
+        clearance: To the nearest obstacle, m. inner: Radius of the disc within the footprint, m: nearer is contact.
+        soft: From inner on, m, costs fall to 1. weight: Added to 1 at inner.
+    """
+    if clearance < inner:
+        return COSTLIEST
+    return 1.0 + weight * max(0.0, 1.0 - (clearance - inner) / soft)
+
+
+@njit(cache=True, nogil=True)
+def enter(bucket: int, place: int, first: Counts, following: Counts, held: Counts, used: int) -> int:
+    """Put a cell into a bucket of the wave's queue, a linked list; the number of entries made so far."""
+    following[used], held[used] = first[bucket], place
+    first[bucket] = used
+    return used + 1
+
+
+@njit(cache=True, nogil=True)
+def spread(costs: NDArray[np.uint8], seeds: Counts, cost_to_go: Counts) -> None:
+    """Least cost from each cell to a seed over 8 neighbours.
+
+    Args:
+        costs: (rows, cols), cost of a metre in each cell, in tenths, 10 .. 255.
+        seeds: (rows, cols), cost at which the wave starts in a cell, wave units; negative: it does not.
+        cost_to_go: (rows, cols), filled, wave units: 10 a cell along, 14 across, at cost 1.
+    """
+    rows, cols = costs.shape
+    wide = cols + 2  # with a rim that the wave has already passed, no cell has to ask whether it is at the border
+    along, across = np.zeros((rows + 2) * wide, np.int32), np.zeros((rows + 2) * wide, np.int32)
+    reached = np.full((rows + 2) * wide, -1, np.int32)
+    count = 0
+    for r in range(rows):
+        for k in range(cols):
+            place = (r + 1) * wide + k + 1
+            along[place], across[place] = costs[r, k], 14 * costs[r, k] // 10
+            reached[place] = FARTHEST
+            count += seeds[r, k] >= 0
+    seed_place, seed_cost = np.empty(count, np.int32), np.empty(count, np.int32)
+    count = 0
+    for r in range(rows):
+        for k in range(cols):
+            if seeds[r, k] >= 0:
+                seed_place[count], seed_cost[count] = (r + 1) * wide + k + 1, seeds[r, k]
+                count += 1
+    order = np.argsort(seed_cost)
+    steps = (1, -1, wide, -wide, wide + 1, wide - 1, 1 - wide, -wide - 1)
+    first = np.full(BUCKETS, -1, np.int32)
+    following, held = np.empty(9 * rows * cols, np.int32), np.empty(9 * rows * cols, np.int32)
+    # A seed enters when the wave is as far as it is: the queue never holds more than the cost of one edge.
+    used, done, entered, level = 0, 0, 0, 0
+    while done < used or entered < count:
+        while entered < count and (seed_cost[order[entered]] <= level or done == used):
+            place, level = seed_place[order[entered]], max(level, seed_cost[order[entered]])
+            if level < reached[place]:
+                reached[place] = level
+                used = enter(level % BUCKETS, place, first, following, held, used)
+            entered += 1
+        node = first[level % BUCKETS]
+        first[level % BUCKETS] = -1
+        while node >= 0:
+            place = held[node]
+            node = following[node]
+            done += 1
+            if reached[place] != level:
+                continue
+            for turn in range(8):
+                near = place + steps[turn]
+                value = level + (along[near] if turn < 4 else across[near])
+                if value < reached[near]:
+                    reached[near] = value
+                    used = enter(value % BUCKETS, near, first, following, held, used)
+        level += 1
+    for r in range(rows):
+        for k in range(cols):
+            cost_to_go[r, k] = reached[(r + 1) * wide + k + 1]
+
+
+@njit(cache=True, nogil=True)
+def straight_cost(origin: NDArray[np.int64], cell: float, row: int, column: int, x: float, y: float) -> int:
+    """Wave units from a cell's centre straight to a place, m, pose frame, at cost 1."""
+    dx, dy = (origin[0] + column + 0.5) * cell - x, (origin[1] + row + 0.5) * cell - y
+    return round(math.sqrt(dx * dx + dy * dy) / cell * UNIT)
+
+
+@njit(cache=True, nogil=True)
+def seed_field(seeds: Counts, origin: NDArray[np.int64], cell: float, x: float, y: float) -> None:
+    """Start the wave in the nine cells about the target, or in all border cells where it is outside of the field.
+
+    Each starts at its distance to the target, so that the least value is there and not in the middle of its cell.
+
+    Args:
+        seeds: (rows, cols), filled, wave units. origin, cell: Of the field, m. x, y: Target, m, pose frame.
+    """
+    rows, cols = seeds.shape
+    seeds[:, :] = -1
+    column, row = math.floor(x / cell) - origin[0], math.floor(y / cell) - origin[1]
+    if 0 <= row < rows and 0 <= column < cols:
+        for r in range(max(0, row - 1), min(rows, row + 2)):
+            for k in range(max(0, column - 1), min(cols, column + 2)):
+                seeds[r, k] = straight_cost(origin, cell, r, k, x, y)
+        return
+    for r in range(rows):
+        for k in range(0, cols, 1 if r == 0 or r == rows - 1 else cols - 1):
+            seeds[r, k] = straight_cost(origin, cell, r, k, x, y)
+
+
+@njit(cache=True, nogil=True)
+def fill_field(
+    obstacles: Floats,
+    pose: tuple[float, float, float],
+    target: tuple[float, float],
+    origin: NDArray[np.int64],
+    cell: float,
+    inner: float,
+    soft: float,
+    weight: float,
+    distance: Counts,
+    cost_to_go: Counts,
+) -> None:
+    """From obstacles and target to the two fields; arguments as for the functions above."""
+    rows, cols = distance.shape
+    centre_field(origin, pose[0], pose[1], cell, cols)
+    obstacle_distance(obstacles, pose, origin, cell, distance)
+    table = np.empty(1024, np.uint8)
+    for k in range(table.size):
+        table[k] = min(255, int(10.0 * cell_cost(k * cell / CHAMFER, inner, soft, weight)))
+    costs, seeds = np.empty((rows, cols), np.uint8), np.empty((rows, cols), np.int32)
+    for r in range(rows):
+        for k in range(cols):
+            costs[r, k] = table[min(1023, distance[r, k])]
+    seed_field(seeds, origin, cell, target[0], target[1])
+    spread(costs, seeds, cost_to_go)
+
+
+@njit(cache=True, nogil=True)
+def field_value(field: Counts, origin: NDArray[np.int64], cell: float, x: float, y: float) -> float:
+    """A field's value between cell centres, bilinear, at a place, m, pose frame; outside, that of the border."""
+    rows, cols = field.shape
+    u = min(cols - 1.001, max(0.0, x / cell - origin[0] - 0.5))
+    t = min(rows - 1.001, max(0.0, y / cell - origin[1] - 0.5))
+    k, r = int(u), int(t)
+    u, t = u - k, t - r
+    low = (1.0 - u) * field[r, k] + u * field[r, k + 1]
+    high = (1.0 - u) * field[r + 1, k] + u * field[r + 1, k + 1]
+    return float((1.0 - t) * low + t * high)

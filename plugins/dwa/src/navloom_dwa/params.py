@@ -1,0 +1,90 @@
+"""Parameters of the dynamic window. Each default is the engineering choice; `fox_1997()` lists those of the paper."""
+
+from typing import Any, Literal
+
+from navloom import Params
+from pydantic import Field
+
+
+class DwaParams(Params):
+    """Fox, Burgard & Thrun 1997, and the critics of Nav2's DWB."""
+
+    objective: Literal["critics", "1997"] = Field("critics", description="Today's critics, or the paper's objective.")
+    arcs: int = Field(41, ge=3, le=201, description="Arcs on which the window is sampled.")
+    speeds: int = Field(20, ge=2, le=100, description="Speeds on each arc.")
+    window_time: float = Field(0.25, gt=0.0, le=5.0, description="The window is what can be reached within this, s.")
+    max_speed: float = Field(5.0, gt=0.0, le=20.0, description="Forward speed, m/s; the robot's own limit holds too.")
+    max_turn_deg: float = Field(
+        180.0, gt=0.0, le=720.0, description="Turn rate, degrees per second; the robot's own limit holds too."
+    )
+    turn_acceleration_deg: float = Field(
+        180.0, gt=0.0, le=3600.0, description="Change of the turn rate, degrees per s^2: window, ramp and braking."
+    )
+    wheel_speed: float = Field(
+        0.0, ge=0.0, le=20.0, description="Highest speed of a wheel's rim, m/s: |v| + half track |w|; 0 is no limit."
+    )
+    shape: Literal["polygon", "disc"] = Field(
+        "polygon", description="Contact on arcs is that of the footprint, or of the disc that encloses it (paper)."
+    )
+    farthest: float = Field(4.0, gt=0.0, le=20.0, description="Obstacles farther along an arc do not count, m.")
+    laser_margin: float = Field(0.05, ge=0.0, le=1.0, description="Kept between footprint and what a laser saw, m.")
+    sonar_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and sonar cell centres, m.")
+    reacts: bool = Field(True, description="Braking begins one tick later. Paper: false.")
+    roll_check: bool = Field(True, description="Roll the chosen command forward with its ramps. Paper: false.")
+    memory: float = Field(20.0, ge=0.0, le=3600.0, description="What a laser no longer sees counts this long, s.")
+    reach: float = Field(4.0, ge=0.5, le=20.0, description="Laser points farther away than this are dropped, m.")
+    spacing: float = Field(0.03, ge=0.005, le=0.2, description="One remembered point is kept in a square of this, m.")
+    cone_cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a cell of the sonars' window, m.")
+    cone_window: int = Field(41, ge=11, le=161, description="Cells along a side of the sonars' window.")
+    cone_reach: float = Field(
+        0.95, ge=0.0, le=10.0, description="Sonar arcs count up to here from the base, m; axes always."
+    )
+    blind_depth: float = Field(
+        0.25, ge=0.0, le=1.0, description="An echo at range_min counts this far before it too, m."
+    )
+    cell: float = Field(0.1, ge=0.02, le=0.5, description="Side of a cell of the cost field, m.")
+    field: int = Field(81, ge=21, le=301, description="Cells along a side of the cost field.")
+    soft: float = Field(
+        0.3, gt=0.0, le=3.0, description="From the disc within the footprint on costs fall over this, m."
+    )
+    soft_weight: float = Field(3.0, ge=0.0, le=20.0, description="Added to the cost of a metre at that disc.")
+    horizon: float = Field(2.0, gt=0.0, le=10.0, description="Critics look this far along an arc, s.")
+    nose: float = Field(0.3, ge=0.0, le=2.0, description="The align critics score this far ahead of the base, m.")
+    capture: float = Field(0.3, gt=0.0, le=5.0, description="Nearer to a target that is not the goal it is passed, m.")
+    goal_distance: float = Field(1.0, ge=0.0, le=100.0, description="Weight of the way to the target round obstacles.")
+    goal_align: float = Field(1.0, ge=0.0, le=100.0, description="The same at the nose.")
+    path_distance: float = Field(0.1, ge=0.0, le=100.0, description="Weight of the distance from the targets' trail.")
+    path_align: float = Field(0.1, ge=0.0, le=100.0, description="The same at the nose.")
+    obstacle: float = Field(0.5, ge=0.0, le=100.0, description="Weight of the nearness of obstacles, m.")
+    contact: float = Field(0.5, ge=0.0, le=100.0, description="Weight of a contact within the horizon, m.")
+    turning: float = Field(0.02, ge=0.0, le=100.0, description="Weight of the turn rate, m per rad/s.")
+    slow: float = Field(0.05, ge=0.0, le=1.0, description="Below this a turn counts as in place, m/s.")
+    oscillation_distance: float = Field(0.1, ge=0.0, le=5.0, description="Driven this far it may turn back again, m.")
+    oscillation_deg: float = Field(60.0, ge=0.0, le=360.0, description="Turned this far too, degrees.")
+    rotate_within: float = Field(0.5, ge=0.0, le=5.0, description="Nearer to the target it turns to it first, m.")
+    rotate_deg: float = Field(60.0, gt=0.0, le=180.0, description="Where the target is farther off, degrees.")
+    alpha: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the heading.")
+    beta: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the distance to the next obstacle.")
+    gamma: float = Field(0.2, ge=0.0, le=100.0, description="1997: weight of the speed.")
+    back_up: float = Field(0.4, ge=0.0, le=3.0, description="Backed up where it stands blocked, m; 0 is never.")
+    back_speed: float = Field(0.15, gt=0.0, le=1.0, description="m/s.")
+    back_ups: int = Field(4, ge=0, le=50, description="Times it backs up without progress.")
+    blocked_patience: float = Field(1.5, gt=0.0, le=60.0, description="Standing blocked before it backs up, s.")
+    patience: float = Field(60.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
+    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
+    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
+    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
+    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turned by more, it is no longer trapped, degrees.")
+    sectors: int = Field(72, ge=8, le=360, description="Directions of the costs in the diagnostics.")
+
+
+def fox_1997() -> dict[str, Any]:
+    """The parameters with which the plugin follows the paper, to be compared with the defaults."""
+    return {
+        "objective": "1997",
+        "shape": "disc",
+        "memory": 0.0,
+        "reacts": False,
+        "roll_check": False,
+        "back_up": 0.0,
+    }

@@ -1,0 +1,164 @@
+"""What a laser saw, kept as points at its own resolution in the pose frame, and forgotten when it sees past them."""
+
+import math
+
+import numpy as np
+from navloom_improved_vfh.clearance import outside_distance
+from numba import njit
+from numpy.typing import NDArray
+
+BESIDE = 0.05  # m: a beam that passes a remembered point at a greater distance says nothing of it
+TOUCH = 1.0e-6  # m: what is nearer than its margin is this much outside of it
+BEHIND = 0.1  # m: a beam that ends this far before a remembered point is stopped by something else
+
+
+@njit(cache=True, nogil=True)
+def nearest_beam(bearings: NDArray[np.float64], bearing: float) -> int:
+    """Index of the beam whose bearing, rad, rising, is nearest; of the same turn."""
+    low, high = 0, bearings.size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if bearings[middle] <= bearing:
+            low = middle
+        else:
+            high = middle
+    return low if bearing - bearings[low] <= bearings[high] - bearing else high
+
+
+@njit(cache=True, nogil=True)
+def is_superseded(
+    x: float,
+    y: float,
+    origins: NDArray[np.float64],
+    bearings: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+    range_max: float,
+) -> bool:
+    """Whether a remembered point is seen again, or seen past, by a scan.
+
+    Args:
+        x, y: m, base frame. origins: (n, 2), m; bearings: (n,), rad, rising; ranges: (n,), m. range_max: m.
+    """
+    bearing = math.atan2(y - origins[0, 1], x - origins[0, 0])
+    if bearing < bearings[0]:
+        bearing += 2.0 * math.pi
+    i = nearest_beam(bearings, bearing)
+    dx, dy = x - origins[i, 0], y - origins[i, 1]
+    c, s = math.cos(bearings[i]), math.sin(bearings[i])
+    along = dx * c + dy * s
+    return bool(along > 0.0 and abs(dy * c - dx * s) <= BESIDE and min(ranges[i], range_max) > along - BEHIND)
+
+
+@njit(cache=True, nogil=True)
+def remember(
+    points: NDArray[np.float64],
+    count: int,
+    pose: tuple[float, float, float],
+    origins: NDArray[np.float64],
+    bearings: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+    range_max: float,
+    time: float,
+    memory: float,
+    reach: float,
+    spacing: float,
+    edges: NDArray[np.float64],
+) -> int:
+    """Enter one scan: all its points, and of the older ones those that are out of its sight and not too old.
+
+    Args:
+        points: (N, 3), x, y, m, pose frame, and when seen, s; changed in place, full ones lose the oldest.
+        count: Rows in use.
+        pose: x, y, m, heading, rad, of the base.
+        origins, bearings, ranges, range_max: As for is_superseded(); none superseded where bearings do not rise.
+        time: Now, s. memory: s. reach: Farther from the base nothing is kept, m.
+        spacing: Of older points one is kept in a square of this side, m.
+        edges: Footprint: clearance.footprint_edges(). Older points deep inside it are forgotten.
+
+    Returns:
+        Rows in use.
+    """
+    x, y, heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    rises = bearings.size > 1
+    for i in range(1, bearings.size):
+        rises = rises and bearings[i] > bearings[i - 1]
+    side = int(2.0 * reach / spacing) + 2
+    taken = np.zeros((side, side), np.bool_)
+    old = points[:count].copy()
+    kept = 0
+    for i in range(ranges.size):
+        if not 0.0 < ranges[i] <= range_max:
+            continue
+        bx, by = origins[i, 0] + ranges[i] * math.cos(bearings[i]), origins[i, 1] + ranges[i] * math.sin(bearings[i])
+        if bx * bx + by * by > reach * reach or kept >= points.shape[0]:
+            continue
+        points[kept, 0], points[kept, 1], points[kept, 2] = x + bx * c - by * s, y + bx * s + by * c, time
+        taken[int((points[kept, 1] - y + reach) / spacing), int((points[kept, 0] - x + reach) / spacing)] = True
+        kept += 1
+    for i in range(old.shape[0]):
+        dx, dy = old[i, 0] - x, old[i, 1] - y
+        if time - old[i, 2] > memory or dx * dx + dy * dy > reach * reach or kept >= points.shape[0]:
+            continue
+        row, column = int((dy + reach) / spacing), int((dx + reach) / spacing)
+        bx, by = dx * c + dy * s, dy * c - dx * s
+        if taken[row, column] or outside_distance(edges, bx, by) < -BESIDE:
+            continue
+        if rises and is_superseded(bx, by, origins, bearings, ranges, range_max):
+            continue
+        taken[row, column] = True
+        points[kept] = old[i]
+        kept += 1
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def obstacles_in_base(
+    points: NDArray[np.float64],
+    cells: NDArray[np.float64],
+    arc_reach: float,
+    pose: tuple[float, float, float],
+    edges: NDArray[np.float64],
+    margins: tuple[float, float],
+    reach: float,
+    obstacles: NDArray[np.float64],
+    gaps: NDArray[np.float64],
+) -> int:
+    """Everything near, from the nearest on, with the margin to keep to it.
+
+    What is nearer than its margin has its distance as margin: the robot may leave but not come nearer.
+
+    Args:
+        points: (n, 3), m, pose frame, as of remember(). cells: (k, 3), m, base frame, and certainty.
+        arc_reach: Cells of sonar arcs, certainty 2, count up to this distance from the base, m.
+        pose, edges: As for remember(). margins: For points and for cells, m. reach: Beyond a side, m.
+        obstacles: (N, 3), filled: x, y, margin, m, base frame. gaps: (N,), filled: distance beyond a side, m, rising.
+
+    Returns:
+        Rows filled.
+    """
+    x, y, heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    total = points.shape[0] + cells.shape[0]
+    found, distance = np.empty((total, 3)), np.empty(total)
+    count = 0
+    for i in range(total):
+        if i < points.shape[0]:
+            dx, dy = points[i, 0] - x, points[i, 1] - y
+            bx, by, margin = dx * c + dy * s, dy * c - dx * s, margins[0]
+        else:
+            k = i - points.shape[0]
+            bx, by, margin = cells[k, 0], cells[k, 1], margins[1]
+            if cells[k, 2] < 3.0 and bx * bx + by * by > arc_reach * arc_reach:
+                continue
+        gap = outside_distance(edges, bx, by)
+        if gap <= reach:
+            found[count, 0], found[count, 1], found[count, 2] = bx, by, min(margin, gap - TOUCH)
+            distance[count] = gap
+            count += 1
+    order = np.argsort(distance[:count])
+    count = min(count, gaps.size)
+    for i in range(count):
+        obstacles[i] = found[order[i]]
+        gaps[i] = distance[order[i]]
+    return count

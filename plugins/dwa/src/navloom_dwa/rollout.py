@@ -1,0 +1,126 @@
+"""The command that is sent: the best of the window that stays free with the ramps of the gate, and braking after it."""
+
+import math
+
+import numpy as np
+from navloom_improved_vfh.clearance import outside_distance
+from numba import njit
+from numpy.typing import NDArray
+
+from navloom_dwa.window import stoppable_speed
+
+Floats = NDArray[np.float64]
+LONGEST = 200  # steps of one roll-forward
+TRIES = 24
+
+
+@njit(cache=True, nogil=True)
+def ramp(now: float, wanted: float, up: float, down: float, time: float) -> float:
+    """Speed after a time, s, on the way to the wanted one: `up` away from 0, `down` towards it, as the gate does it."""
+    rate = up if abs(wanted) > abs(now) and wanted * now >= 0.0 else down
+    return min(max(wanted, now - rate * time), now + rate * time)
+
+
+@njit(cache=True, nogil=True)
+def stays_free(
+    obstacles: Floats,
+    gaps: Floats,
+    edges: Floats,
+    speed: float,
+    command: tuple[float, float],
+    period: float,
+    up: float,
+    down: float,
+    turn_down: float,
+    margin: float,
+) -> bool:
+    """Whether one period of a command, and braking along the same arc, keeps every obstacle's margin.
+
+    Args:
+        obstacles, gaps: Of points.obstacles_in_base(). edges: clearance.footprint_edges().
+        speed: Present forward speed, m/s. command: m/s and rad/s.
+        period: s. up, down: Of the gate, m/s^2. turn_down: rad/s^2. margin: The greatest of all obstacles, m.
+    """
+    v, w = command
+    highest = max(abs(speed), abs(v))
+    reach = highest * (period + 0.5 * highest / down) + 0.05
+    reach += abs(w) * (period + highest / down + 0.5 * abs(w) / turn_down)  # of a corner 1 m from the base
+    count = np.searchsorted(gaps, margin + reach)
+    step = period / math.ceil(period / 0.025)
+    step = max(step, (period + highest / down + abs(w) / turn_down) / LONGEST)
+    x, y, heading, elapsed = 0.0, 0.0, 0.0, 0.0
+    rest = period + 0.5 * abs(w) / turn_down
+    for _ in range(LONGEST + 4):
+        faster = ramp(speed, v if elapsed < period - 1.0e-9 else 0.0, up, down, step)
+        middle = heading + 0.5 * w * step
+        x += 0.5 * (speed + faster) * step * math.cos(middle)
+        y += 0.5 * (speed + faster) * step * math.sin(middle)
+        heading += w * step
+        speed = faster
+        elapsed += step
+        c, s = math.cos(heading), math.sin(heading)
+        for i in range(count):
+            dx, dy = obstacles[i, 0] - x, obstacles[i, 1] - y
+            if outside_distance(edges, dx * c + dy * s, dy * c - dx * s) < obstacles[i, 2] - 1.0e-6:
+                return False
+        if speed == 0.0 and elapsed >= rest - 1.0e-9:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def highest_speeds(
+    arcs: Floats, contacts: Floats, v_brake: float, w_brake: float, reaction: float, limits: Floats
+) -> None:
+    """V_a on each arc: the highest u from which way and turn both end before the contact.
+
+    Args:
+        arcs: (m, 4) of window.sample_arcs(). contacts: (m,), of contact.first_contacts(), s at u = 1.
+        v_brake, w_brake, reaction: As for window.stoppable_speed(). limits: (m,), filled.
+    """
+    for j in range(arcs.shape[0]):
+        v, w = abs(arcs[j, 0]), abs(arcs[j, 1])
+        limits[j] = np.inf
+        if v > 0.0:
+            limits[j] = stoppable_speed(v * contacts[j], v_brake, reaction) / v
+        if w > 0.0:
+            limits[j] = min(limits[j], stoppable_speed(w * contacts[j], w_brake, reaction) / w)
+
+
+@njit(cache=True, nogil=True)
+def choose(
+    costs: Floats,
+    arcs: Floats,
+    twist: tuple[float, float],
+    obstacles: Floats,
+    gaps: Floats,
+    edges: Floats,
+    period: float,
+    up: float,
+    down: float,
+    turn: float,
+    margin: float,
+    is_checked: bool,
+) -> tuple[int, int, float, float]:
+    """The cheapest velocity that stays free.
+
+    Args:
+        costs: (m, n), +inf where not admissible. twist: Present speed, m/s, and turn rate, rad/s.
+        turn: Greatest change of the turn rate, rad/s^2. is_checked: Whether stays_free() is asked.
+        The others: As for window.sample_arcs() and stays_free().
+
+    Returns:
+        Arc and speed chosen, -1 where none; forward speed, m/s, and turn rate, rad/s, the turn ramped for one period.
+    """
+    left = costs.copy()
+    for _ in range(TRIES):
+        best = np.argmin(left)
+        j, i = best // costs.shape[1], best % costs.shape[1]
+        if left[j, i] == np.inf:
+            break
+        u = arcs[j, 2] + (arcs[j, 3] - arcs[j, 2]) * i / (costs.shape[1] - 1)
+        v, w = arcs[j, 0] * u, ramp(twist[1], arcs[j, 1] * u, turn, turn, period)
+        if not is_checked or stays_free(obstacles, gaps, edges, twist[0], (v, w), period, up, down, turn, margin):
+            return j, i, v, w
+        left[j, i:] = np.inf  # what is faster on the same arc is not free either
+    return -1, -1, 0.0, 0.0

@@ -1,0 +1,49 @@
+"""The scores of one tick as people look at them: by direction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+TURN = 2.0 * np.pi
+
+
+def arc_directions(arcs: Floats) -> Floats:
+    """(m,) bearing, rad, base frame, of the place on each arc after 1 m of u: half of what was turned until there."""
+    return np.clip(0.5 * arcs[:, 1], -np.pi, np.pi)
+
+
+def cost_by_direction(directions: Floats, costs: Floats, sectors: int) -> Floats:
+    """Least cost among the arcs that lead into each sector: 0 the best of all, 1 the worst, none free, or no arc.
+
+    Args:
+        directions: (m,), rad, map frame. costs: (m, n), +inf where not admissible. sectors: Of a full turn.
+
+    Returns:
+        (sectors,), 0 .. 1.
+    """
+    histogram = np.ones(sectors)
+    best = costs.min(axis=1)
+    free = np.isfinite(best)
+    if free.any():
+        low, high = best[free].min(), costs[np.isfinite(costs)].max()
+        share = (best[free] - low) / (high - low) if high > low else np.zeros(int(free.sum()))
+        sector = np.floor(directions[free] % TURN * sectors / TURN).astype(np.int64) % sectors
+        np.minimum.at(histogram, sector, share)
+    return histogram
+
+
+def free_directions(directions: Floats, costs: Floats) -> Floats:
+    """(k, 2) first and last direction, rad in [-pi, pi), of each run of neighbouring arcs with an admissible speed."""
+    free = np.concatenate(([False], np.isfinite(costs).any(axis=1), [False]))
+    edges = np.flatnonzero(free[1:] != free[:-1]).reshape(-1, 2)
+    ends = np.column_stack((directions[edges[:, 0]], directions[edges[:, 1] - 1]))
+    return (ends + np.pi) % TURN - np.pi
+
+
+def occupied_picture(distance: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """(rows, cols) 15 where a cell of the field holds an obstacle, else 0."""
+    picture = np.zeros(distance.shape, np.uint8)
+    picture[distance == 0] = 15
+    return picture

@@ -1,0 +1,31 @@
+"""Compiles every kernel before the first tick."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from navloom_improved_vfh.avoidance import Beams
+
+from navloom_dwa.avoidance import DynamicWindow, Given, Robot
+from navloom_dwa.params import DwaParams, fox_1997
+
+
+def warm_up() -> None:
+    """One tick of each objective with a laser and sonars, for arrays that may be written and those that may not.
+
+    A wall all round is too near to drive on: so backing up is compiled too.
+    """
+    square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
+    robot = Robot(square, 0.3, 0.5, 0.4, 0.5, 1.0)
+    bearings = np.linspace(-1.0, 1.0, 3)
+    for params in (DwaParams(blocked_patience=0.01), DwaParams(**fox_1997())):
+        for is_writeable in (True, False):
+            method = DynamicWindow(params, robot, 0.05)
+            arrays = np.zeros((3, 2)), bearings.copy(), np.full(3, 0.2), np.full(3, 0.6)
+            for array in arrays:
+                array.flags.writeable = is_writeable
+            cones = Beams(*arrays, np.tile([0.3, 4.0], (3, 1)), np.zeros(3, np.int64))
+            laser = Beams(*arrays, np.tile([0.1, 8.0], (3, 1)), np.zeros(3, np.int64))
+            for time in (0.0, 0.05, 0.1):
+                method.step([laser], cones, Given(time, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0), math.inf))

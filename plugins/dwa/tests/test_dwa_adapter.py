@@ -19,8 +19,7 @@ from navloom import (
     Twist2D,
 )
 from navloom_dwa import avoidance, contact, critics, field, objective, points, rollout, window
-from navloom_dwa.adapter import Dwa
-from navloom_dwa.beams import split_scans
+from navloom_dwa.adapter import Dwa, split_scans
 from navloom_dwa.params import DwaParams, fox_1997
 from pydantic import ValidationError
 

@@ -26,6 +26,7 @@ from navloom.runtime.live_goal import LiveGoal
 from navloom.runtime.live_platform import LivePlatform
 from navloom.runtime.memory import Memory
 from navloom.runtime.monitor import Monitor
+from navloom.runtime.placing import spread
 from navloom.runtime.presence import Presence
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.services import Services
@@ -42,6 +43,8 @@ LONG = 30.0
 """s their step may take."""
 RECOLLECT = 0.5
 """s to ask for what must not be forgotten while some process does not answer."""
+LINKED = "linked"
+"""Liveliness token of a process that has declared what it reads, under its key."""
 JOIN = 60.0
 """s to wait for the robot's router."""
 
@@ -135,7 +138,9 @@ class NodeProcess:
         services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board)
         board.connect()
         services.offer()
-        if not self.share.barrier:
+        if self.share.barrier:
+            self._await_others(bus, keys)
+        else:
             bus.watch(keys.alive("*", "*", "*"), presence.change)
             fetching.start()
         threads = [threading.Thread(target=run, daemon=True) for run in runs]
@@ -145,6 +150,23 @@ class NodeProcess:
             bus.announce(keys.alive(*source, self.life))
         ready()
         return threads
+
+    def _await_others(self, bus: Bus, keys: KeySpace) -> None:
+        """Wait until every process hears this one and is heard: under the barrier no message may be lost.
+
+        A token is declared after the streams that its process reads, on the same link: who sees it can send to all.
+        """
+        wanted = set(spread(self.system.config, all_sources(self.system), None))
+        seen: set[str] = {self.share.name}
+
+        def change(key: str, alive: bool) -> None:
+            if alive:
+                seen.add(key.split("/")[-2])
+
+        bus.watch(keys.process("*", LINKED), change)
+        bus.announce(keys.process(self.share.name, LINKED))
+        while not wanted <= seen and not self.ending.wait(0.005):
+            continue
 
     def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
         """Ask every other process what must not be forgotten; whom a new link leads to is known a moment after it."""

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
+import numpy as np
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom_improved_vfh.avoidance import Beams
+from navloom_improved_vfh.certainty import THIN_BEAM
 
 from navloom_dwa import warming
 from navloom_dwa.avoidance import Decision, DynamicWindow, Given, Robot
-from navloom_dwa.beams import split_scans
 from navloom_dwa.params import DwaParams
 from navloom_dwa.view import arc_directions, cost_by_direction, free_directions, occupied_picture
 
-__all__ = ["Dwa"]
+__all__ = ["Dwa", "split_scans"]
 
 
 class Dwa(Avoider):
@@ -55,3 +58,27 @@ class Dwa(Avoider):
             occupied_picture(method.distance), cell, float(method.origin[0]) * cell,
             float(method.origin[1]) * cell, histogram, 1.0, slots, chosen, decision.why,
         )  # fmt: skip
+
+
+def is_laser(scan: RangeScan) -> bool:
+    """Whether all beams of a scan are lines."""
+    return bool((scan.half_angles < THIN_BEAM).all())
+
+
+def beams_of(scan: RangeScan, sensor: int) -> Beams:
+    """One scan as beams; `sensor` is its number."""
+    limits = np.broadcast_to(np.array([scan.range_min, scan.range_max]), (scan.ranges.size, 2)).copy()
+    return Beams(scan.origins, scan.bearings, scan.half_angles, scan.ranges, limits, np.full(scan.ranges.size, sensor))
+
+
+def split_scans(scans: Sequence[RangeScan]) -> tuple[list[Beams], Beams | None]:
+    """Lasers, and the sonars joined; scans without a beam are left out."""
+    lasers: list[Beams] = []
+    sonars: list[Beams] = []
+    for number, scan in enumerate(scans):
+        if scan.ranges.size:
+            (lasers if is_laser(scan) else sonars).append(beams_of(scan, number))
+    if len(sonars) < 2:
+        return lasers, sonars[0] if sonars else None
+    parts = zip(*[(b.origins, b.bearings, b.half_angles, b.ranges, b.limits, b.sensors) for b in sonars], strict=True)
+    return lasers, Beams(*[np.concatenate(part) for part in parts])

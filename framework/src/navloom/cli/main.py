@@ -7,6 +7,7 @@ import sys
 import typer
 
 from navloom.cli import (
+    compare,
     config,
     doctor,
     echo,
@@ -37,6 +38,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("run")(run.run)
+app.command("compare", cls=compare.Variadic)(compare.compare)
 app.command("up")(up.up)
 app.command("down")(up.down)
 app.command("goal", context_settings=operate.NUMBERS)(operate.goal)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from navloom.geometry.world import Cylinder, Place, World
 from navloom.worlds.errors import WorldError, did_you_mean, file_of, read_bytes
 
-__all__ = ["barn_world"]
+__all__ = ["barn_numbers", "barn_world"]
 
 _MAX_FILE = 200_000_000
 _MAX_NUMBERS = 10_000_000
@@ -50,6 +50,12 @@ def barn_world(argument: str, base: Path) -> World:
     if not 0 <= first <= last <= len(cylinders):
         raise WorldError(f"{path}: cylinders {first} to {last} of world {number}, expected 0 to {len(cylinders)}")
     return _world(f"barn:{argument}", cylinders[first:last], arrays)
+
+
+def barn_numbers(name: str, base: Path) -> list[int]:
+    """The numbers of a file's worlds, rising. Raises WorldError: the file is missing or damaged."""
+    numbers: list[int] = _Arrays(file_of(name, base)).read("world", (-1,)).astype(np.int64).tolist()
+    return sorted(numbers)
 
 
 def _world(name: str, cylinders: Floats, arrays: _Arrays) -> World:

@@ -1,0 +1,206 @@
+"""`navloom compare`: a closed-loop study of methods over worlds and seeds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from navloom.study.compare import StudyResult
+
+__all__ = ["Variadic", "compare"]
+
+MANY = ("--worlds", "--vary", "--set")
+TOLD = 10.0
+"""s between lines of progress where no terminal is."""
+SHOWN = ("success", "spl", "time", "clearance_min", "collisions")
+
+
+class Variadic(TyperCommand):
+    """Lets an option of several values take them one after the other: `--worlds doorway u_trap`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Name the option again before each further value."""
+        given: list[str] = []
+        option, taken = "", 0
+        for word in args:
+            if word.startswith("-"):
+                option, taken = word if word in MANY else "", 0
+            elif option:
+                given += [option] if taken else []
+                taken += 1
+            given.append(word)
+        return super().parse_args(ctx, given)
+
+
+def compare(
+    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name: paper.")],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH=A,B", help="A role's plugins or alternatives, or a setting's values; repeats."),
+    ] = None,
+    worlds: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REF…", help="Worlds, also clutter:0-49 and barn:F.npz#1-50; default: the config's own."),
+    ] = None,
+    seeds: Annotated[str, typer.Option(metavar="0:10", help="0 to 9, or a list; default: the config's own.")] = "",
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value for all methods; repeats.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDR", help="Run on a Dask cluster, as tcp://10.0.0.5:8786.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder to keep the study in, and to go on from.")
+    ] = None,
+    hang_after: Annotated[
+        float, typer.Option(metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.")
+    ] = 300.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
+) -> None:
+    """Run methods over worlds and seeds in closed loop. The same command goes on where it was interrupted.
+
+    Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2: the request was wrong.
+    """
+    from navloom.cli.output import print_json
+    from navloom.study.compare import plan_study, run_study
+    from navloom.study.pool import PoolError
+    from navloom.study.worldset import seeds_of
+
+    study = plan_study(config, vary or (), worlds or (), seeds_of(seeds) if seeds else (), set_ or ())
+    for method, places in study.dropped.items():
+        if places:
+            belong = "belongs" if len(places) == 1 else "belong"
+            typer.echo(f"navloom: {method}: {', '.join(places)} {belong} to the replaced plugin: dropped", err=True)
+    try:
+        with _executor(scheduler) as executor, _progress(as_json) as progress:
+            result = run_study(study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after)
+    except PoolError as error:
+        typer.echo(f"navloom: {error}", err=True)
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        kept = f"; the same command goes on from {out}" if out is not None else ""
+        typer.echo(f"navloom: interrupted{kept}", err=True)
+        raise typer.Exit(1) from None
+    for note in result.notes:
+        typer.echo(f"navloom: {note}", err=True)
+    if as_json:
+        print_json(_as_json(result, out))
+    else:
+        _print(result, out)
+
+
+def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
+    study = result.study
+    rows = [
+        {**vars(r.key), "outcome": r.outcome, "reason": r.reason, **r.metrics, "trace_sha256": r.trace_sha256}
+        for r in result.rows
+    ]
+    return {
+        **study.request(),
+        "out": None if out is None else str(out),
+        "went_on_from": result.before,
+        "workers_lost": result.lost,
+        "wall_s": result.wall,
+        "summary": result.summary(),
+        "notes": result.notes,
+        "episodes": rows,
+    }
+
+
+def _print(result: StudyResult, out: Path | None) -> None:
+    """A study's result for people."""
+    from navloom.cli.output import print_table
+
+    study = result.study
+    shown = [name for name in SHOWN if name in study.metrics]
+    lines = []
+    for name, found in result.summary().items():
+        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
+        lines.append((name, found["episodes"], *(found["means"][metric] for metric in shown), outcomes))
+    worlds, seeds = len(study.worlds), len(study.seeds)
+    typer.echo(
+        f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} episodes, "
+        f"{result.before} of them from before, in {result.wall:.1f} s; means over episodes"
+    )
+    print_table(("method", "episodes", *shown, "outcomes"), lines)
+    if out is None:
+        typer.echo("not kept: --out DIR keeps the table, and lets the same command go on")
+    else:
+        typer.echo(f"kept in {out}: {', '.join(result.files)}")
+
+
+@contextmanager
+def _executor(address: str | None) -> Iterator[Executor | None]:
+    """The executor of a Dask cluster; None without an address."""
+    if address is None:
+        yield None
+        return
+    from navloom.config import ConfigError
+
+    try:
+        distributed = import_module("distributed")
+    except ImportError:
+        raise ConfigError("--scheduler: needs the extra `cluster`, as in pip install 'navloom[cluster]'") from None
+    try:
+        client = distributed.Client(address, timeout=10.0)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--scheduler {address}: no Dask scheduler answers there: {error}") from None
+    with client:
+        yield client.get_executor()
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Callable[[int, int, float | None], None]]:
+    """Progress on standard error: a bar on a terminal, else a line now and then."""
+    if quiet:
+        yield lambda done, total, left: None
+    elif sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import Progress
+
+        with Progress(console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task("starting", total=None)
+
+            def show(done: int, total: int, left: float | None) -> None:
+                bar.update(task, description=_far(done, total, left), completed=done, total=total)
+
+            yield show
+    else:
+        yield _lines()
+
+
+def _lines() -> Callable[[int, int, float | None], None]:
+    from time import monotonic
+
+    said = monotonic()
+
+    def say(done: int, total: int, left: float | None) -> None:
+        nonlocal said
+        if monotonic() - said >= TOLD:
+            said = monotonic()
+            print(f"navloom: {_far(done, total, left)}", file=sys.stderr)
+
+    return say
+
+
+def _far(done: int, total: int, left: float | None) -> str:
+    """How far a study is, in words."""
+    if left is None:
+        return f"{done} of {total} episodes (the first run compiles kernels, later ones load them)"
+    minutes, seconds = divmod(round(left), 60)
+    return (
+        f"{done} of {total} episodes, {minutes} min {seconds} s left"
+        if minutes
+        else (f"{done} of {total} episodes, {seconds} s left")
+    )

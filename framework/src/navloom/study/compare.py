@@ -1,0 +1,296 @@
+"""A closed-loop study: methods × worlds × seeds, the same for every method, one row an episode."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from navloom.config import ConfigError, Loaded, load_config
+from navloom.config.schema import ROLE_TABLES
+from navloom.plugins import PluginError
+from navloom.runtime.build import System, assemble
+from navloom.runtime.checks import check_task
+from navloom.study.journal import StudyFolder
+from navloom.study.methods import Method, compared, methods_of, toml_value
+from navloom.study.metrics import all_metrics
+from navloom.study.pool import HANG_AFTER, cores, run_on_executor, run_on_processes
+from navloom.study.rows import EpisodeKey, Row, Task
+from navloom.study.worldset import CachedDiscovery, WorldCase, placed, worlds_of
+
+__all__ = ["Study", "StudyResult", "plan_study", "run_study"]
+
+Progress = Callable[[int, int, float | None], None]
+"""Told how many episodes have ended, how many there are, and the time left, s, or None where it is not known yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What is to be run, checked.
+
+    Attributes:
+        config: Path or shipped name of the config.
+        methods, worlds, seeds: Every combination is one episode.
+        metrics: Names, in the order of the table.
+        held_equal: Value by place of the config, of all that is the same for every method.
+        differs: By place, the value of each method that has one.
+        dropped: By method, parameters of the config's that went with the plugin they belong to.
+        versions: Of what an episode depends on.
+        here: Folder that references in no file start from.
+    """
+
+    config: str
+    methods: tuple[Method, ...]
+    worlds: tuple[WorldCase, ...]
+    seeds: tuple[int, ...]
+    metrics: tuple[str, ...]
+    held_equal: dict[str, Any]
+    differs: dict[str, dict[str, Any]]
+    dropped: dict[str, tuple[str, ...]]
+    versions: dict[str, str]
+    here: Path
+
+    @property
+    def keys(self) -> list[EpisodeKey]:
+        """Every episode in the order of the table: by method, world and seed, each as asked."""
+        return [
+            EpisodeKey(m.name, w.ref, seed) for m in self.methods for w in self.worlds for seed in self.seeds
+        ]  # fmt: skip
+
+    def tasks(self) -> list[Task]:
+        """Every episode for a worker, those of one world together."""
+        given = {method.name: method.loaded.to_json() for method in self.methods}
+        token = hashlib.sha256(json.dumps(self.request(), sort_keys=True).encode()).hexdigest()
+        return [
+            Task(token, EpisodeKey(m.name, w.ref, seed), given[m.name], w.values, str(self.here), self.metrics)
+            for w in self.worlds
+            for seed in self.seeds
+            for m in self.methods
+        ]
+
+    def request(self) -> dict[str, Any]:
+        """What was asked, for `study.json`: with equal requests every row is equal.
+
+        `changes` of a method and of a world, and the seed, are what `navloom run` needs as `--set` and `--seed` to
+        drive one episode again.
+        """
+        return {
+            "config": self.config,
+            "methods": {
+                m.name: {"config_sha256": m.loaded.sha256(), "changes": list(m.changes)} for m in self.methods
+            },
+            "worlds": {
+                w.ref: {
+                    "sha256": w.sha256,
+                    "changes": [f"{place}={toml_value(value)}" for place, value in w.values.items()],
+                }
+                for w in self.worlds
+            },
+            "seeds": list(self.seeds),
+            "metrics": list(self.metrics),
+            "held_equal": self.held_equal,
+            "differs": self.differs,
+            "versions": self.versions,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """A study that has been run to its end.
+
+    Attributes:
+        study: What was asked.
+        rows: In the order of the table.
+        before: Episodes that had ended in an earlier call.
+        lost: Workers that died or were killed in this call.
+        wall: Wall time of this call, s.
+        files: Names of what the folder holds.
+    """
+
+    study: Study
+    rows: tuple[Row, ...]
+    before: int
+    lost: int
+    wall: float
+    files: tuple[str, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """By method: episodes, outcomes, and the mean of each metric over the episodes it is defined for."""
+        found = {}
+        for method in self.study.methods:
+            rows = [row for row in self.rows if row.key.method == method.name]
+            means = {}
+            for name in self.study.metrics:
+                values = [value for row in rows if (value := row.metrics[name]) is not None]
+                means[name] = float(np.mean(values)) if values else None
+            outcomes = dict(sorted(Counter(row.outcome for row in rows).items()))
+            found[method.name] = {"episodes": len(rows), "outcomes": outcomes, "means": means}
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        """What went wrong beside episodes: metrics that broke, and on how many episodes."""
+        counts = Counter(note for row in self.rows for note in row.notes)
+        return [f"{note} ({count} episodes)" for note, count in sorted(counts.items())]
+
+
+def plan_study(
+    config: str,
+    vary: Sequence[str] = (),
+    worlds: Sequence[str] = (),
+    seeds: Sequence[int] = (),
+    changes: Sequence[str] = (),
+    say: Callable[[str], None] = lambda text: None,
+) -> Study:
+    """Check a request before anything runs.
+
+    Args:
+        config: Path of a config, or a shipped name.
+        vary: `PATH=a,b,c` each; the methods are their product.
+        worlds: References, ranges among them; default the config's own.
+        seeds: Default the config's own.
+        changes: `PATH=VALUE` each, for all methods.
+        say: Told what is being checked.
+
+    Raises:
+        ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
+    """
+    base = load_config(config, changes)
+    discovery = CachedDiscovery(base.config.plugins.blocked)
+    methods = methods_of(config, vary, changes, discovery)
+    say("reading worlds")
+    cases = worlds_of(base, worlds, discovery)
+    here, single = Path.cwd(), len(methods) == len(cases) == 1
+    say("checking methods")
+    systems = {method.name: _checked(method, cases[0], discovery, here, single) for method in methods}
+    say("checking worlds")
+    for case in cases[1:]:
+        _checked(methods[0], case, discovery, here, single)
+    equal, different = compared(systems)
+    return Study(
+        config,
+        tuple(methods),
+        tuple(cases),
+        tuple(seeds) or (base.config.run.seed,),
+        tuple(metric.name for metric in all_metrics(discovery)),
+        equal,
+        different,
+        {method.name: method.loaded.dropped for method in methods},
+        _versions(systems, discovery),
+        here,
+    )
+
+
+def _checked(method: Method, case: WorldCase, discovery: CachedDiscovery, here: Path, single: bool) -> System:
+    """A method's system in a world. Raises ConfigError that names which of them does not fit."""
+    loaded: Loaded = placed(method.loaded.to_json(), case.values, method.loaded.config.run.seed, here)
+    try:
+        system = assemble(loaded, discovery)
+        check_task(system)
+    except (ConfigError, PluginError) as error:
+        where = "" if single else f"method {method.name} in world {case.ref}: "
+        raise ConfigError(f"{where}{error}") from None
+    return system
+
+
+def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[str, str]:
+    """Of Python, of the numerics, and of the distributions whose plugins are in charge."""
+    owners = {(info.role, info.name): info for info in discovery.infos()}
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in ("navloom", "numpy", "numba", "scipy"):
+        found[name] = version(name)
+    used = {(role, s.config.role_table(role).plugin) for s in systems.values() for role in ROLE_TABLES}
+    for key in sorted(used):
+        if key in owners and owners[key].distribution:
+            found[owners[key].distribution] = owners[key].version
+    return found
+
+
+def run_study(
+    study: Study,
+    out: Path | None = None,
+    *,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    progress: Progress = lambda done, total, left: None,
+    hang_after: float = HANG_AFTER,
+) -> StudyResult:
+    """Run what has not ended before.
+
+    Args:
+        study: Of `plan_study`.
+        out: Folder to keep it in and to go on from; without one nothing is written.
+        jobs: Processes; default one a core.
+        executor: Runs the episodes instead of processes of this machine.
+        progress: Told how far it is, at least twice a second.
+        hang_after: s without a sign of life after which a worker is killed.
+
+    Raises:
+        ConfigError: The folder holds another study, or cannot be used.
+        PoolError: Workers cannot run at all, or the cluster went away. What has ended is kept, as with Ctrl-C.
+    """
+    started = perf_counter()
+    tasks = study.tasks()
+    with StudyFolder(out, study.request()) as folder:
+        todo = [task for task in tasks if task.key not in folder.rows]
+        before, lost = len(tasks) - len(todo), 0
+        clock = _Clock(before, len(tasks), progress)
+
+        def on_row(row: Row) -> None:
+            folder.keep(row)
+            clock.count()
+
+        clock.tell()
+        if executor is not None:
+            run_on_executor(todo, on_row, executor)
+        elif todo:
+            count = min(jobs or cores(), len(todo))
+            lost = run_on_processes(todo, on_row, count, idle=clock.tell, hang_after=hang_after)
+        rows = [folder.rows[key] for key in study.keys]
+        files = folder.finish(rows, study.metrics, _timings(rows, perf_counter() - started, jobs or cores()))
+    return StudyResult(study, tuple(rows), before, lost, perf_counter() - started, tuple(files))
+
+
+class _Clock:
+    """How far a study is, and for how long it will go on."""
+
+    def __init__(self, before: int, total: int, progress: Progress) -> None:
+        self.done, self.total, self.progress = before, total, progress
+        self._first: tuple[int, float] | None = None
+
+    def count(self) -> None:
+        """One more episode. The first one's time is that of imports and compilation, so it is not counted with."""
+        self.done += 1
+        if self._first is None:
+            self._first = (self.done, perf_counter())
+        self.tell()
+
+    def tell(self) -> None:
+        """Say where it is."""
+        left = None
+        if self._first is not None and self.done > self._first[0]:
+            each = (perf_counter() - self._first[1]) / (self.done - self._first[0])
+            left = each * (self.total - self.done)
+        self.progress(self.done, self.total, left)
+
+
+def _timings(rows: Sequence[Row], wall: float, jobs: int) -> dict[str, Any]:
+    """Everything that is not the same the next time."""
+    spent = sum(float(row.timing.get("wall_s", 0.0)) for row in rows)
+    return {
+        "wall_s": wall,
+        "episodes_wall_s": spent,
+        "jobs": jobs,
+        "machine": {"cores": cores(), "processor": platform.processor() or platform.machine()},
+        "episodes": [{**vars(row.key), **row.timing} for row in rows],
+    }

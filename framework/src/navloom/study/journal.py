@@ -1,0 +1,160 @@
+"""The folder of a study: what was asked, a journal that grows as episodes end, and the tables made of it."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from navloom.config import ConfigError
+from navloom.study.rows import EpisodeKey, Row
+
+__all__ = ["StudyFolder", "table_of"]
+
+SHOWN = 3
+"""Differences that a refusal names."""
+
+
+class StudyFolder:
+    """Keeps `study.json`, `journal.jsonl`, `episodes.csv` and `timing.json`; without a folder nothing is written.
+
+    Args:
+        folder: Where, or None.
+        request: What was asked, as `study.json` says it: a folder with another request is refused.
+
+    Raises:
+        ConfigError: On entering: the folder holds another study, is no study's, is in use, or cannot be written.
+    """
+
+    def __init__(self, folder: Path | None, request: dict[str, Any]) -> None:
+        self.folder, self.request = folder, json.loads(json.dumps(request))
+        self.rows: dict[EpisodeKey, Row] = {}
+        self._journal: IO[bytes] | None = None
+
+    def __enter__(self) -> StudyFolder:
+        if self.folder is not None:
+            try:
+                self._open(self.folder)
+            except OSError as error:
+                self._close()
+                raise ConfigError(f"--out {self.folder}: cannot be used: {error.strerror}; name a folder") from None
+            except ConfigError:
+                self._close()
+                raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+
+    def keep(self, row: Row) -> None:
+        """Take an episode that has ended: it is in the journal when this returns."""
+        self.rows[row.key] = row
+        if self._journal is not None:
+            self._journal.write(json.dumps(row.to_json(), ensure_ascii=False).encode() + b"\n")
+            self._journal.flush()
+
+    def finish(self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any]) -> list[str]:
+        """Write the tables of a whole study, each at once. Gives the names of all files that are there now."""
+        if self.folder is None:
+            return []
+        _write(self.folder / "timing.json", json.dumps(timing, indent=1) + "\n")
+        _write(self.folder / "episodes.csv", table_of(rows, metrics))
+        return ["episodes.csv", "study.json", "timing.json", "journal.jsonl"]
+
+    def _open(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        told, journal = folder / "study.json", folder / "journal.jsonl"
+        foreign = [entry.name for entry in folder.iterdir() if entry.stat().st_size or entry.is_dir()]
+        if foreign and not told.exists():
+            raise ConfigError(f"--out {folder}: holds {foreign[0]} and no study; name an empty or a new folder")
+        self._journal = journal.open("a+b")
+        try:
+            fcntl.flock(self._journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigError(f"--out {folder}: another navloom compare writes there; name another") from None
+        if told.exists():
+            self._check(told)
+            self._read(self._journal)
+        else:
+            _write(told, json.dumps(self.request, indent=1, ensure_ascii=False) + "\n")
+
+    def _check(self, told: Path) -> None:
+        try:
+            before = json.loads(told.read_text("utf-8"))
+        except ValueError:
+            raise ConfigError(f"{told}: damaged; name another folder with --out") from None
+        found = list(_differences(before, self.request))
+        if found:
+            more = f" (and {len(found) - SHOWN} more)" if len(found) > SHOWN else ""
+            raise ConfigError(
+                f"--out {self.folder}: holds another study: {'; '.join(found[:SHOWN])}{more}; "
+                "ask for the same again to go on with it, or name another folder"
+            )
+
+    def _read(self, journal: IO[bytes]) -> None:
+        """Take over what has ended before; what comes after the first line that is cut short never ended."""
+        journal.seek(0)
+        whole = 0
+        for line in journal:
+            try:
+                row = Row.from_json(json.loads(line)) if line.endswith(b"\n") else None
+            except (ValueError, KeyError, TypeError):
+                row = None
+            if row is None:
+                break
+            self.rows[row.key] = row
+            whole += len(line)
+        journal.truncate(whole)
+
+    def _close(self) -> None:
+        if self._journal is not None:
+            self._journal.close()
+            self._journal = None
+
+
+def table_of(rows: Sequence[Row], metrics: Sequence[str]) -> str:
+    """Rows as CSV: numbers to 12 digits, empty where a metric is not defined."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["method", "world", "seed", "outcome", "reason", *metrics, "trace_sha256"])
+    for row in rows:
+        values = ["" if (value := row.metrics[name]) is None else f"{value:.12g}" for name in metrics]
+        key = row.key
+        writer.writerow([key.method, key.world, key.seed, row.outcome, row.reason, *values, row.trace_sha256])
+    return text.getvalue()
+
+
+def _differences(before: Any, now: Any, place: str = "") -> list[str]:
+    """Where two requests differ: place, what it was, what it is."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        found: list[str] = []
+        for key in [*before, *(key for key in now if key not in before)]:
+            inner = f"{place}.{key}" if place else str(key)
+            if key in before and key in now:
+                found += _differences(before[key], now[key], inner)
+            else:
+                found.append(f"{inner} is new" if key in now else f"{inner} is gone")
+        return found
+    if before == now:
+        return []
+    return [f"{place} was {_brief(before)}, now {_brief(now)}"]
+
+
+def _brief(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 80 else text[:77] + "…"
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    draft = path.with_name(f".{path.name}.part")
+    draft.write_text(text, "utf-8")
+    os.replace(draft, path)

@@ -1,0 +1,223 @@
+"""What a study compares: methods, made of variations of one config."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from navloom.config import ConfigError, Loaded, load_config
+from navloom.config.loader import leaves
+from navloom.config.schema import ROLE_TABLES, AlternativeTable
+from navloom.plugins import Discovery
+from navloom.plugins.registry import nearest
+from navloom.runtime.build import System
+
+__all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
+
+OF_THE_EPISODE = ("world.", "run.seed", "navigation.start", "navigation.goal", "navigation.via", "alternative")
+"""Places that are set by episode, alike for all methods, or that no method uses: neither equal nor different."""
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """One way to drive.
+
+    Attributes:
+        name: Short, unique in the study.
+        changes: What `--set` would need to make it of the config file.
+        loaded: The config that comes of it.
+    """
+
+    name: str
+    changes: tuple[str, ...]
+    loaded: Loaded
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One `--vary`: a place of the config, or a role, and its values as text."""
+
+    place: str
+    values: tuple[str, ...]
+
+
+def variation_of(text: str) -> Variation:
+    """Read `PATH=a,b,c`; commas within brackets, braces and quotes do not separate.
+
+    Raises:
+        ConfigError: No path, no value, an empty value, or one twice.
+    """
+    place, equals, values = text.partition("=")
+    place = place.strip()
+    found = [value.strip() for value in _split(values)]
+    if not equals or not place or not all(found):
+        raise ConfigError(
+            f"--vary {text}: expected PATH=VALUE,VALUE, as in --vary avoider=vff,vfh or --vary controller.k3=0.3,0.6"
+        )
+    for value in found:
+        if found.count(value) > 1:
+            raise ConfigError(f"--vary {text}: {value} is there twice, expected different values")
+    return Variation(place, tuple(found))
+
+
+def _split(text: str) -> list[str]:
+    """The parts between commas that are in no bracket, brace or quotes."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        depth += (letter in "[{") - (letter in "]}") if not quote else 0
+        if letter == "," and not depth and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
+
+
+def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], discovery: Discovery) -> list[Method]:
+    """Every combination of the variations' values, in the order they are written, the last one changing fastest.
+
+    A role's values are plugins, or the names of `[[alternative]]` tables of that role, which take the role's table's
+    place. Alternatives that no event names are left out: in a study nothing runs beside the method.
+
+    Args:
+        reference: Path of a config, or a shipped name.
+        vary: As `--vary`.
+        changes: As `--set`, for all methods.
+        discovery: Plugins.
+
+    Raises:
+        ConfigError: A place or value that does not fit, with the nearest that does.
+    """
+    base = load_config(reference, changes)
+    variations = [variation_of(text) for text in vary]
+    _check_places(variations)
+    spare, common = _alternatives(base, changes)
+    methods = []
+    for values in product(*(variation.values for variation in variations)):
+        chosen = list(zip(variations, values, strict=True))
+        roles = [_role_change(base, v.place, value, discovery) for v, value in chosen if v.place in ROLE_TABLES]
+        taken = {(v.place, value) for v, value in chosen}
+        kept = [table for table in spare if (table.role, table.instance) not in taken]
+        shelf = [f"alternative={toml_value([_dump(table) for table in kept])}"] if base.config.alternative else []
+        settings = [f"{v.place}={value}" for v, value in chosen if v.place not in ROLE_TABLES]
+        name = "+".join(_label(v.place, value) for v, value in chosen) or "as_configured"
+        every = (*shelf, *(change for change in roles if change), *common, *settings)
+        methods.append(Method(name, every, _load(reference, every, name if chosen else "")))
+    names = [method.name for method in methods]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"--vary: two methods would be named {name!r}; choose values that differ in name")
+    return methods
+
+
+def _load(reference: str, changes: Sequence[str], name: str) -> Loaded:
+    try:
+        return load_config(reference, changes)
+    except ConfigError as error:
+        raise ConfigError(f"method {name}: {error}" if name else str(error)) from None
+
+
+def _check_places(variations: Sequence[Variation]) -> None:
+    places = [variation.place for variation in variations]
+    for place in places:
+        if places.count(place) > 1:
+            raise ConfigError(f"--vary {place}: is given twice; name all its values once, as in --vary {place}=a,b")
+        if place in ("run.seed", "world.ref", "run", "world"):
+            option = "--seeds 0:10" if place.startswith("run") else "--worlds REF REF"
+            raise ConfigError(f"--vary {place}: is no method; give {option} instead")
+        if place.partition(".")[0] == "alternative":
+            raise ConfigError(f"--vary {place}: alternatives run beside a method; vary the role, as in avoider=NAME")
+
+
+def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[AlternativeTable], list[str]]:
+    """Alternatives that events need, and the changes that are not in the tables yet."""
+    named = {(event.role, event.name) for event in base.config.event if event.name}
+    spare = [table for table in base.config.alternative if (table.role, table.instance) in named]
+    if not base.config.alternative:
+        return spare, list(changes)
+    return spare, [change for change in changes if change.partition("=")[0].partition(".")[0].strip() != "alternative"]
+
+
+def _role_change(base: Loaded, role: str, value: str, discovery: Discovery) -> str:
+    """The change that makes a plugin or alternative the one in charge; empty where it is already."""
+    active = base.config.role_table(role)
+    if value == active.instance:
+        return ""
+    spare = {table.instance: table for table in base.config.alternative if table.role == role}
+    if value in spare:
+        table = {key: entry for key, entry in _dump(spare[value]).items() if key not in ("role", "shadow")}
+        return f"{role}={toml_value(table)}"
+    known = discovery.names(role)
+    if value not in known:
+        raise ConfigError(
+            f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name"
+            f"{nearest(value, [*known, *spare, active.instance])}"
+        )
+    return f"{role}.plugin={toml_value(value)}"
+
+
+def _dump(table: AlternativeTable) -> dict[str, Any]:
+    return table.model_dump(mode="json", exclude_unset=True)
+
+
+def _label(place: str, value: str) -> str:
+    """A value as a method's name: itself for a plugin, `key=value` for a setting."""
+    return value if place in ROLE_TABLES or place.endswith(".plugin") else f"{place.rpartition('.')[2]}={value}"
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML on one line.
+
+    Args:
+        value: Text, number, truth value, or lists and tables of these.
+    """
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, (bool, str)):
+        return json.dumps(value)
+    return repr(value)
+
+
+def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """What is the same for all methods and what is not, computed from their full configs with every default.
+
+    Args:
+        systems: By name of the method.
+
+    Returns:
+        Values by dotted place that are equal for all; and, by place, the values by method of the others. A place that
+        a method does not have, as a parameter of another plugin, has no entry for it.
+    """
+    full = {name: _full(system) for name, system in systems.items()}
+    places = sorted({place for values in full.values() for place in values})
+    equal, different = {}, {}
+    for place in places:
+        found = {name: values[place] for name, values in full.items() if place in values}
+        entries = list(found.values())
+        if len(found) == len(full) and all(entry == entries[0] for entry in entries):
+            equal[place] = entries[0]
+        else:
+            different[place] = found
+    return equal, different
+
+
+def _full(system: System) -> dict[str, Any]:
+    """Every value that holds by dotted place, parameters of the plugins in charge with their defaults."""
+    tree = system.config.model_dump(mode="json")
+    for role in ROLE_TABLES:
+        part = system.parts[(role, system.config.role_table(role).instance)]
+        tree[role] = {**tree[role], **part.params.model_dump(mode="json"), "name": part.table.instance}
+    del tree["live"]
+    return dict(_of_methods(leaves(tree)))
+
+
+def _of_methods(found: Iterable[tuple[str, Any]]) -> Iterable[tuple[str, Any]]:
+    return ((place, value) for place, value in found if not place.startswith(OF_THE_EPISODE))

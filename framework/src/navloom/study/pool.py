@@ -1,0 +1,338 @@
+"""Processes that run episodes, one each at a time, and what happens when one of them dies or hangs."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, Executor, as_completed
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from navloom.study.rows import Row, Task, episode_row, lost_row
+
+__all__ = ["Agenda", "PoolError", "Workers", "cores", "run_on_executor", "run_on_processes"]
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+BEAT = 1.0
+"""s between signs of life of an episode."""
+HANG_AFTER = 300.0
+"""s without a sign of life before a worker is killed: longer than the slowest compilation of one plugin."""
+SETTLED = 16
+"""Episodes after which a worker has loaded whatever it keeps."""
+GROWTH = 256 * 2**20
+"""Bytes a worker may grow by after that before it is replaced."""
+COLLECTED = 8
+"""Episodes between collections of garbage."""
+STILLBORN = 3
+"""Workers in a row that end before their first episode until the study is given up."""
+
+
+class PoolError(RuntimeError):
+    """Episodes cannot be run at all here; the text says why."""
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Agenda:
+    """Episodes still to run. A worker stays in its world as long as there are any: it has parsed it already."""
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        self._by_world: dict[str, deque[Task]] = {}
+        for task in tasks:
+            self._by_world.setdefault(task.key.world, deque()).append(task)
+        self._begun: set[str] = set()
+
+    def __len__(self) -> int:
+        return sum(map(len, self._by_world.values()))
+
+    def take(self, world: str | None) -> Task | None:
+        """The next episode for a worker that was in a world: of the same, of a fresh one, or of the fullest."""
+        if not self._by_world:
+            return None
+        if world not in self._by_world:
+            fresh = [name for name in self._by_world if name not in self._begun]
+            world = fresh[0] if fresh else max(self._by_world, key=lambda name: len(self._by_world[name]))
+        assert world is not None
+        self._begun.add(world)
+        left = self._by_world[world]
+        task = left.popleft()
+        if not left:
+            del self._by_world[world]
+        return task
+
+
+@dataclass(eq=False)
+class Worker:
+    """One process, seen from outside."""
+
+    process: BaseProcess
+    connection: Connection
+    is_ready: bool = False
+    task: Task | None = None
+    world: str | None = None
+    seen: float = field(default_factory=monotonic)
+    began: float = 0.0
+    episodes: int = 0
+    settled: int = 0
+
+    def has_grown(self, resident: int) -> bool:
+        """Whether it should be replaced, from its resident memory, bytes, after an episode."""
+        self.episodes += 1
+        if self.episodes <= SETTLED:
+            self.settled = max(self.settled, resident)
+        return self.episodes > SETTLED and resident > self.settled + GROWTH
+
+
+class Workers:
+    """A few processes at work on an agenda.
+
+    Args:
+        agenda: What to run.
+        jobs: Processes.
+        on_row: Told of every episode that ended, in the order they end.
+        hang_after: s without a sign of life after which a worker is killed.
+    """
+
+    def __init__(
+        self, agenda: Agenda, jobs: int, on_row: Callable[[Row], None], hang_after: float = HANG_AFTER
+    ) -> None:
+        self.agenda, self.jobs, self.on_row, self.hang_after = agenda, jobs, on_row, hang_after
+        self.workers: list[Worker] = []
+        self.lost = 0
+        self._stillborn = 0
+        self._context = multiprocessing.get_context("spawn")
+
+    def run(self, idle: Callable[[], None] = lambda: None) -> None:
+        """Run everything. `idle` is called at least twice a second.
+
+        Raises:
+            PoolError: Workers end before they can begin.
+        """
+        try:
+            while True:
+                self._fill()
+                if not self.workers:
+                    return
+                handles: list[Any] = [handle for w in self.workers for handle in (w.connection, w.process.sentinel)]
+                ready = set(wait(handles, timeout=0.5))
+                for worker in list(self.workers):
+                    if worker.connection in ready or worker.process.sentinel in ready:
+                        self._hear(worker)
+                    elif monotonic() - worker.seen > self._patience(worker):
+                        self._give_up(worker)
+                idle()
+        finally:
+            self.end()
+
+    def end(self) -> None:
+        """Kill what still runs: an episode under way is run again when the study goes on."""
+        for worker in self.workers:
+            worker.process.kill()
+        for worker in self.workers:
+            worker.process.join()
+            worker.connection.close()
+        self.workers.clear()
+
+    def _fill(self) -> None:
+        """Processes for what waits; those with nothing to do end."""
+        for worker in [w for w in self.workers if w.is_ready and w.task is None]:
+            self._employ(worker)
+        starting = sum(not worker.is_ready for worker in self.workers)
+        for _ in range(min(self.jobs - len(self.workers), len(self.agenda) - starting)):
+            self.workers.append(self._start())
+
+    def _start(self) -> Worker:
+        ours, theirs = self._context.Pipe()
+        process = self._context.Process(target=serve, args=(theirs,), daemon=True, name="navloom episodes")
+        with _one_thread():
+            process.start()
+        theirs.close()
+        return Worker(process, ours)
+
+    def _employ(self, worker: Worker) -> None:
+        worker.task = self.agenda.take(worker.world)
+        if worker.task is None:
+            self._retire(worker)
+            return
+        worker.world = worker.task.key.world
+        worker.began = worker.seen = monotonic()
+        # A worker that has died meanwhile is noticed by its end of file, together with this task.
+        with suppress(OSError):
+            worker.connection.send(worker.task)
+
+    def _hear(self, worker: Worker) -> None:
+        kind, value, resident = _word_of(worker.connection)
+        worker.seen = monotonic()
+        if kind == "ready":
+            worker.is_ready, self._stillborn = True, 0
+        elif kind == "row":
+            worker.task = None
+            self.on_row(value)
+            if worker.has_grown(resident):
+                self._retire(worker)
+        elif kind == "dead":
+            self._bury(worker, "")
+
+    def _patience(self, worker: Worker) -> float:
+        """s without a sign of life that a worker is allowed: what bounds episodes does not bound imports."""
+        return self.hang_after if worker.task is not None else max(self.hang_after, HANG_AFTER)
+
+    def _give_up(self, worker: Worker) -> None:
+        worker.process.kill()
+        self._bury(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
+
+    def _bury(self, worker: Worker, reason: str) -> None:
+        """Take a dead worker out; what it was at is lost."""
+        worker.process.join()
+        worker.connection.close()
+        self.workers.remove(worker)
+        how = _ending(worker.process.exitcode)
+        if worker.task is not None:
+            self.lost += 1
+            self.on_row(lost_row(worker.task, reason or f"the worker process {how}", monotonic() - worker.began))
+        elif not worker.is_ready:
+            self._stillborn += 1
+            if self._stillborn >= STILLBORN:
+                raise PoolError(
+                    f"{STILLBORN} worker processes in a row ended before they were ready; the last {how}; its error "
+                    'is above; a script must start its study below `if __name__ == "__main__":`'
+                )
+
+    def _retire(self, worker: Worker) -> None:
+        with suppress(OSError):
+            worker.connection.send(None)
+        self.workers.remove(worker)
+        worker.process.join(5.0)
+        if worker.process.exitcode is None:
+            worker.process.kill()
+            worker.process.join()
+        worker.connection.close()
+
+
+def _word_of(connection: Connection) -> tuple[str, Any, int]:
+    """What a worker says: "ready", "alive" or "row", with a row and its resident memory; "dead" at its end."""
+    try:
+        kind, value, resident = connection.recv() if connection.poll() else ("dead", None, 0)
+    except (EOFError, OSError):
+        return "dead", None, 0
+    return kind, value, resident
+
+
+def _ending(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"ended with exit code {code}"
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Processes started within use one thread each: as many episodes as cores run already."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def serve(connection: Connection) -> None:
+    """What a worker does: take a task, give a row, until there is none or nobody asks any more."""
+    # Ctrl-C reaches the whole group: it is for the one who keeps the journal. Plugins that print must not spoil --json.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(2, 1)
+    said = 0.0
+
+    def beat() -> None:
+        nonlocal said
+        if monotonic() - said > BEAT:
+            said = monotonic()
+            connection.send(("alive", None, 0))
+
+    with suppress(EOFError, OSError):
+        connection.send(("ready", None, 0))
+        count = 0
+        while (task := connection.recv()) is not None:
+            row = episode_row(task, beat)
+            count += 1
+            if count % COLLECTED == 0:
+                gc.collect()
+            if count == SETTLED:
+                # What has lived this long is modules and kernels: later collections need not walk them again.
+                gc.freeze()
+            connection.send(("row", row, _resident()))
+
+
+def _resident() -> int:
+    """Resident memory of this process, bytes; 0 where the system does not say."""
+    try:
+        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0
+
+
+def run_on_processes(
+    tasks: Iterable[Task],
+    on_row: Callable[[Row], None],
+    jobs: int,
+    *,
+    idle: Callable[[], None] = lambda: None,
+    hang_after: float = HANG_AFTER,
+) -> int:
+    """Run episodes on processes of this machine.
+
+    Args:
+        tasks: Which.
+        on_row: Told of every episode that ended, in the order they end.
+        jobs: Processes.
+        idle: Called at least twice a second.
+        hang_after: s without a sign of life after which a worker is killed.
+
+    Returns:
+        Workers that were lost.
+
+    Raises:
+        PoolError: Workers end before they can begin.
+    """
+    workers = Workers(Agenda(tasks), jobs, on_row, hang_after)
+    workers.run(idle)
+    return workers.lost
+
+
+def run_on_executor(tasks: Iterable[Task], on_row: Callable[[Row], None], executor: Executor) -> None:
+    """Run episodes on an executor, as that of a Dask cluster. A task that its workers die of is lost.
+
+    Raises:
+        PoolError: The executor went away; what has ended is kept.
+    """
+    futures = {executor.submit(episode_row, task): task for task in tasks}
+    try:
+        for future in as_completed(futures):
+            try:
+                row = future.result()
+            except CancelledError:
+                raise PoolError("the cluster went away; the same command goes on with what is left") from None
+            except Exception as error:
+                # What a cluster says of a task it lost names hosts and ports, which are others the next time.
+                kind = type(error).__name__
+                told = f"{kind}: {error}" if isinstance(error, ValueError) else f"the cluster lost it: {kind}"
+                row = lost_row(futures[future], told)
+            on_row(row)
+    finally:
+        for future in futures:
+            future.cancel()

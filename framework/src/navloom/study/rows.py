@@ -1,0 +1,198 @@
+"""One episode of a study: what a worker is told, and the row it gives back, whatever happens in the episode."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from navloom.plugins import PluginError
+from navloom.plugins.registry import nearest
+from navloom.study.episode import run_episode
+from navloom.study.metrics import Metric, all_metrics, timing
+from navloom.study.trail import Trail, lost_trail, optimal_of, trail_of
+from navloom.study.worldset import CachedDiscovery, placed
+
+__all__ = ["EpisodeKey", "Row", "Task", "episode_row", "lost_row"]
+
+ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
+Progress = Callable[[], None]
+
+
+@dataclass(frozen=True, order=True)
+class EpisodeKey:
+    """Which episode of a study."""
+
+    method: str
+    world: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything a worker needs for one episode, on whatever machine it is.
+
+    Attributes:
+        study: Hash of the request it belongs to: what is cached for one study does not serve another.
+        key: Which.
+        config: The method's, of `Loaded.to_json`.
+        values: What the world changes, of `WorldCase`.
+        here: Folder that references which are in no file start from.
+        metrics: Names, in the order of the table.
+    """
+
+    study: str
+    key: EpisodeKey
+    config: dict[str, Any]
+    values: dict[str, Any]
+    here: str
+    metrics: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes:
+        key: Which episode.
+        outcome, reason: How it ended; `error` with its cause where nothing ran to an end.
+        metrics: By name; None where a metric is not defined for it.
+        trace_sha256: Of the trace, empty where there is none.
+        timing: Wall times, µs and s: not reproducible, and not in the table.
+        notes: Metrics that broke.
+    """
+
+    key: EpisodeKey
+    outcome: str
+    reason: str
+    metrics: dict[str, float | None]
+    trace_sha256: str
+    timing: dict[str, float | bool] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """For the journal."""
+        return {**vars(self.key), **{name: value for name, value in vars(self).items() if name != "key"}}
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any]) -> Row:
+        """From the journal. Raises KeyError or TypeError for anything else."""
+        rest = {name: given[name] for name in ("outcome", "reason", "metrics", "trace_sha256", "timing")}
+        key = EpisodeKey(given["method"], given["world"], given["seed"])
+        return cls(key, **rest, notes=tuple(given["notes"]))
+
+
+def episode_row(task: Task, progress: Progress = lambda: None) -> Row:
+    """Run one episode. A plugin that breaks, wherever it does, costs the episode only.
+
+    Args:
+        task: Which.
+        progress: Called now and then while it gets on.
+    """
+    started = perf_counter()
+    discovery = _shared(task).discovery
+    try:
+        loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
+        episode = run_episode(
+            loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress()
+        )
+        progress()
+        trail = trail_of(episode)
+    except (Exception, SystemExit) as error:
+        return lost_row(task, f"{type(error).__name__}: {error}", perf_counter() - started)
+    return _row(task, trail, episode.log.trace_sha256, perf_counter() - started)
+
+
+def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
+    """The row of an episode that came to no end: a plugin that cannot be made, a worker that was killed.
+
+    Args:
+        task: Which.
+        reason: Why.
+        spent: Wall time, s.
+    """
+    discovery = _shared(task).discovery
+    loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
+    config = loaded.config
+    trail = lost_trail(
+        "error",
+        _one_line(reason),
+        period=config.run.period,
+        limit=config.run.stop_after,
+        max_linear=config.robot.max_linear,
+        max_deceleration=config.robot.max_deceleration,
+        reaction=config.gate.stop_deadline,
+        optimal=_optimal(loaded, discovery),
+    )
+    return _row(task, trail, "", spent)
+
+
+def _optimal(loaded: Any, discovery: CachedDiscovery) -> float | None:
+    """Shortest way, m; None also where the config cannot be assembled at all."""
+    from navloom.runtime.build import assemble
+
+    try:
+        return optimal_of(assemble(loaded, discovery))
+    except (Exception, SystemExit):
+        return None
+
+
+def _row(task: Task, trail: Trail, trace: str, spent: float) -> Row:
+    found: dict[str, float | None] = {}
+    notes: list[str] = []
+    for metric in _metrics(task):
+        found[metric.name] = _measured(metric, trail, notes)
+    return Row(
+        task.key, trail.outcome, _one_line(trail.reason), found, trace, {**timing(trail), "wall_s": spent}, tuple(notes)
+    )
+
+
+def _measured(metric: Metric, trail: Trail, notes: list[str]) -> float | None:
+    """A metric's value; one that breaks costs its cell."""
+    from navloom.study.metrics import measure
+
+    try:
+        return measure(trail, (metric,))[metric.name]
+    except Exception as error:
+        broken = f"metric {metric.name} failed: {type(error).__name__}: {error}"
+        notes.append(_one_line(str(error) if isinstance(error, ValueError) else broken))
+        return None
+
+
+def _one_line(text: str) -> str:
+    """A reason that is the same in every process: on one line, without addresses of objects."""
+    return ADDRESS.sub("0x…", " ".join(text.split()))
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What one study's episodes share in a process: a worker lives for many, and imports plugins once."""
+
+    discovery: CachedDiscovery
+    metrics: dict[str, Metric]
+
+
+_SHARED: dict[str, Shared] = {}
+"""By study, the newest only: world files and plugins may have changed since an older one."""
+
+
+def _metrics(task: Task) -> list[Metric]:
+    """Those of the table, in its order. Raises PluginError for one that is not installed here."""
+    known = _shared(task).metrics
+    for name in task.metrics:
+        if name not in known:
+            raise PluginError(f"metric {name!r} of the study is not installed on this worker{nearest(name, [*known])}")
+    return [known[name] for name in task.metrics]
+
+
+def _shared(task: Task) -> Shared:
+    shared = _SHARED.get(task.study)
+    if shared is None:
+        discovery = CachedDiscovery(task.config["config"].get("plugins", {}).get("blocked", ()))
+        shared = Shared(discovery, {metric.name: metric for metric in all_metrics(discovery)})
+        _SHARED.clear()
+        _SHARED[task.study] = shared
+    return shared

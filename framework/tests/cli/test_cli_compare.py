@@ -1,0 +1,157 @@
+"""`navloom compare` as people and scripts use it. What a worker does is tested without the command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from navloom.cli import main
+from navloom.study import compare
+
+CONFIG = """
+[run]
+stop_after = 20.0
+
+[world]
+ref = "empty"
+
+[mapper]
+plugin = "known_map"
+
+[controller]
+plugin = "kanayama"
+k_y = 20.0
+
+[navigation]
+start = { x = 0.0, y = 0.0, heading_deg = 90.0 }
+goal = { x = 0.0, y = 1.0 }
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+layout = "p3dx"
+"""
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> str:
+    path = tmp_path / "robot.toml"
+    path.write_text(CONFIG, "utf-8")
+    return str(path)
+
+
+@pytest.fixture
+def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """The command with its episodes in this process: gives exit code, output and errors."""
+    real = compare.run_study
+
+    def in_thread(study: compare.Study, out: Path | None, **options: Any) -> compare.StudyResult:
+        with ThreadPoolExecutor(1) as executor:
+            return real(study, out, executor=executor, progress=options["progress"])
+
+    monkeypatch.setattr(compare, "run_study", in_thread)
+
+    def run(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["navloom", "compare", *words])
+        with pytest.raises(SystemExit) as caught:
+            main()
+        said = capsys.readouterr()
+        return int(caught.value.code or 0), said.out, said.err
+
+    return run
+
+
+def test_json_has_every_row_and_the_request(navloom: Run, config: str, tmp_path: Path) -> None:
+    out = tmp_path / "study"
+    words = ("--vary", "controller=kanayama,lyapunov_tracker", "--worlds", "empty", "corridor", "--seeds", "0:2")
+    code, said, _ = navloom(config, *words, "--out", str(out), "--json")
+    found = json.loads(said)
+    assert code == 0
+    assert [(row["method"], row["world"], row["seed"]) for row in found["episodes"][:3]] == [
+        ("kanayama", "empty", 0),
+        ("kanayama", "empty", 1),
+        ("kanayama", "corridor", 0),
+    ]
+    assert len(found["episodes"]) == 8
+    assert found["summary"]["kanayama"]["episodes"] == 4
+    assert found["summary"]["kanayama"]["outcomes"] == {"succeeded": 4}
+    assert found["held_equal"]["robot.max_linear"] == 0.5
+    assert json.loads((out / "study.json").read_text("utf-8")).items() <= found.items()
+
+
+def test_people_are_told_what_came_of_it_and_what_was_dropped(navloom: Run, config: str, tmp_path: Path) -> None:
+    out = tmp_path / "study"
+    words = (config, "--vary", "controller=kanayama,lyapunov_tracker", "--out", str(out))
+    code, said, errors = navloom(*words)
+    assert code == 0
+    assert "2 methods x 1 worlds x 1 seeds: 2 episodes, 0 of them from before" in said
+    assert "lyapunov_tracker: controller.k_y belongs to the replaced plugin: dropped" in errors
+    assert f"kept in {out}: episodes.csv, study.json, timing.json, journal.jsonl" in said
+    _, again, _ = navloom(*words)
+    assert "2 of them from before" in again
+
+
+def test_without_a_folder_nothing_is_written(
+    navloom: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    code, said, _ = navloom(config)
+    assert code == 0 and "not kept" in said
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("papr",), "did you mean 'paper'"),
+        (("paper", "--vary", "avoider=improved_vf"), "did you mean 'improved_vfh'"),
+        (("paper", "--worlds", "empty", "dorway", "--seeds", "0:2"), "did you mean 'doorway'"),
+        (("paper", "--seeds", "2:1"), "END is not one"),
+        (("paper", "--vary", "controller.k33=1"), "did you mean 'k3'"),
+        (("paper", "--jobs", "0"), "--jobs"),
+    ],
+    ids=["config", "plugin", "world", "seeds", "setting", "jobs"],
+)
+def test_a_wrong_request_is_one_message_and_exit_2(
+    navloom: Run, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], told: str
+) -> None:
+    monkeypatch.delattr(compare, "run_on_executor")
+    code, _, errors = navloom(*words)
+    assert code == 2
+    assert told in errors
+    assert "Traceback" not in errors
+
+
+def test_another_study_in_the_folder_is_exit_2(navloom: Run, config: str, tmp_path: Path) -> None:
+    out = str(tmp_path / "study")
+    assert navloom(config, "--out", out)[0] == 0
+    code, _, errors = navloom(config, "--seeds", "3", "--out", out)
+    assert code == 2
+    assert "holds another study: seeds was [0], now [3]" in errors
+
+
+def test_interrupted_says_how_to_go_on(
+    navloom: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*given: Any, **options: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(compare, "run_study", stop)
+    code, _, errors = navloom(config, "--out", str(tmp_path / "study"))
+    assert code == 1
+    assert errors == f"navloom: interrupted; the same command goes on from {tmp_path / 'study'}\n"
+
+
+def test_without_dask_the_extra_is_named(navloom: Run, config: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    code, _, errors = navloom(config, "--scheduler", "tcp://127.0.0.1:1")
+    assert code == 2
+    assert "navloom[cluster]" in errors

@@ -186,9 +186,7 @@ def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
     if first == 0:
         second = os.fork()
         if second:
-            os.setpgid(
-                second, second
-            )  # done before anybody knows its number
+            os.setpgid(second, second)  # done before anybody knows its number
             os.write(writing, b"%d" % second)
             os._exit(0)
         for number in (line.fileno(), reading, writing):

@@ -209,12 +209,19 @@ class LiveRun:
                 self._catch_up(client)
             if self._ended or (self.feedback is not None and self.feedback.goal_id):
                 idle_since = time.monotonic()
-            while self._ended:
-                self.log.results = [self._ended.popleft()]
-                if tell is not None:
-                    tell(self._episode())
+            self._tell_ended(tell)
             if until_idle and not requests and time.monotonic() - idle_since > QUIET:
                 return
+        self._take()
+        if self.feedback is not None and self.feedback.goal_id:
+            self._catch_up(client)  # its result may be on the way
+        self._tell_ended(tell)
+
+    def _tell_ended(self, tell: Callable[[Episode], None] | None) -> None:
+        while self._ended:
+            self.log.results = [self._ended.popleft()]
+            if tell is not None:
+                tell(self._episode())
 
     def _catch_up(self, client: Client) -> None:
         """Take in what came while the network was down."""

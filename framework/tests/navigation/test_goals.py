@@ -23,9 +23,11 @@ from navloom.messages import (
     PoseEstimate,
     RecoveryStep,
     Reference,
+    Trajectory,
     Twist2D,
 )
 from navloom.navigation.goals import GoalMachine, GoalRules, Seen
+from navloom.navigation.replanning import ReplanRules
 
 RULES = GoalRules(
     tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
@@ -241,3 +243,94 @@ def test_feedback_comes_with_each_change_and_at_its_rate() -> None:
     assert quiet == []
     (feedback,) = [m for p, m in machine.step(seen(2.5, reference=reference(2, 2.0))) if p == "feedback"]
     assert (feedback.distance, feedback.time_left) == (2.0, 5.0)  # type: ignore[attr-defined]
+
+
+def walled_map(stamp: float, x: float) -> MapUpdate:
+    """5 x 2 m in cells of 0.5 m, with one occupied cell on the x axis."""
+    cells = np.zeros((4, 10), dtype=np.int8)
+    cells[2, int(x / 0.5)] = 100
+    return MapUpdate(round(stamp * 1e9), OccupancyGrid(cells, 0.5, Pose2D(0.0, -1.0, 0.0)), np.empty((0, 4)), ())
+
+
+def straight(path_id: int) -> Trajectory:
+    samples = np.zeros((41, 6))
+    samples[:, 0] = samples[:, 1] = np.linspace(0.0, 4.0, 41)
+    samples[:, 5] = 0.4
+    return Trajectory(path_id, samples)
+
+
+def drives(machine: GoalMachine, time: float, path_id: int = 2, remaining: float = 3.0, **more: object) -> list[str]:
+    """One tick on a straight trajectory; the ports it published."""
+    given = {"map": a_map(1.4), "trajectory": straight(path_id), "reference": reference(path_id, remaining), **more}
+    return ports(machine.step(seen(time, **given)))
+
+
+FREELY = replace(RULES, replan=ReplanRules(radius=0.3), max_recoveries=2)
+
+
+def test_a_map_that_blocks_the_trajectory_ahead_means_another_plan_while_it_drives_on() -> None:
+    machine = driving(FREELY)
+    behind, ahead = walled_map(2.1, 0.5), walled_map(2.2, 3.0)
+    assert drives(machine, 2.1, map=behind) == []
+    assert drives(machine, 2.2, map=ahead) == ["plan"] and machine.state == "driving"
+    assert drives(machine, 2.3, map=ahead) == []
+    machine.step(seen(2.4, map=ahead, trajectory=straight(2), reference=reference(2, 2.5), answer=path(3)))
+    assert drives(machine, 2.5, 3, 4.0, map=a_map(2.4), answer=path(3)) == []  # it follows path 3, which is free
+
+
+def test_what_blocks_beside_the_disc_or_not_at_all_is_left_alone() -> None:
+    machine = driving(replace(FREELY, replan=ReplanRules(radius=0.2)))
+    assert drives(machine, 2.1, map=walled_map(2.1, 3.0)) == []  # its centre is 0.25 m beside
+    machine = driving(replace(FREELY, replan=ReplanRules(when_blocked=False, radius=0.3)))
+    assert drives(machine, 2.1, map=walled_map(2.1, 3.0)) == []
+
+
+def test_where_there_is_no_way_round_it_recovers_and_ends_with_the_planners_reason() -> None:
+    machine, wall = driving(FREELY), walled_map(2.1, 3.0)
+    none = PlanFailure(3, "no_path", Point2D(2.0, 0.0), "closed")
+    assert drives(machine, 2.1, map=wall) == ["plan"]
+    assert drives(machine, 2.2, map=wall, answer=none) == ["drive", "recovery"]
+    done = RecoveryStep(STILL, "done", True)
+    assert ports(machine.step(seen(2.3, map=wall, recovery=done))) == ["recovery", "clear", "sweep"]
+    assert ports(machine.step(seen(2.5, map=walled_map(2.4, 3.0)))) == ["plan"]
+    again = PlanFailure(6, "no_path", Point2D(2.0, 0.0), "closed")
+    assert ports(machine.step(seen(2.6, answer=again))) == ["recovery"]
+    machine.step(seen(2.7, map=wall, recovery=done))
+    machine.step(seen(2.9, map=walled_map(2.8, 3.0)))
+    out = machine.step(seen(3.0, answer=PlanFailure(9, "no_path", Point2D(2.0, 0.0), "closed")))
+    assert result(out) == ("no_path", "closed")
+
+
+def test_at_a_rate_a_shorter_path_is_taken_and_one_that_is_not_is_not() -> None:
+    machine = driving(replace(RULES, replan=ReplanRules(period=1.0, gain=0.1)))
+    assert drives(machine, 2.1) == ["plan"]
+    longer = replace(path(3), length=2.8)
+    assert drives(machine, 2.2, answer=longer) == []
+    assert drives(machine, 3.0) == [] and drives(machine, 3.1) == ["plan"]
+    assert drives(machine, 3.2, answer=replace(path(4), length=2.6)) == ["drive"]
+
+
+def test_paths_that_change_do_not_hide_that_it_stands() -> None:
+    machine = driving(replace(RULES, replan=ReplanRules(period=1.0)))
+    time, newest, ended = 2.0, 2, []
+    while not ended and time < 10.0:
+        time = round(time + 0.1, 6)
+        out = machine.step(seen(time, map=a_map(1.4), trajectory=straight(newest), reference=reference(newest, 3.0),
+                                answer=replace(path(newest + 1), length=1.0)))  # fmt: skip
+        newest = max([newest, *(message.path_id for port, message in out if port == "drive")])  # type: ignore[attr-defined]
+        ended = [message for port, message in out if port == "recovery"]
+    assert newest > 4 and time == pytest.approx(7.1, abs=0.3)
+
+
+def test_after_a_clear_it_waits_for_what_the_mapper_says_then() -> None:
+    machine = GoalMachine(replace(RULES, scans_on_request=False))
+    machine.submit(GOAL, seen(0.0, map=a_map(0.0)))
+    machine.step(seen(0.0, map=a_map(0.0)))
+    machine.step(seen(0.1, map=a_map(0.0), answer=path(1)))
+    out = machine.step(seen(6.0, map=a_map(0.0), reference=reference(1, 4.0)))
+    out += machine.step(seen(12.0, map=a_map(0.0), reference=reference(1, 4.0)))
+    assert "recovery" in ports(out)
+    out = machine.step(seen(12.1, map=a_map(0.0), recovery=RecoveryStep(STILL, "done", True)))
+    assert ports(out) == ["recovery", "clear"]
+    assert ports(machine.step(seen(12.2, map=a_map(0.0)))) == []
+    assert ports(machine.step(seen(12.3, map=a_map(12.25)))) == ["plan"]

@@ -152,6 +152,29 @@ def test_a_goal_at_the_end_of_the_world_is_outside_the_map() -> None:
     assert isinstance(far, OutsideMap) and far.place == (1e6, 1e6)
 
 
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_a_map_can_be_enlarged_by_the_unknown_to_hold_a_goal_nobody_has_seen(heading):
+    """A wall across the end of a map of 2 x 3 m: with a margin round it the way leads past, else there is none."""
+    cells = np.zeros((6, 4), dtype=np.int8)
+    cells[5] = 100
+    frame = RasterMap(cells, 0.5, (1.0, 2.0, heading))
+    cos, sin = math.cos(heading), math.sin(heading)
+
+    def at(along, across):
+        return 1.0 + cos * along - sin * across, 2.0 + sin * along + cos * across
+
+    start, goal = at(1.0, 0.25), at(1.0, 5.0)
+    settings = {"inflation": "none", "outside": "unknown"}
+    found = GridPlanner(Settings(**settings, margin=1.0), (0.0, 0.0)).plan(start, goal, NOTHING, frame)
+    assert isinstance(found, Found) and np.allclose(found.points[[0, -1]], [start, goal])
+    assert 4.75 + 0.5 < found.length < 4.75 + 3.0
+    beside = np.hypot(*(found.points - at(-0.25, 2.75)).T).min(), np.hypot(*(found.points - at(2.25, 2.75)).T).min()
+    assert min(beside) < 1e-9  # past one end of the wall
+    assert isinstance(GridPlanner(Settings(**settings), (0.0, 0.0)).plan(start, goal, NOTHING, frame), NoPath)
+    far = GridPlanner(Settings(**settings), (0.0, 0.0)).plan(start, (1e5, 1e5), NOTHING, frame)
+    assert isinstance(far, OutsideMap)
+
+
 def test_the_outer_edge_belongs_to_the_map() -> None:
     path = plan(raster("...", "..."), (0.0, 0.0), (3.0, 2.0))
     assert path.points.tolist()[0] == [0.0, 0.0] and path.points.tolist()[-1] == [3.0, 2.0]

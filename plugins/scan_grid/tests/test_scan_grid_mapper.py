@@ -115,6 +115,14 @@ def test_clear_forgets_first_and_is_answered_at_once() -> None:
     assert empty.stamp_ns == 2 * TICK_NS
 
 
+def test_clear_with_a_radius_forgets_what_is_near_and_keeps_the_rest() -> None:
+    mapper = make(clear_radius=1.0)
+    mapper.update(given(0, scan(0)))
+    cleared = mapper.update(given(1, clear=True))
+    assert [cell(cleared, x, 0.01) for x in (0.5, 0.9, 1.5, 2.02)] == [-1, -1, 0, 100]
+    assert mapper.update(given(2, clear=True)) is not None  # the goal waits for an answer, changed or not
+
+
 def test_reset_forgets() -> None:
     mapper = make()
     mapper.update(given(0, scan(0)))

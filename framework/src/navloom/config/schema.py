@@ -154,6 +154,11 @@ class NavigationTable(Table):
     max_recoveries: int = Field(default=3, ge=0)
     map_timeout: Positive = Field(default=10.0, description="s to wait for a map")
     plan_timeout: Positive = Field(default=10.0, description="s to wait for a plan")
+    replan_when_blocked: bool = Field(default=True, description="plan anew when a new map blocks the trajectory")
+    replan_period: float = Field(default=0.0, ge=0.0, description="s between two plans while driving; 0: none")
+    replan_gain: float = Field(
+        default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
+    )
 
     @model_validator(mode="after")
     def _speeds_rise(self) -> NavigationTable:

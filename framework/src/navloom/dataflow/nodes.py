@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -12,6 +13,8 @@ from navloom.messages import (
     Command,
     Message,
     Path,
+    Point2D,
+    PoseEstimate,
     PoseTrack,
     RangeScan,
     Sweep,
@@ -41,6 +44,11 @@ __all__ = ["Node", "Outputs", "Tick", "role_node"]
 Inputs = Mapping[str, Any]
 Outputs = list[tuple[str, Message]]
 STILL = Twist2D(0.0, 0.0, 0.0)
+BEFORE_DATA_NS = 500_000_000
+"""How much more of a track a mapper is given than its data covers."""
+TRAIL_STEP = 0.05
+"""m between two places a robot has been, as recoveries see them."""
+TRAIL_LENGTH = 100
 
 
 class Tick(NamedTuple):
@@ -98,13 +106,21 @@ class MapperNode:
         data = self.scans.read(given)
         sweeps = tuple(message for message in data if isinstance(message, Sweep))
         scans = tuple(message for message in data if isinstance(message, RangeScan))
-        poses = given["track"]
-        track = PoseTrack(
-            np.array([pose.stamp_ns for pose in poses], dtype=np.int64),
-            np.array([(p.pose.x, p.pose.y, p.pose.heading) for p in poses], dtype=np.float64).reshape(-1, 3),
-        )
+        track = _covering(given["track"], min((message.stamp_ns for message in data), default=tick.time_ns))
         update = self.plugin.update(MapperInput(tick.time_ns, sweeps, scans, track, bool(given["clear"])))
         return [] if update is None else [("map", update)]
+
+
+def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
+    """The end of a track, from a little before the oldest data on: a mapper has no use for the minutes before."""
+    first = len(poses) - 1
+    while first > 0 and poses[first].stamp_ns > since_ns - BEFORE_DATA_NS:
+        first -= 1
+    kept = poses[max(0, first) :]
+    return PoseTrack(
+        np.array([pose.stamp_ns for pose in kept], dtype=np.int64),
+        np.array([(p.pose.x, p.pose.y, p.pose.heading) for p in kept], dtype=np.float64).reshape(-1, 3),
+    )
 
 
 class PlannerNode:
@@ -163,10 +179,12 @@ class RecoveryNode:
         self.scans = _ScanReader()
         self._attempt: object = None
         self._is_over = True
+        self._trail: deque[tuple[float, float, float]] = deque(maxlen=TRAIL_LENGTH)
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         request = given["request"]
         scans = self.scans.read(given)
+        self._follow(given["pose"])
         if request is None or not request.active or given["pose"] is None:
             return []
         starts = request is not self._attempt
@@ -174,10 +192,19 @@ class RecoveryNode:
             self._attempt, self._is_over = request, False
         if self._is_over:
             return []
-        seen = RecoveryInput(tick.time_ns, scans, given["pose"], request.attempt, request.reason, starts)
+        trail = np.array(self._trail).reshape(-1, 3)
+        seen = RecoveryInput(tick.time_ns, scans, given["pose"], request.attempt, request.reason, starts, trail)
         answer = self.plugin.recover(seen)
         self._is_over = answer.state != "running"
         return [("command", Command(answer.twist)), ("status", answer)]
+
+    def _follow(self, estimate: PoseEstimate | None) -> None:
+        """Keep where the robot has been."""
+        if estimate is None:
+            return
+        pose = estimate.pose
+        if not self._trail or _distance(pose, Point2D(*self._trail[-1][:2])) >= TRAIL_STEP:
+            self._trail.append((pose.x, pose.y, pose.heading))
 
 
 class _ScanReader:

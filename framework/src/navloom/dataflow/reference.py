@@ -45,8 +45,8 @@ class ReferenceNode:
 
     def __init__(self, limits: Limits, look_ahead: float, corridor: float) -> None:
         self.limits, self.look_ahead, self.corridor = limits, look_ahead, corridor
-        self._path: Path | None = None
-        self._made: dict[int, Trajectory] = {}
+        self._paths: dict[int, Path] = {}
+        self._trajectory: Trajectory | None = None
         self._driven = 0
         self._progress = 0.0
 
@@ -67,17 +67,17 @@ class ReferenceNode:
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         path, drive = given["path"], given["drive"]
-        if path is not None and path is not self._path:
-            self._path = path
-            kept = {number: made for number, made in self._made.items() if number == self._driven}
-            self._made = kept | {path.request_id: trajectory_of(path, self.limits)}
-        if drive is None or drive.path_id not in self._made or given["pose"] is None:
+        if path is not None and path.request_id not in self._paths:
+            self._paths = {number: held for number, held in self._paths.items() if number == self._driven}
+            self._paths[path.request_id] = path
+        if drive is None or drive.path_id not in self._paths or given["pose"] is None:
             return []
         out: Outputs = []
-        trajectory = self._made[drive.path_id]
-        if drive.path_id != self._driven:
+        if drive.path_id != self._driven or self._trajectory is None:
+            self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits)
             self._driven, self._progress = drive.path_id, 0.0
-            out.append(("trajectory", trajectory))
+            out.append(("trajectory", self._trajectory))
+        trajectory = self._trajectory
         out.append(("reference", self._reference(trajectory, drive, given["pose"].pose)))
         return out
 

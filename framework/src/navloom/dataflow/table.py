@@ -60,6 +60,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
                 Input("path", "planner", "path", delayed=True),
                 Input("failure", "planner", "failure", delayed=True),
                 Input("reference", "reference", "reference", delayed=True),
+                Input("trajectory", "reference", "trajectory", delayed=True),
                 Input("avoider", "avoider", "status", delayed=True),
                 Input("handover", "avoider", "handover", delayed=True),
                 Input("recovery", "recovery", "status", "new", delayed=True),

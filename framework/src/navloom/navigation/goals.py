@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from navloom.messages import (
     AvoiderStatus,
@@ -26,7 +26,9 @@ from navloom.messages import (
     RecoveryStep,
     Reference,
     SweepRequest,
+    Trajectory,
 )
+from navloom.navigation.replanning import Replanning, ReplanRules
 
 __all__ = ["GoalMachine", "GoalRules", "Seen"]
 
@@ -50,6 +52,7 @@ class GoalRules:
         map_timeout, plan_timeout: s to wait.
         deadline: Run time at which a goal times out, s; live, time it may take.
         is_live: The run has no end of its own.
+        replan: While driving.
         scans_on_request: The mapper lives on stop-and-scan sweeps, so one has to be asked for.
         feedback_ticks: Ticks between two feedbacks.
     """
@@ -64,6 +67,7 @@ class GoalRules:
     scans_on_request: bool
     feedback_ticks: int
     is_live: bool = False
+    replan: ReplanRules = field(default_factory=ReplanRules)
 
 
 @dataclass(slots=True)
@@ -83,6 +87,7 @@ class Seen:
     reference: Reference | None = None
     selected: tuple[str, str] = ("", "")
     """Instances of mapper and planner in charge."""
+    trajectory: Trajectory | None = None
 
 
 @dataclass
@@ -100,6 +105,7 @@ class _Active:
     plan_id: int = 0
     heard: float = -math.inf
     why: str = ""
+    has_driven: bool = False
 
 
 class GoalMachine:
@@ -120,6 +126,7 @@ class GoalMachine:
         self._pending: tuple[str, ...] = ()
         self._said: tuple[int, str] = (0, "idle")
         self._out: list[tuple[str, Message]] = []
+        self._replanning = Replanning(rules.replan)
 
     @property
     def is_idle(self) -> bool:
@@ -215,6 +222,8 @@ class GoalMachine:
     def _while_mapping(self, active: _Active, seen: Seen) -> None:
         if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
+        elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
+            self._ask_plan(active, seen)  # a mapper that has nothing else to say after it was cleared
         elif seen.time - active.since > self.rules.map_timeout:
             self._finish("error", f"no map within {self.rules.map_timeout:g} s", seen)
 
@@ -224,13 +233,11 @@ class GoalMachine:
             if seen.time - active.since > self.rules.plan_timeout:
                 self._finish("no_path", f"the planner gave no answer within {self.rules.plan_timeout:g} s", seen)
         elif isinstance(answer, PlanFailure):
-            outcome = "rejected" if answer.kind in REJECTING else "no_path"
-            reason = answer.detail if answer.kind == outcome else f"{answer.kind}: {answer.detail}"
-            self._finish(outcome, reason, seen, answer.place)
+            self._fail_plan(active, answer, seen)
         else:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"
-            active.best, active.moved_at = math.inf, seen.time
+            active.best, active.moved_at, active.has_driven = math.inf, seen.time, True
 
     def _while_driving(self, active: _Active, seen: Seen) -> None:
         assert seen.estimate is not None
@@ -244,6 +251,8 @@ class GoalMachine:
             self._recover(active, "trapped", seen)
         elif self._makes_no_progress(active, seen):
             self._recover(active, "no_progress", seen)
+        elif not self._drive.stop_here:
+            self._replan(active, seen)
 
     def _while_recovering(self, active: _Active, seen: Seen) -> None:
         step = seen.recovery
@@ -258,7 +267,7 @@ class GoalMachine:
                 self._requests += 1
                 self._out.append(("clear", ClearRequest(self._requests)))
                 self._has_scanned = False
-            self._need_map(seen)
+            self._need_map(seen, is_cleared=step.clear_map)
         elif step.state == "failed":
             self._recover(active, active.why, seen)
 
@@ -266,10 +275,36 @@ class GoalMachine:
         if seen.time - active.since > LOST:
             self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
+    def _replan(self, active: _Active, seen: Seen) -> None:
+        """Ask for another path while driving on, and take it where it is better."""
+        watch = self._replanning
+        watch.look(seen.map, seen.trajectory, seen.reference)
+        if active.plan_id == self._drive.path_id:
+            if watch.is_due(seen.time):
+                watch.asked(seen.time)
+                self._request_plan(active, seen)
+            return
+        answer = seen.answer
+        if answer is None or answer.request_id != active.plan_id:
+            if watch.is_blocked and seen.time - active.since > self.rules.plan_timeout:
+                self._recover(active, "no_path: the planner gave no answer", seen)
+        elif isinstance(answer, Path):
+            if watch.takes(answer, seen.reference):
+                self._set_drive(replace(self._drive, path_id=answer.request_id))
+                active.best = math.inf
+            active.plan_id = self._drive.path_id
+        else:
+            active.plan_id = self._drive.path_id
+            if watch.is_blocked:
+                self._fail_plan(active, answer, seen)
+
     # --- what they share ------------------------------------------------------------------------------------------
 
-    def _need_map(self, seen: Seen) -> None:
-        """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map."""
+    def _need_map(self, seen: Seen, is_cleared: bool = False) -> None:
+        """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map.
+
+        Where it was asked to forget, what it says next is waited for.
+        """
         active = self._active
         assert active is not None
         active.since, active.asked_ns = seen.time, 0
@@ -279,12 +314,28 @@ class GoalMachine:
             self._set_drive(NO_DRIVE)
             self._out.append(("sweep", SweepRequest(self._requests)))
             active.asked_ns = seen.time_ns
+        elif is_cleared:
+            self._set_drive(NO_DRIVE)
+            active.asked_ns = seen.time_ns
         elif seen.map is not None and seen.estimate is not None:
             self._ask_plan(active, seen)
             return
         self.state = "mapping"
 
     def _ask_plan(self, active: _Active, seen: Seen) -> None:
+        self._request_plan(active, seen)
+        self.state = "planning"
+
+    def _fail_plan(self, active: _Active, failure: PlanFailure, seen: Seen) -> None:
+        """End the goal, but for a robot that has driven: what is in its way now may be gone from a cleared map."""
+        if active.has_driven and failure.kind not in REJECTING and active.recoveries < self.rules.max_recoveries:
+            self._recover(active, f"{failure.kind}: {failure.detail}", seen)
+            return
+        outcome = "rejected" if failure.kind in REJECTING else "no_path"
+        reason = failure.detail if failure.kind == outcome else f"{failure.kind}: {failure.detail}"
+        self._finish(outcome, reason, seen, failure.place)
+
+    def _request_plan(self, active: _Active, seen: Seen) -> None:
         assert seen.estimate is not None
         self._requests += 1
         leg = active.legs[0]
@@ -293,7 +344,6 @@ class GoalMachine:
         goal = Pose2D(leg.x, leg.y, heading)
         active.plan_id, active.since = self._requests, seen.time
         self._out.append(("plan", PlanRequest(self._requests, seen.estimate.pose, goal)))
-        self.state = "planning"
 
     def _arrive(self, active: _Active, pose: Pose2D, seen: Seen) -> None:
         if len(active.legs) > 1:
@@ -312,9 +362,11 @@ class GoalMachine:
 
     def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
         held = seen.gate is not None and seen.gate.latched
-        if held or seen.reference is None or seen.reference.path_id != self._drive.path_id:
+        if held or seen.reference is None:
             active.moved_at = seen.time
-        elif seen.reference.remaining < active.best - 0.05:
+        elif seen.reference.path_id == self._drive.path_id and active.best == math.inf:
+            active.best = seen.reference.remaining
+        elif seen.reference.path_id == self._drive.path_id and seen.reference.remaining < active.best - 0.05:
             active.best, active.moved_at = seen.reference.remaining, seen.time
         return seen.time - active.moved_at > self.rules.stuck_after
 

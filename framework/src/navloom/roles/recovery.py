@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
 from navloom.roles.base import Role
@@ -22,6 +25,7 @@ class RecoveryInput:
         attempt: 1 for the first attempt at this goal.
         reason: Why the goal is stuck.
         starts: True in the first tick of an attempt.
+        trail: (k, 3) x, y, m, heading, rad, map frame: where base has been in the last metres, oldest first.
     """
 
     stamp_ns: int
@@ -30,6 +34,7 @@ class RecoveryInput:
     attempt: int
     reason: str
     starts: bool
+    trail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
 
 class Recovery(Role):

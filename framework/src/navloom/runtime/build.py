@@ -21,7 +21,7 @@ from navloom.dataflow.table import node_table
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D
-from navloom.navigation import echoes, projection, trajectory
+from navloom.navigation import blocking, echoes, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
@@ -73,6 +73,13 @@ class System:
     sensors: tuple[SensorSpec, ...]
     scans_on_request: bool
     map: OccupancyGrid | None = field(default=None)
+
+    @property
+    def time_limit(self) -> float:
+        """Run time at which a run ends, s: the config's, or the world's where that is shorter."""
+        authored = self.world.time_limit if self.world is not None else None
+        stop_after = self.config.run.stop_after
+        return stop_after if authored is None else min(stop_after, authored)
 
     @property
     def config(self) -> Config:
@@ -154,7 +161,7 @@ def make_plugins(
     """
     config = system.config
     progress("preparing the framework")
-    for warm_up in (echoes.warm_up, trajectory.warm_up, projection.warm_up):
+    for warm_up in (blocking.warm_up, echoes.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():

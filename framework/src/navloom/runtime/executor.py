@@ -12,8 +12,10 @@ from navloom.dataflow.nodes import Node
 from navloom.dataflow.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.dataflow.ports import NodeSpec
 from navloom.dataflow.reference import ReferenceNode
+from navloom.geometry.footprints import inscribed_radius
 from navloom.navigation.gate import CommandGate, Limits
 from navloom.navigation.goals import GoalMachine, GoalRules
+from navloom.navigation.replanning import ReplanRules
 from navloom.runtime.build import System, changed_params, role_nodes, stride_of
 from navloom.runtime.lockstep import Lockstep, Observer
 from navloom.runtime.trace import TraceWriter
@@ -107,9 +109,15 @@ def goal_rules(system: System) -> GoalRules:
         max_recoveries=rules.max_recoveries,
         map_timeout=rules.map_timeout,
         plan_timeout=rules.plan_timeout,
-        deadline=run.stop_after,
+        deadline=system.time_limit,
         scans_on_request=system.scans_on_request,
         feedback_ticks=max(1, round(0.5 / run.period)),
+        replan=ReplanRules(
+            rules.replan_when_blocked,
+            rules.replan_period,
+            rules.replan_gain,
+            inscribed_radius(system.robot.footprint),
+        ),
     )
 
 

@@ -18,7 +18,7 @@ from navloom.config.schema import Config
 from navloom.geometry.world import World
 from navloom.plugins import Discovery, PluginError
 
-__all__ = ["CachedDiscovery", "Placed", "WorldCase", "expanded", "placed", "seeds_of", "worlds_of"]
+__all__ = ["CachedDiscovery", "Placed", "WorldCase", "expanded", "placed", "seeds_of", "world_digest", "worlds_of"]
 
 LARGEST = 100_000
 """Worlds or seeds of one range: more is a slip of the finger."""
@@ -114,7 +114,7 @@ def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> 
         values = {} if not ref else {"world.ref": ref}
         if ref not in ("", own):
             values |= _task(base, world)
-        cases.append(WorldCase(ref or own or "", values, _digest(world)))
+        cases.append(WorldCase(ref or own or "", values, world_digest(world)))
     return cases
 
 
@@ -131,6 +131,8 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
             values["navigation.via"] = []
         if world.goal_tolerance is not None:
             values["navigation.goal_tolerance"] = world.goal_tolerance
+    if world.time_limit is not None:
+        values["run.stop_after"] = min(base.config.run.stop_after, world.time_limit)
     return {place: value for place, value in values.items() if place not in by_hand}
 
 
@@ -184,7 +186,7 @@ def seeds_of(text: str) -> list[int]:
     return seeds
 
 
-def _digest(world: World) -> str:
+def world_digest(world: World) -> str:
     """Hash of a world's every number and name."""
     digest = hashlib.sha256()
     for piece in _pieces(world):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navloom_astar.raster import RasterMethod, draw_segments
 from navloom_astar.search import Cell
 
-__all__ = ["MAX_CELLS", "PlanningGrid", "RasterMap", "Spot", "grid_of_cells", "grid_of_segments"]
+__all__ = ["MAX_CELLS", "PlanningGrid", "RasterMap", "Spot", "enlarged", "grid_of_cells", "grid_of_segments"]
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -73,6 +73,15 @@ class PlanningGrid:
             inside.append(min(max(math.floor(value), 0), count - 1))
         return inside[1], inside[0]
 
+    def corner(self, row: int, column: int) -> Spot:
+        """Lower left corner, m, map frame, of a cell, which may be outside."""
+        x, y, heading = self.origin
+        along, across = column * self.resolution, row * self.resolution
+        return (
+            x + math.cos(heading) * along - math.sin(heading) * across,
+            y + math.sin(heading) * along + math.cos(heading) * across,
+        )
+
     def centres(self, cells: NDArray[np.int64]) -> Floats:
         """(n, 2) centres, m, map frame, of cells (n, 2) by row and column."""
         x, y, heading = self.origin
@@ -84,6 +93,26 @@ class PlanningGrid:
 def grid_of_cells(given: RasterMap, occupied_from: int) -> PlanningGrid:
     """A raster map's own cells, occupied from a value in percent."""
     return PlanningGrid(given.cells >= occupied_from, given.cells < 0, given.resolution, given.origin)
+
+
+def enlarged(given: RasterMap, include: tuple[Spot, ...], margin: float) -> RasterMap | None:
+    """A raster map that also holds some places, m, and a margin, m, round all; what is new is unknown.
+
+    None where that is more than `MAX_CELLS`.
+    """
+    frame = PlanningGrid(given.cells >= 0, given.cells < 0, given.resolution, given.origin)
+    rows, columns = given.cells.shape
+    places = np.concatenate([frame.places(np.array(include, dtype=np.float64)), [(0.0, 0.0), (columns, rows)]])
+    reach = margin / given.resolution
+    left, low = np.maximum(0.0, np.ceil(reach - places.min(axis=0)))
+    right, high = np.maximum(0.0, np.ceil(places.max(axis=0) + reach - (columns, rows)))
+    if not (rows + low + high) * (columns + left + right) <= MAX_CELLS:
+        return None
+    if not (left or right or low or high):
+        return given
+    cells = np.pad(given.cells, ((int(low), int(high)), (int(left), int(right))), constant_values=-1)
+    corner = frame.corner(-int(low), -int(left))
+    return RasterMap(cells, given.resolution, (*corner, given.origin[2]))
 
 
 def grid_of_segments(

@@ -29,7 +29,10 @@ class AstarParams(Params):
     paper_raster_t: float | None = Field(
         None, gt=0.0, description="T of the printed slope test, cells; default: the robot's size"
     )
-    margin: float = Field(0.0, ge=0.0, description="round all that the grid of outlines must hold, m")
+    margin: float = Field(0.0, ge=0.0, description="round all that the grid must hold, m; see `outside`")
+    outside: Literal["refused", "unknown"] = Field(
+        "refused", description="start and goal outside of the map's cells; unknown: it is enlarged to hold them"
+    )
     occupied_from: int = Field(50, ge=1, le=100, description="cells of at least this are obstacles, percent")
     unknown: Literal["free", "blocked", "cost"] = Field("free", description="what the unknown counts as")
     unknown_cost: float = Field(
@@ -72,6 +75,7 @@ class AstarParams(Params):
             raster=self.raster,
             paper_t=size / cell if self.paper_raster_t is None else self.paper_raster_t,
             margin=self.margin,
+            outside=self.outside,
             occupied_from=self.occupied_from,
             inflation=self.inflation,
             dilation_cells=self.dilation_cells,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from navloom_astar import inflation, jump, raster, search
 from navloom_astar.escape import way_out
-from navloom_astar.grids import PlanningGrid, RasterMap, Spot, grid_of_cells, grid_of_segments
+from navloom_astar.grids import PlanningGrid, RasterMap, Spot, enlarged, grid_of_cells, grid_of_segments
 from navloom_astar.raster import RasterMethod
 from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch
 
@@ -38,7 +38,8 @@ class Settings:
         source: What is planned on; "auto": segments where there are any, else the map's own cells.
         cell: Edge of a cell of the grid that segments are drawn on, m.
         raster, paper_t: As of `raster.draw_segments`.
-        margin: Round everything the grid of segments must hold, m.
+        margin: Round everything the grid must hold, m: that of segments, and one that is enlarged.
+        outside: Start and goal beyond the map's own cells are refused, or it is enlarged by what is unknown.
         occupied_from: Cells of at least this value are obstacles, percent.
         inflation: "auto": "cells" on segments, "metres" on the map's cells.
         dilation_cells: Half width of the square of "cells".
@@ -55,6 +56,7 @@ class Settings:
     raster: RasterMethod = "distance"
     paper_t: float = 2.0
     margin: float = 0.0
+    outside: Literal["refused", "unknown"] = "refused"
     occupied_from: int = 50
     inflation: Literal["auto", "cells", "metres", "none"] = "auto"
     dilation_cells: int = 2
@@ -166,6 +168,11 @@ class GridPlanner:
             if grid is None:
                 return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for cells of {use.cell:g} m")
         else:
+            if use.outside == "unknown":
+                larger = enlarged(given, (start, goal), use.margin)
+                if larger is None:
+                    return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for its cells")
+                given = larger
             grid = grid_of_cells(given, use.occupied_from)
         occupied = grid.occupied | grid.unknown if use.unknown == "blocked" else grid.occupied
         ends = _ends(grid, start, goal)

@@ -38,7 +38,7 @@ class ScanGrid(Mapper):
 
     def update(self, given: MapperInput) -> MapUpdate | None:
         if given.clear:
-            self.reset()
+            self._forget(given)
         for scan in given.scans:
             try:
                 self._insert(scan, given)
@@ -47,6 +47,16 @@ class ScanGrid(Mapper):
         if given.clear or ((self._due_ns is None or given.stamp_ns >= self._due_ns) and self._newest_ns is not None):
             return self._update(given)
         return None
+
+    def _forget(self, given: MapperInput) -> None:
+        """All, or what is near: elsewhere a phantom does not block the robot, and walls learnt are worth keeping."""
+        radius = self.params.clear_radius
+        if radius is None or not len(given.track.poses):
+            self.reset()
+            return
+        x, y, _ = given.track.poses[-1].tolist()
+        self._map.grid.forget(x, y, radius)
+        self._published = None
 
     def _insert(self, scan: RangeScan, given: MapperInput) -> None:
         beams = Beams(scan.stamp_ns, scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges,

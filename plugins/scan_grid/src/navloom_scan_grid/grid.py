@@ -105,6 +105,13 @@ class LogOddsGrid:
         self.odds[row : row + old.rows, column : column + old.columns] = known
         self._marks, self._mark = np.zeros(self.odds.shape, np.int32), 0
 
+    def forget(self, x: float, y: float, radius: float) -> None:
+        """Make cells unknown whose centre is within a radius, m, of a place, m, map frame; of all, where infinite."""
+        rows, columns = self.odds.shape
+        dx = self.origin[0] + self.cell * (np.arange(columns) + 0.5) - x
+        dy = self.origin[1] + self.cell * (np.arange(rows) + 0.5) - y
+        self.odds[np.hypot(dx[None, :], dy[:, None]) <= radius] = np.nan
+
     def insert(self, placed: NDArray[np.float64], limits: tuple[float, float], weights: Weights) -> None:
         """Take one scan in; the grid must cover it. Arguments as of `kernels.insert`."""
         if self._mark == _LAST_MARK:

@@ -37,6 +37,9 @@ class ScanGridParams(Params):
     levels: Literal["ternary", "percent"] = Field("ternary", description="Publish free and occupied, or percent.")
     occupied_from: float = Field(0.65, gt=0.0, lt=1.0, description="Ternary: occupied from this probability on.")
     publish_rate_hz: float = Field(2.0, gt=0.0, le=1000.0, description="The map is published no more often, Hz.")
+    clear_radius: float | None = Field(
+        None, gt=0.0, le=1000.0, description="A clear request forgets what is this near to the robot, m; none: all."
+    )
     track_slack: float = Field(0.2, ge=0.0, le=10.0, description="How far the poses may miss a scan, s.")
 
     @model_validator(mode="after")

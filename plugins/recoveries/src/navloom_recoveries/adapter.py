@@ -1,0 +1,53 @@
+"""Retracing as a navloom recovery."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from navloom import Context, RangeScan, Recovery, RecoveryInput, RecoveryStep, Twist2D
+from numpy.typing import NDArray
+
+from navloom_recoveries.params import RetraceParams
+from navloom_recoveries.retracing import Retracing, Rules
+
+__all__ = ["Retrace"]
+
+
+class Retrace(Recovery):
+    """Back along the way the robot came, a turn in place, and a cleared map; each as far as the scans allow."""
+
+    name = "retrace"
+    accepts = (RangeScan,)
+    Params = RetraceParams
+
+    def __init__(self, params: RetraceParams, context: Context) -> None:
+        super().__init__(params, context)
+        robot = context.robot
+        rules = Rules(
+            distance=params.distance,
+            speed=min(params.speed, robot.max_linear),
+            deceleration=robot.max_deceleration,
+            turn=math.radians(params.turn_deg),
+            turn_rate=min(math.radians(params.turn_rate_deg), robot.max_angular),
+            margin=params.margin,
+            memory=params.memory,
+            patience=params.patience,
+            rest=params.wait,
+        )
+        self._retracing = Retracing(rules, robot.footprint)
+
+    def recover(self, given: RecoveryInput) -> RecoveryStep:
+        place = given.estimate.pose
+        pose, time = (place.x, place.y, place.heading), given.stamp_ns * 1e-9
+        if given.starts:
+            self._retracing.start(time, given.attempt, pose, given.trail)
+        v, w, is_over = self._retracing.step(time, pose, [echoes(scan) for scan in given.scans])
+        return RecoveryStep(Twist2D(v, 0.0, w), "done" if is_over else "running", is_over and self.params.clear_map)
+
+
+def echoes(scan: RangeScan) -> NDArray[np.float64]:
+    """(k, 2) places of a scan's echoes, on the axes of its beams, m, base frame."""
+    heard = scan.ranges < scan.range_max
+    ranges, bearings = scan.ranges[heard], scan.bearings[heard]
+    return scan.origins[heard] + np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)

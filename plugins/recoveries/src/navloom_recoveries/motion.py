@@ -1,0 +1,80 @@
+"""Whether a robot can drive an arc without touching what it senses, and which arc leads back. Pure; SI, base frame."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["edges_of", "gap", "is_free", "margin_of", "turn_back"]
+
+Floats = NDArray[np.float64]
+
+_STEPS = 8
+_CLOSER = 0.005
+"""m: by this much a robot that begins nearer than its margin may come nearer still, as scans are noisy."""
+_LEAST = 0.005
+"""m: nearer than this to an echo nothing moves."""
+
+
+def edges_of(footprint: Floats) -> Floats:
+    """(n, 3) outward normal and distance of each edge of a footprint (n, 2), convex, counter-clockwise, m."""
+    along = np.roll(footprint, -1, axis=0) - footprint
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+    return np.column_stack([normals, (normals * footprint).sum(axis=1)])
+
+
+def gap(points: Floats, edges: Floats) -> float:
+    """Least distance, m, of points (k, 2) from the footprint; never more than the true one; negative inside."""
+    if not len(points):
+        return math.inf
+    outside = points @ edges[:, :2].T - edges[:, 2]
+    return float(outside.max(axis=1).min())
+
+
+def margin_of(points: Floats, edges: Floats, wished: float) -> float:
+    """The margin, m, to keep to points (k, 2): the one wished for, less where the robot is nearer than it already."""
+    return max(_LEAST, min(wished, gap(points, edges) - _CLOSER))
+
+
+def is_free(points: Floats, edges: Floats, v: float, w: float, horizon: float, margin: float) -> bool:
+    """Whether the footprint keeps a margin, m, to points (k, 2) on an arc at v, m/s, and w, rad/s, for a time, s."""
+    for step in range(1, _STEPS + 1):
+        time = horizon * step / _STEPS
+        turn = w * time
+        if abs(w) > 1e-9:
+            x, y = v / w * math.sin(turn), v / w * (1.0 - math.cos(turn))
+        else:
+            x, y = v * time, 0.0
+        cos, sin = math.cos(turn), math.sin(turn)
+        dx, dy = points[:, 0] - x, points[:, 1] - y
+        if gap(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1), edges) < margin:
+            return False
+    return True
+
+
+def turn_back(trail: Floats, pose: tuple[float, float, float], speed: float, look: float) -> float | None:
+    """Turn rate, rad/s, of the arc that leads backwards to the place of the trail that is `look`, m, away.
+
+    None where the trail ends before, or leads forward.
+
+    Args:
+        trail: (k, 3) x, y, m, heading, rad: where the robot has been, oldest first.
+        pose: x, y, m, heading, rad, in the frame of the trail.
+        speed: Backwards, m/s, > 0.
+        look: m.
+    """
+    x, y, heading = pose
+    gaps = np.hypot(trail[:, 0] - x, trail[:, 1] - y)
+    if not len(gaps):
+        return None
+    far = np.flatnonzero(gaps[: int(np.argmin(gaps)) + 1] >= look)  # what came after the nearest place is ahead
+    if not len(far):
+        return None
+    dx, dy = trail[far[-1], 0] - x, trail[far[-1], 1] - y
+    ahead = dx * math.cos(heading) + dy * math.sin(heading)
+    left = dy * math.cos(heading) - dx * math.sin(heading)
+    if ahead >= 0.0:
+        return None
+    return float(-speed * 2.0 * left / (ahead * ahead + left * left))

@@ -1,0 +1,22 @@
+"""Parameters of the retrace recovery, as a config file gives them."""
+
+from __future__ import annotations
+
+from navloom import Params
+from pydantic import Field
+
+__all__ = ["RetraceParams"]
+
+
+class RetraceParams(Params):
+    """How far to go back and to turn. The README tells where each default comes from."""
+
+    distance: float = Field(0.4, ge=0.0, le=10.0, description="Way back in the first attempt, m; twice in the second …")
+    speed: float = Field(0.15, gt=0.0, le=5.0, description="Backwards, m/s.")
+    turn_deg: float = Field(90.0, ge=0.0, le=360.0, description="Turn after the way back, from attempt two on.")
+    turn_rate_deg: float = Field(45.0, gt=0.0, le=360.0, description="Of that turn, degrees per second.")
+    margin: float = Field(0.03, ge=0.0, le=1.0, description="Gap to keep to what is sensed, m.")
+    memory: float = Field(1.0, ge=0.0, le=60.0, description="How long an echo counts, s.")
+    patience: float = Field(15.0, gt=0.0, le=600.0, description="Longest time of an attempt, s.")
+    wait: float = Field(0.5, ge=0.0, le=600.0, description="Stands so long before it ends, s.")
+    clear_map: bool = Field(True, description="Ask the mapper to forget, so that phantoms do not block the next plan.")

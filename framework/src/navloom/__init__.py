@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from navloom.roles import *  # noqa: F403
     from navloom.runtime.navigator import *  # noqa: F403
     from navloom.study import *  # noqa: F403
+    from navloom.viewer import *  # noqa: F403
 
 _HOUSES = (
     "navloom.messages",
@@ -20,6 +21,7 @@ _HOUSES = (
     "navloom.plugins",
     "navloom.runtime.navigator",
     "navloom.study",
+    "navloom.viewer",
 )
 
 

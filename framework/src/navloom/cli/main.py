@@ -14,17 +14,23 @@ from navloom.cli import (
     export,
     graph,
     hz,
+    import_log,
     keys,
     listing,
     map,
     nodes,
     operate,
+    paper,
     plan,
     plugins,
+    record,
+    replay,
+    report,
     run,
     status,
     teleop,
     up,
+    view,
     worlds,
 )
 
@@ -39,6 +45,7 @@ app = typer.Typer(
 )
 app.command("run")(run.run)
 app.command("compare", cls=compare.Variadic)(compare.compare)
+app.command("report")(report.report)
 app.command("up")(up.up)
 app.command("down")(up.down)
 app.command("goal", context_settings=operate.NUMBERS)(operate.goal)
@@ -55,10 +62,15 @@ app.command("doctor")(doctor.doctor)
 app.command("node")(nodes.node)
 app.command("router")(nodes.router)
 app.add_typer(operate.params, name="params")
+app.command("record")(record.record)
+app.command("replay")(replay.replay)
+app.command("import")(import_log.import_log)
+app.command("view")(view.view)
 app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
+app.command("paper")(paper.paper)
 app.command("graph")(graph.graph)
 app.add_typer(keys.app, name="keys")
 app.add_typer(export.app, name="export")
@@ -90,6 +102,7 @@ def _is_wrong_request(error: Exception) -> bool:
     from navloom.config import ConfigError
     from navloom.dataflow.graph import GraphError
     from navloom.plugins import PluginError
+    from navloom.recording.header import RecordingError
     from navloom.roles import InputError
     from navloom.runtime.client import Refused
     from navloom.runtime.directory import DirectoryError
@@ -108,6 +121,7 @@ def _is_wrong_request(error: Exception) -> bool:
         LinkError,
         NoStream,
         Refused,
+        RecordingError,
     )
     return isinstance(error, kinds)
 

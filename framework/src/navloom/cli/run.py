@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-__all__ = ["print_summary", "run"]
+from navloom.cli.view import Rerun, View, ViewerUrl, say_so, where_of
+
+__all__ = ["print_summary", "recorded", "run"]
 
 LABELS = {
     "plan_length_m": "plan, before pruning, m",
@@ -34,6 +37,12 @@ def run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for result.json, trace.bin and run.png.")
     ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, of shadows too.")
+    ] = None,
+    view: View = False,
+    viewer: ViewerUrl = None,
+    rerun: Rerun = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
@@ -45,8 +54,15 @@ def run(
     loaded = load_config(config, set_ or (), seed)
     for place in loaded.dropped:
         typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
-    with ResultFolder(out) as folder, stage(as_json) as (say, progress):
-        episode = run_episode(loaded, trace=folder.trace, say=say, progress=progress)
+    with (
+        ResultFolder(out) as folder,
+        recorded(loaded, record) as looking,
+        watched(loaded, view, rerun, viewer) as watch,
+        stage(as_json) as (say, progress),
+    ):
+        observers = [*looking, *watch.observers]
+        tell = watch.between(progress)
+        episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
         summary = episode.summary()
         folder.keep(episode, summary)
     for fault in episode.log.faults:
@@ -58,6 +74,36 @@ def run(
     raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
 
 
+@contextmanager
+def recorded(loaded: Any, path: Path | None) -> Iterator[list[Any]]:
+    """The observer that writes a recording, if one is asked for. A disk that is full ends it, not the run."""
+    if path is None:
+        yield []
+        return
+    from navloom.recording.header import header_of
+    from navloom.recording.lockstep_recorder import LockstepRecorder
+    from navloom.recording.worldfiles import world_files
+    from navloom.recording.writer import RecordingWriter
+    from navloom.runtime.provenance import distributions
+
+    header = header_of(loaded, "lockstep", distributions(loaded.config))
+    writer = RecordingWriter(path, header, world_files(loaded))
+    with LockstepRecorder(writer, lambda text: typer.echo(f"navloom: {text}", err=True)) as recorder:
+        yield [recorder]
+
+
+@contextmanager
+def watched(loaded: Any, view: bool, rerun: Path | None, viewer: str | None) -> Iterator[Any]:
+    """What looks on for the viewer, if one is asked for."""
+    from navloom.viewer.watching import Watch, watch_run
+
+    if not (view or rerun or viewer):
+        yield Watch()
+        return
+    with watch_run(loaded, where_of(view, rerun, viewer), say_so) as watch:
+        yield watch
+
+
 def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, kept: Sequence[str]) -> None:
     """A run's result for people."""
     from navloom.cli.output import print_table
@@ -66,5 +112,22 @@ def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, ke
     end = episode.result.place
     typer.echo(f"{summary['outcome']}: {summary['reason']}, at ({end.x:.2f}, {end.y:.2f})")
     print_table(("", ""), rows)
+    if summary["shadows"]:
+        _print_shadows(summary["shadows"])
     if out is not None:
         typer.echo(f"kept in {out}: {', '.join(kept)}")
+
+
+def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
+    """What alternatives in shadow would have said, for people."""
+    from navloom.cli.output import print_table
+    from navloom.dataflow.differences import UNITS
+
+    lines = []
+    for one in shadows:
+        sizes = one["differences"].items()
+        worst = ", ".join(f"{name} {size['rms']:.3g}/{size['max']:.3g} {UNITS[name]}" for name, size in sizes)
+        share = one["differing_share"]
+        told = "-" if share is None else f"{100.0 * share:.1f} %"
+        lines.append((f"{one['role']} {one['instance']}", one["ticks"], told, one["first_differing_s"], worst or None))
+    print_table(("in shadow", "ticks", "differing", "first at, s", "difference, rms/max"), lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,6 +34,9 @@ def up(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="With --barrier: folder for result.json, trace.bin and run.png.")
     ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="F.mcap", help="Record it from before its goal, in a process of its own.")
+    ] = None,
     insecure: Annotated[
         bool, typer.Option("--insecure", help="Plain TCP to other hosts, in a closed test network only.")
     ] = False,
@@ -55,11 +58,11 @@ def up(
     if barrier:
         if host is not None or loaded.config.live.router:
             raise ConfigError("--barrier runs on one host without a router: leave --host and live.router out")
-        _barrier(loaded, out, as_json)
+        _barrier(loaded, out, record, as_json)
         return
     if out is not None:
         raise ConfigError("--out: a live run keeps no trace; use it with --barrier or `navloom run`")
-    episode = _live(loaded, host, insecure, as_json)
+    episode = _live(loaded, host, insecure, record, as_json)
     if episode is not None and as_json:
         print_json(episode.summary())
     reached = episode is None or episode.result.outcome == "succeeded"
@@ -100,13 +103,15 @@ def _end(running: Any) -> None:
     )
 
 
-def _barrier(loaded: Any, out: Path | None, as_json: bool) -> None:
+def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) -> None:
     from navloom.cli.output import print_json, stage
     from navloom.study.live_run import run_barrier
     from navloom.study.results import ResultFolder
 
     with ending() as event, ResultFolder(out) as folder, stage(as_json) as (say, progress):
-        episode = run_barrier(loaded, trace=folder.trace, say=say, progress=progress, ends=event.is_set)
+        episode = run_barrier(
+            loaded, trace=folder.trace, say=say, progress=progress, ends=event.is_set, beside=_beside(record, _say)
+        )
         summary = episode.summary()
         folder.keep(episode, summary)
     for fault in episode.log.faults:
@@ -118,7 +123,18 @@ def _barrier(loaded: Any, out: Path | None, as_json: bool) -> None:
     raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
 
 
-def _live(loaded: Any, host: str | None, insecure: bool, as_json: bool) -> Any:
+def _beside(record: Path | None, say: Callable[[str], None]) -> Callable[[Any], Any]:
+    """What is begun beside a robot once it is up: a recorder, where one is asked for."""
+    from contextlib import nullcontext
+
+    if record is None:
+        return lambda robot: nullcontext()
+    from navloom.recording.beside import recorder_beside
+
+    return lambda robot: recorder_beside(robot.keys.prefix, record, say)
+
+
+def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, as_json: bool) -> Any:
     from navloom.cli.live_table import LiveTable
     from navloom.config import ConfigError
     from navloom.study.live_run import LiveRun
@@ -128,7 +144,7 @@ def _live(loaded: Any, host: str | None, insecure: bool, as_json: bool) -> Any:
         if as_json and not run.judges:
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with LiveTable(run, sys.stderr) as table:
-            run.say = table.say
+            run.say, run.beside = table.say, _beside(record, table.say)
             return run.run(as_json, table.missing, table.look, None if as_json else table.result)
 
 

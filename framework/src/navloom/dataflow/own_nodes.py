@@ -1,7 +1,12 @@
-"""The framework's own nodes: operator, goal and gate. The reference node has a file of its own."""
+"""The framework's own nodes: operator, goal and gate. The reference node has a file of its own.
+
+What an executor tells goal and gate beside their inputs goes into their step records as `told`, a JSON object; so a
+replay can tell them the same. It is empty where nothing was told.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 
 from navloom.dataflow.nodes import Inputs, Outputs, Tick
@@ -32,6 +37,8 @@ class GoalNode:
         fault: What broke, for which the goal ends; empty for nothing.
         is_lost: Live: the platform is not heard.
         restarted: Live: roles whose instance came back since the last step.
+        submitted: Live: requests that came by a service instead of a port since the last step, as JSON.
+        told: Of the last step: `fault`, `lost`, `restarted`, `submitted`.
     """
 
     def __init__(self, machine: GoalMachine) -> None:
@@ -39,11 +46,14 @@ class GoalNode:
         self.fault = ""
         self.is_lost = False
         self.restarted: set[str] = set()
+        self.submitted: list[dict[str, object]] = []
+        self.told = ""
         self._answer: Path | PlanFailure | None = None
         self._selection: Selection | None = None
         self._selected = ("", "")
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
+        self.told = self._note()
         for answer in (given["path"], given["failure"]):
             if answer is not None and (self._answer is None or answer.request_id > self._answer.request_id):
                 self._answer = answer
@@ -64,6 +74,7 @@ class GoalNode:
             given["gate"],
             given["reference"],
             self._selected,
+            given["trajectory"],
         )
         for request in given["request"]:
             if request.do == "goal":
@@ -80,6 +91,18 @@ class GoalNode:
             self.machine.restart_of(role, seen)
         self.restarted.clear()
         return self.machine.step(seen)
+
+    def _note(self) -> str:
+        if not (self.fault or self.is_lost or self.restarted or self.submitted):
+            return ""
+        told = {
+            "fault": self.fault,
+            "lost": self.is_lost,
+            "restarted": sorted(self.restarted),
+            "submitted": self.submitted,
+        }
+        self.submitted = []
+        return json.dumps(told)
 
 
 def _instances(selection: Selection | None) -> tuple[str, str]:
@@ -103,6 +126,9 @@ class GateNode:
         lead: Ticks between the word of a selection and the first in which it holds; live more, for it has to get there.
         now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
         is_silent, gone: Live: see `Sensed`.
+        obeyed: Live: requests that came by a service since the last step, as JSON.
+        told: Of the last step: `now_ns`, `silent`, `gone`, `obeyed`, `contact` (latched between two steps), and
+            `warm`, the "role instance" that were found able to take over.
     """
 
     def __init__(self, gate: CommandGate, selected: dict[str, str], is_warm: Callable[[str, str], bool]) -> None:
@@ -115,6 +141,9 @@ class GateNode:
         self.now_ns: int | None = None
         self.is_silent = False
         self.gone = ""
+        self.obeyed: list[dict[str, object]] = []
+        self.told = ""
+        self._warm: list[str] = []
         self._pending: dict[str, str] = {}
         self._status: GateStatus | None = None
         self._required: tuple[str, ...] | None = None
@@ -123,6 +152,7 @@ class GateNode:
         self._from_tick = 0
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
+        has_contact = self.gate.has_contact
         for request in given["request"]:
             self.obey(request, given["operator"])
         out: Outputs = []
@@ -139,14 +169,16 @@ class GateNode:
         if status != self._status:
             self._status = status
             out.append(("status", status))
+        self._note(has_contact)
         return out
 
     def check(self, tick: Tick, given: Inputs) -> Outputs:
         """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
-        sensed = self._sensed(given)
+        sensed, has_contact = self._sensed(given), self.gate.has_contact
         reason = self.gate.choose(sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch)[2]
         if not reason or (self._status is not None and self._status.stopped):
             return []
+        self._note(has_contact)
         return self.stop(reason, sensed.platform_ns)
 
     def stop(self, reason: str, platform_ns: int) -> Outputs:
@@ -183,10 +215,26 @@ class GateNode:
         if number < self._from_tick:
             return False
         warm = [role for role, name in self._pending.items() if self.is_warm(role, name)]
+        self._warm = [f"{role} {self._pending[role]}" for role in warm]
         for role in warm:
             self.selected[role] = self._pending.pop(role)
         self.epoch += bool(warm)
         return bool(warm)
+
+    def _note(self, has_contact: bool) -> None:
+        if self.now_ns is None and not self._warm:
+            self.told = ""
+            return
+        told = {
+            "now_ns": self.now_ns,
+            "silent": self.is_silent,
+            "gone": self.gone,
+            "obeyed": self.obeyed,
+            "contact": has_contact,
+            "warm": self._warm,
+        }
+        self.told = json.dumps({name: value for name, value in told.items() if value})
+        self.obeyed, self._warm = [], []
 
     def _sensed(self, given: Inputs) -> Sensed:
         if self._required is None:

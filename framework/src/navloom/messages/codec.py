@@ -23,7 +23,7 @@ from navloom.messages.envelope import Envelope
 from navloom.messages.kinds import DTYPES, MAX_ITEMS, Kind, Message, MessageError, brief
 from navloom.messages.schema import SCHEMAS
 
-__all__ = ["CodecError", "decode", "encode", "schema_label"]
+__all__ = ["CodecError", "decode", "encode", "read_envelope", "schema_label"]
 
 ALIGNMENT = 64
 MAX_ARRAYS = 256
@@ -112,6 +112,19 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
         return message, _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
+
+
+def read_envelope(data: bytes | memoryview) -> Envelope:
+    """The envelope alone, whatever the message is. Raises CodecError."""
+    view = memoryview(data).cast("B")
+    end = 4 + _LENGTH.unpack_from(view)[0] if len(view) >= 4 else 0
+    if not 4 < end <= len(view):
+        raise CodecError(f"got {len(view)} bytes, expected a header that fits into them")
+    try:
+        header = msgpack.unpackb(view[4:end], max_array_len=min(end, MAX_ITEMS))
+    except Exception as error:
+        raise CodecError(f"the header is not MessagePack: {brief(error)}") from None
+    return _envelope(header.get("envelope") if isinstance(header, dict) else None)
 
 
 def _class_of(label: str) -> type[Message]:

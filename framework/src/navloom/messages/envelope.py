@@ -34,10 +34,14 @@ class StepRecord(NamedTuple):
         role, instance: Whose step.
         tick: When.
         trigger: Port (or "tick") that made it step.
-        consumed: Port name and the sequences read at it: all new ones of a trigger, the last one of a sample.
+        consumed: Input and the sequences read at it, see `InputRead`.
         params_version: Rises with each change of the parameters.
         resets: How often the instance was reset.
         duration_ns: Time the step took on this machine: never in a message or a trace.
+        stamp_ns: Run clock of the tick.
+        epoch: Selection in force.
+        fault: What the plugin raised, empty for nothing.
+        told: What the executor told the node beside its inputs, see `StepReport`.
     """
 
     role: str
@@ -48,3 +52,7 @@ class StepRecord(NamedTuple):
     params_version: int
     resets: int
     duration_ns: int
+    stamp_ns: int = 0
+    epoch: int = 0
+    fault: str = ""
+    told: str = ""

@@ -9,7 +9,13 @@ __all__ = ["InputRead", "Parameters", "PortMark", "StepReport"]
 
 @message()
 class InputRead(Message):
-    """What a step read at one input: sequence numbers, all new ones of a trigger, the last one of a sample."""
+    """What a step read at one input.
+
+    Attributes:
+        input: What the node calls it.
+        sequences: Numbers of the messages: all new ones of a trigger, the last one of a sample; of a track the first
+            and the last number of each run without a gap.
+    """
 
     input: str
     sequences: tuple[int, ...]
@@ -28,7 +34,8 @@ class StepReport(Message):
     """One tick of a node; sent in silent ones too, so that a missing one means something.
 
     Attributes:
-        trigger: Input (or "tick") that made it step; empty where it did not step.
+        trigger: Input (or "tick") that made it step; "check" for a gate that stopped between two ticks; empty where
+            it did not step.
         read: What it consumed.
         published: Every port with its mark after this tick.
         enabled: It steps when triggered; an alternative that waits, or a plugin that broke in lockstep, does not.
@@ -36,6 +43,8 @@ class StepReport(Message):
         resets: How often the instance was reset.
         duration_ns: Time the step took on its machine.
         fault: What the plugin raised in this tick, empty for nothing.
+        told: What the executor told the node beside its inputs, as a JSON object; empty for nothing. See
+            `dataflow.own_nodes`.
     """
 
     trigger: str
@@ -46,6 +55,7 @@ class StepReport(Message):
     resets: int
     duration_ns: int
     fault: str
+    told: str = ""
 
 
 @message()

@@ -92,6 +92,15 @@ class CommandGate:
         return ""
 
     @property
+    def has_contact(self) -> bool:
+        """A contact is latched."""
+        return self._contact
+
+    def latch_contact(self) -> None:
+        """Take up a contact that was seen between two steps."""
+        self._contact = True
+
+    @property
     def is_latched(self) -> bool:
         """It stays stopped until `resume`."""
         return self._operator_stop or self._contact

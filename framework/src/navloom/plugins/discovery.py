@@ -26,7 +26,7 @@ class PluginInfo:
     """What is known of a plugin without importing it.
 
     Attributes:
-        role, name: From the entry point `<role>.<name>`; the role may also be "world", "scheme" or "metric".
+        role, name: From the entry point `<role>.<name>`; the role may also be "world", "scheme", "metric" or "panel".
         distribution, version: Who provides it.
         target: Module that implements the hook.
     """
@@ -102,6 +102,14 @@ class Discovery:
             PluginError: No metric of that name, named twice, or broken.
         """
         return self._given("metric", name, self._load("metric", name).metrics)
+
+    def panel(self, name: str) -> Named:
+        """A viewer panel.
+
+        Raises:
+            PluginError: No panel of that name, named twice, or broken.
+        """
+        return self._given("panel", name, self._load("panel", name).panels)
 
     def _given(self, role: str, name: str, registered: Mapping[str, T]) -> T:
         """What an entry point registered under its own name."""

@@ -20,4 +20,4 @@ class HookSpecs:
 
     @hookspec
     def navloom_register(self, registry: Registry) -> None:
-        """Add classes, worlds, world schemes or metrics to the registry: `registry.add(MyPlanner)`."""
+        """Add classes, worlds, world schemes, metrics or viewer panels to the registry: `registry.add(MyPlanner)`."""

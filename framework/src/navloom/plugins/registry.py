@@ -15,7 +15,7 @@ __all__ = ["Named", "PluginError", "Registry", "nearest"]
 
 
 class Named(Protocol):
-    """Something registered under its own name. What a metric is besides is known only above, where episodes are."""
+    """Something registered under its own name. What a metric or panel is besides is known only above, where it is used."""
 
     @property
     def name(self) -> str:
@@ -35,13 +35,14 @@ def nearest(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """Classes by role and name, named worlds, world schemes and metrics. One is filled by one entry point at a time."""
+    """Classes by role and name, named worlds, world schemes, metrics and panels; filled by one entry point at a time."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}
         self.worlds: dict[str, Callable[[], World]] = {}
         self.schemes: dict[str, Callable[[str, Path], World]] = {}
         self.metrics: dict[str, Named] = {}
+        self.panels: dict[str, Named] = {}
 
     def add(self, plugin: type[Role]) -> None:
         """Add a role's implementation.
@@ -79,9 +80,17 @@ class Registry:
 
     def metric(self, metric: Named) -> None:
         """Add a metric of episodes, a `navloom.Metric`."""
-        name = getattr(metric, "name", None)
-        if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            raise PluginError(f"{metric!r}: expected a navloom.Metric with a name of lower case letters, digits and _")
-        if name in self.metrics:
-            raise PluginError(f"metric {name!r} is registered twice: rename one of them")
-        self.metrics[name] = metric
+        _keep_named(self.metrics, metric, "metric", "a navloom.Metric")
+
+    def panel(self, panel: Named) -> None:
+        """Add a viewer panel, a `navloom.Panel`."""
+        _keep_named(self.panels, panel, "panel", "a navloom.Panel")
+
+
+def _keep_named(kept: dict[str, Named], given: Named, kind: str, expected: str) -> None:
+    name = getattr(given, "name", None)
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise PluginError(f"{given!r}: expected {expected} with a name of lower case letters, digits and _")
+    if name in kept:
+        raise PluginError(f"{kind} {name!r} is registered twice: rename one of them")
+    kept[name] = given

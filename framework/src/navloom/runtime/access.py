@@ -30,6 +30,7 @@ READABLE = (
     "*/*/params/get",
     "*/*/parameters",
     "process/*/memory",
+    "process/*/config",
     "mapper/*/map",
     "planner/*/path",
     "planner/*/failure",

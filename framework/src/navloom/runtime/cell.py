@@ -108,5 +108,6 @@ class Cell:
         """Say that this tick is done, and what came of it."""
         marks = tuple(PortMark(port, outlet.sequence) for port, outlet in self.outlets.items() if port != STEP)
         enabled = self.instance.enabled
-        message = StepReport(trigger, read, marks, enabled, self.versions, self.resets, spent_ns, fault)
+        told = getattr(self.node, "told", "") if trigger else ""
+        message = StepReport(trigger, read, marks, enabled, self.versions, self.resets, spent_ns, fault, told)
         self.outlets[STEP].publish(message, tick.number, tick.time_ns, tick.time_ns, tick.epoch)

@@ -14,10 +14,12 @@ from navloom.runtime.live import LiveRunner
 from navloom.runtime.lockstep import MAIN_PORTS
 from navloom.runtime.run_clock import RunClock
 
-__all__ = ["CHECK", "LiveGate"]
+__all__ = ["BETWEEN", "CHECK", "LiveGate"]
 
 CHECK = 0.01
 """s between two looks."""
+BETWEEN = "check"
+"""Trigger of a step record of a stop between two ticks."""
 LEAD = 2
 """Ticks a selection is announced ahead, so that every host knows it when it begins to hold."""
 HOLD = 0.4
@@ -83,12 +85,17 @@ class LiveGate(LiveRunner):
         outputs = self.gate.check(tick, instance.read(number + 1, number))
         if outputs:
             self._send(outputs, tick)
+            self.say(tick, BETWEEN, self.cell.read_marks(number + 1, number), 0, "")
 
     def obey(self, request: OperatorRequest) -> None:
         """Take an operator's request, on the gate's own thread."""
         slot = self._feeds["operator"].slot
         message, envelope = slot.message, slot.envelope
         driving = (message, envelope) if isinstance(message, Command) and envelope is not None else None
+        sequence = 0 if driving is None else driving[1].sequence
+        self.gate.obeyed.append(
+            {"do": request.do, "role": request.role, "instance": request.instance, "driving": sequence}
+        )
         self.gate.obey(request, driving)
 
     def step(self, trigger: str, number: int) -> Outputs:

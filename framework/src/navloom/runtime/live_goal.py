@@ -57,6 +57,10 @@ class LiveGoal(LiveRunner):
     def submit(self, request: OperatorRequest) -> None:
         """Take an operator's request, on the goal's own thread."""
         assert self._request.queue is not None
+        goal = request.goal
+        via = [] if goal is None else [[point.x, point.y] for point in goal.via]
+        of_goal = None if goal is None else [goal.goal_id, goal.x, goal.y, goal.heading, via]
+        self.goal.submitted.append({"do": request.do, "goal": of_goal})
         self._request.queue.append((2**62, request, 0))
         self._stepped_at -= WITHOUT_POSE
 

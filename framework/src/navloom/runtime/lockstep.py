@@ -163,11 +163,12 @@ class Lockstep:
         )
         given = instance.read(number, since)
         before = perf_counter_ns()
+        fault = ""
         try:
             outputs = instance.node.step(tick, given)
         except Exception as error:
             self._fault(instance, error)
-            outputs = []
+            outputs, fault = [], f"{type(error).__name__}: {error}"
         spent = perf_counter_ns() - before
         instance.stepped = number
         if instance.active and instance.spec.role != "platform":
@@ -175,7 +176,7 @@ class Lockstep:
         if instance.spec.role in self.log.step_ns and instance.active:
             self.log.step_ns[instance.spec.role].append(spent)
         if self._step_observers:
-            self._record(instance, tick, trigger, consumed, spent)
+            self._record(instance, tick, trigger, consumed, spent, fault)
         if not outputs:
             return
         cause = instance.cause_of(tick.time_ns)
@@ -210,9 +211,13 @@ class Lockstep:
         trigger: str,
         consumed: tuple[tuple[str, tuple[int, ...]], ...],
         spent: int,
+        fault: str,
     ) -> None:
-        version = self._versions.get((instance.spec.role, instance.name), 0)
-        record = StepRecord(instance.spec.role, instance.name, tick.number, trigger, consumed, version, 0, spent)
+        role, name = instance.spec.role, instance.name
+        version, told = self._versions.get((role, name), 0), getattr(instance.node, "told", "")
+        record = StepRecord(
+            role, name, tick.number, trigger, consumed, version, 0, spent, tick.time_ns, tick.epoch, fault, told
+        )
         for observer in self._step_observers:
             observer.on_step(record)
 

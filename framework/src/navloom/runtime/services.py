@@ -27,6 +27,7 @@ from navloom.runtime.live_goal import LiveGoal
 from navloom.runtime.live_platform import LivePlatform
 from navloom.runtime.memory import Memory
 from navloom.runtime.placing import spread
+from navloom.runtime.provenance import distributions
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus, Question
@@ -85,6 +86,7 @@ class Services:
                     self._serve(source, do, lambda given, runner=runner, do=do: self._gate(runner, do))  # type: ignore[misc]
         if self._live:
             self._bus.serve(self._keys.process(self._process, "memory"), self._recall)
+        self._bus.serve(self._keys.process(self._process, "config"), self._show_config)
 
     def _serve(self, source: Source, service: str, handler: Handler) -> None:
         key = self._keys.port(*source, service)
@@ -107,6 +109,15 @@ class Services:
 
     def _recall(self, question: Question) -> None:
         question.answer(question_key(self._keys, self._process), self._memory.to_bytes(), "json")
+
+    def _show_config(self, question: Question) -> None:
+        """The whole config, for recordings: what runs here cannot be told from anywhere else."""
+        given = {
+            "loaded": self._system.loaded.to_json(),
+            "barrier": self._board.lossless,
+            "distributions": distributions(self._system.config),
+        }
+        question.answer(self._keys.process(self._process, "config"), json.dumps(given).encode(), "json")
 
     # --- what they are ----------------------------------------------------------------------------------------------
 

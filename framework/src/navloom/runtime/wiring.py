@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ from navloom.dataflow.ports import Input, NodeSpec
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import schema_label
 
-__all__ = ["Instance", "Slot", "Wire"]
+__all__ = ["Instance", "Slot", "Wire", "runs"]
 
 Watcher = Callable[[Message, Envelope], None]
 TRACK_LENGTH = 4096
@@ -116,13 +116,24 @@ class Wire:
         return [entry for entry in self.queue if entry[0] > since or self.input.triggers]
 
     def sequences(self, tick: int, since: int) -> tuple[int, ...]:
-        """Sequence numbers of what `read` would give."""
+        """Sequence numbers of what `read` would give; of a track the first and last of each run, see `InputRead`."""
         if self.queue is not None:
-            entries = list(self.queue) if self.reading == "track" else self._fresh(tick, since)
-            return tuple(entry[2] for entry in entries)
+            if self.reading == "track":
+                return runs([entry[2] for entry in self.queue])
+            return tuple(entry[2] for entry in self._fresh(tick, since))
         old = self.delayed and self.slot.tick == tick
         envelope = self.slot.older[1] if old else self.slot.envelope
         return () if envelope is None else (envelope.sequence,)
+
+
+def runs(numbers: Sequence[int]) -> tuple[int, ...]:
+    """First and last of each run of consecutive numbers, one after the other."""
+    if not numbers:
+        return ()
+    breaks = [place for place in range(1, len(numbers)) if numbers[place] != numbers[place - 1] + 1]
+    firsts = [0, *breaks]
+    lasts = [*(place - 1 for place in breaks), len(numbers) - 1]
+    return tuple(numbers[place] for pair in zip(firsts, lasts, strict=True) for place in pair)
 
 
 @dataclass

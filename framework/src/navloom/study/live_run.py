@@ -7,6 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
@@ -57,8 +58,9 @@ def run_barrier(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
     ends: Callable[[], bool] = lambda: False,
+    beside: Callable[[Robot], AbstractContextManager[None]] = lambda robot: nullcontext(),
 ) -> Episode:
-    """Run a config in its processes under the barrier: the same trace as in lockstep.
+    """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for `beside`.
 
     Raises:
         ConfigError, PluginError: The request was wrong; StartError: the robot did not come up;
@@ -70,8 +72,9 @@ def run_barrier(
     if not (issubclass(platform, Platform) and platform.is_simulated):
         raise ConfigError(f"platform.plugin: {platform.name} is a real robot; simulated time is not for it")
     recorder, run = Recorder(), loaded.config.run
-    with Robot(system, network_of(loaded.config, None, False), None, True, say) as robot:
+    with Robot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
         robot.wait_complete(START, ends=ends)
+        attending.enter_context(beside(robot))
 
         def check() -> None:
             if ends():
@@ -86,8 +89,8 @@ def run_barrier(
             system, board, schedule(loaded.config, system.goal), [recorder], TraceWriter(trace), check
         )
         board.connect()
-        ticks = math.ceil(round(run.stop_after / run.period, 6)) + 2
-        tell = None if progress is None else (lambda tick: progress(tick * run.period, run.stop_after))
+        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
         return Episode(system, conductor.run(ticks, tell), recorder)
 
 
@@ -100,6 +103,7 @@ class LiveRun:
         host: Share of it that runs here; None for all.
         insecure: Plain TCP beyond this host was asked for.
         say: Told what happens.
+        beside: What attends it from when every node is there to its end: a recorder.
 
     Attributes:
         judges: The run is judged here, where the platform is: other hosts are spared all that is judged by.
@@ -116,6 +120,7 @@ class LiveRun:
     status: GateStatus | None = None
     log: RunLog = field(default_factory=RunLog)
     recorder: Recorder = field(default_factory=Recorder)
+    beside: Callable[[Robot], AbstractContextManager[None]] = lambda robot: nullcontext()
 
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
@@ -157,7 +162,8 @@ class LiveRun:
             if not self.ending.is_set():
                 self._listen(robot)
                 self.say("up: every node is there")
-                self._drive(robot, until_idle, look, ended)
+                with self.beside(robot):
+                    self._drive(robot, until_idle, look, ended)
         return self._episode() if self.log.results else None
 
     def _episode(self) -> Episode:

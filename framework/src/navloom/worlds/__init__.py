@@ -19,7 +19,7 @@ from navloom.worlds.paper import (
     paper_gates_open_a,
 )
 from navloom.worlds.rosmap import rosmap_world
-from navloom.worlds.small import clutter_world, corridor, doorway, empty, u_trap
+from navloom.worlds.small import clutter_world, corridor, crossing_person, door_world, doorway, empty, u_trap
 from navloom.worlds.tomlfile import toml_world
 
 __all__ = ["SCHEMES", "WORLDS", "WorldError", "navloom_register"]
@@ -34,6 +34,7 @@ WORLDS: dict[str, Callable[[], World]] = {
         paper_gates_obstacle,
         empty,
         corridor,
+        crossing_person,
         doorway,
         u_trap,
     )
@@ -41,6 +42,7 @@ WORLDS: dict[str, Callable[[], World]] = {
 SCHEMES: dict[str, Callable[[str, Path], World]] = {
     "barn": barn_world,
     "clutter": clutter_world,
+    "door": door_world,
     "movingai": movingai_world,
     "rosmap": rosmap_world,
     "toml": toml_world,

@@ -1,0 +1,211 @@
+"""`navloom replay`: a recording again, node by node, as it was or with another plugin in one role."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.live_options import AsJson
+
+__all__ = ["json_bytes", "keep_files", "replay", "tell_substitute"]
+
+Plugin = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Another plugin, or an [[alternative]] of the config.")
+]
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="F.mcap", help="A recording.")],
+    avoider: Plugin = None,
+    controller: Plugin = None,
+    planner: Plugin = None,
+    mapper: Plugin = None,
+    localizer: Plugin = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="Exit 1 where an output is not the recorded one.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Publish it again, in realm replay, for tools that look.")
+    ] = False,
+    speed: Annotated[float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.")] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for result.json, the ticks as CSV, and a picture.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Replay a recording: step each node on what it was given and compare, or try another plugin on the same inputs."""
+    from navloom.config import ConfigError
+    from navloom.recording.reader import Recording
+    from navloom.recording.worldfiles import with_world
+
+    given = {"avoider": avoider, "controller": controller, "planner": planner, "mapper": mapper, "localizer": localizer}
+    stand_ins = {role: name for role, name in given.items() if name is not None}
+    if sum((bool(stand_ins), live, check)) > 1:
+        raise ConfigError("--check, --live and another plugin are three ways to replay: choose one")
+    for change in set_ or ():
+        if change.partition(".")[0] not in stand_ins:
+            tried = ", ".join(stand_ins) or "none is tried"
+            raise ConfigError(f"--set {change}: expected ROLE.KEY=V of a role that another plugin is tried in: {tried}")
+    recording = Recording(file)
+    if recording.note:
+        typer.echo(f"navloom: {recording.note}", err=True)
+    if live:
+        _publish(recording, speed)
+        return
+    if recording.header.kind == "imported":
+        from navloom.cli.import_log import replay_imported
+
+        replay_imported(recording, stand_ins, set_ or (), out, as_json)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        loaded = with_world(recording, recording.header.loaded(), Path(folder))
+        if stand_ins:
+            _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
+        else:
+            _check(recording, loaded, check, out, as_json)
+
+
+def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
+    from navloom.cli.output import print_json, print_table, stage
+    from navloom.recording.check import check
+    from navloom.recording.replaying import Replayer
+    from navloom.runtime.build import assemble
+
+    with stage(as_json) as (say, progress):
+        found = check(Replayer(recording, assemble(loaded), None, say), progress)
+    differing = [one for one in found if one.differing]
+    first = min((one.first for one in differing if one.first is not None), key=lambda one: one.tick, default=None)
+    compared = sum(one.messages for one in found)
+    result = {
+        "file": str(recording.path),
+        "kind": recording.header.kind,
+        "complete": recording.is_complete,
+        "same": not differing and compared > 0,
+        "first_difference": None if first is None else str(first),
+        "nodes": [one.to_json() for one in found],
+        "recorder": recording.counts(),
+    }
+    keep_files(out, {"result.json": json_bytes(result)})
+    if as_json:
+        print_json(result)
+    else:
+        print_table(
+            ("node", "steps", "messages", "differ", "not fed in full"),
+            [(one.node, one.steps, one.messages, one.differing, one.not_fed) for one in found],
+        )
+        for one in found:
+            for caveat in one.caveats():
+                typer.echo(f"{one.node}: {caveat}")
+        if first is not None:
+            typer.echo(f"first difference: {first}")
+        elif compared:
+            typer.echo(f"all {compared} messages are those recorded, bit for bit")
+        else:
+            typer.echo("nothing could be compared: the recording holds no step records")
+    raise typer.Exit(1 if is_check and not result["same"] else 0)
+
+
+def _substitute(
+    recording: Any, loaded: Any, stand_ins: dict[str, str], changes: Sequence[str], out: Path | None, as_json: bool
+) -> None:
+    from navloom.cli.output import print_json, stage
+    from navloom.study.shadows import shadow_table
+    from navloom.study.substitutes import draw_substitute, substitute, substitute_config
+
+    results = []
+    files: dict[str, bytes] = {}
+    for role, name in stand_ins.items():
+        changed = substitute_config(loaded, role, name, changes)
+        with stage(as_json) as (say, progress):
+            found = substitute(recording, changed, role, say, progress)
+        results.append((found, loaded.config.role_table(role).instance))
+        if out is not None:
+            files[f"{role}.png"] = draw_substitute(found, results[-1][1])
+    if out is not None:
+        files["ticks.csv"] = shadow_table([found.found for found, _ in results]).encode()
+        files["result.json"] = json_bytes([found.summary() for found, _ in results])
+        keep_files(out, files)
+    if as_json:
+        print_json([found.summary() for found, _ in results])
+        return
+    for found, recorded in results:
+        tell_substitute(found, recorded)
+    if out is not None:
+        typer.echo(f"kept in {out}: {', '.join(sorted(files))}")
+
+
+def tell_substitute(found: Any, recorded: str) -> None:
+    """One comparison for people."""
+    from navloom.cli.output import print_table
+    from navloom.dataflow.differences import UNITS
+
+    summary = found.summary()
+    share = summary["differing_share"]
+    typer.echo(
+        f"{summary['role']} {summary['instance']} on what {recorded} was given, {summary['ticks']} ticks compared"
+    )
+    if share is None:
+        typer.echo("no tick in which both gave an answer")
+    else:
+        differing = sum(found.found.differing)
+        first = summary["first_differing_tick"]
+        typer.echo(
+            f"differs in {differing} ticks ({share:.1%})"
+            + ("" if first is None else f", first in tick {first} ({summary['first_differing_s']:.2f} s)")
+        )
+        typer.echo(f"ticks that differ: {_spans(found.found) or 'none'}")
+        rows = [(name, UNITS[name], one["rms"], one["max"]) for name, one in summary["differences"].items()]
+        print_table(("difference", "unit", "rms", "max"), rows)
+    if summary["unanswered"]:
+        typer.echo(f"only one of the two gave an answer in {summary['unanswered']} ticks")
+    for text in (summary["first_fault"], summary["first_not_fed"], *summary["notes"]):
+        if text:
+            typer.echo(f"note: {text}")
+
+
+def _spans(found: Any) -> str:
+    """Ticks that differ, as first-last of each run of ticks that were compared."""
+    spans: list[list[int]] = []
+    previous = False
+    for tick, differs in zip(found.ticks, found.differing, strict=True):
+        if differs and previous:
+            spans[-1][1] = tick
+        elif differs:
+            spans.append([tick, tick])
+        previous = differs
+    return ", ".join(f"{first}-{last}" if last > first else str(first) for first, last in spans)
+
+
+def _publish(recording: Any, speed: float) -> None:
+    from navloom.cli.up import ending
+    from navloom.recording.republishing import republish
+
+    with ending() as event:
+        counted = republish(recording, speed, event, lambda text: typer.echo(f"navloom: {text}", err=True))
+    typer.echo(f"published {counted} messages")
+
+
+def json_bytes(value: Any) -> bytes:
+    """A JSON value on one line."""
+    from navloom.cli.output import json_line
+
+    return json_line(value).encode() + b"\n"
+
+
+def keep_files(out: Path | None, files: dict[str, bytes]) -> None:
+    """Write files into a folder, if there is one; a ConfigError where that cannot be."""
+    from navloom.config import ConfigError
+
+    if out is None:
+        return
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name, data in files.items():
+            (out / name).write_bytes(data)
+    except OSError as error:
+        raise ConfigError(f"--out {out}: cannot be written: {error.strerror}; name a folder") from None

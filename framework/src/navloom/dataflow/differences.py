@@ -1,0 +1,137 @@
+"""By how much two instances of a role disagree on the same inputs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.angles import wrap
+from navloom.geometry.frames import compose, inverse, transform
+from navloom.geometry.polylines import hausdorff_distance
+from navloom.messages import (
+    Avoidance,
+    Command,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Odometry,
+    Path,
+    PlanFailure,
+    Pose2D,
+    PoseEstimate,
+    RecoveryStep,
+    TrackingCommand,
+    Twist2D,
+)
+
+__all__ = ["TOLERANCES", "UNITS", "differences", "is_differing"]
+
+UNITS = {
+    "vx": "m/s", "vy": "m/s", "wz": "rad/s", "found": "1", "length": "m", "hausdorff": "m", "cells": "1",
+    "occupied": "1", "distance": "m", "angle": "rad",
+}  # fmt: skip
+"""Of every difference by name."""
+TOLERANCES = {
+    "vx": 0.01, "vy": 0.01, "wz": 0.01, "found": 0.5, "length": 0.05, "hausdorff": 0.10, "cells": 0.001,
+    "occupied": 0.01, "distance": 0.01, "angle": 0.01,
+}  # fmt: skip
+"""What counts as the same, in the unit of each difference: less than a robot shows, more than arithmetic does."""
+OCCUPIED = 50
+
+
+def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
+    """Compare two messages that say the same thing.
+
+    Args:
+        role: Of both, for the error.
+        ours: Of the instance in charge.
+        theirs: Of the other one.
+
+    Returns:
+        By name, of
+        velocities (avoider, controller, recovery): `vx`, `vy`, m/s, and `wz`, rad/s, theirs less ours;
+        answers of planners: `found`, 1 where only one of them found a path, and of two paths `length`, m, theirs less
+        ours as planned, and `hausdorff`, m, the greatest distance of a point of either to the other;
+        maps: `cells`, the share of our cells that theirs calls something else of free, occupied and unknown, and
+        `occupied`, that share of the cells that either calls occupied (what theirs has beyond our grid is not looked
+        at, what it lacks is unknown);
+        poses (localizer, platform): `distance`, m, and `angle`, rad, both ≥ 0.
+        Nothing for messages that are not compared.
+
+    Raises:
+        TypeError: One is of another kind than the other.
+    """
+    if isinstance(ours, (Path, PlanFailure)) and isinstance(theirs, (Path, PlanFailure)):
+        return _of_answers(ours, theirs)
+    if type(ours) is not type(theirs):
+        kinds = f"{type(ours).__name__} and {type(theirs).__name__}"
+        raise TypeError(f"differences of role {role}: {kinds}, expected messages of one kind")
+    if isinstance(ours, MapUpdate) and isinstance(theirs, MapUpdate):
+        return _of_maps(ours.grid, theirs.grid)
+    our_twist, their_twist = _twist(ours), _twist(theirs)
+    if our_twist is not None and their_twist is not None:
+        return {name: getattr(their_twist, name) - getattr(our_twist, name) for name in ("vx", "vy", "wz")}
+    our_pose, their_pose = _pose(ours), _pose(theirs)
+    if our_pose is not None and their_pose is not None:
+        turned = abs(float(wrap(np.asarray(their_pose.heading - our_pose.heading))))
+        return {"distance": math.hypot(their_pose.x - our_pose.x, their_pose.y - our_pose.y), "angle": turned}
+    return {}
+
+
+def is_differing(found: dict[str, float]) -> bool:
+    """Whether any difference is beyond its tolerance."""
+    return any(abs(value) > TOLERANCES[name] for name, value in found.items())
+
+
+def _twist(message: Message) -> Twist2D | None:
+    if isinstance(message, Twist2D):
+        return message
+    return message.twist if isinstance(message, (Command, TrackingCommand, Avoidance, RecoveryStep)) else None
+
+
+def _pose(message: Message) -> Pose2D | None:
+    if isinstance(message, Pose2D):
+        return message
+    return message.pose if isinstance(message, (PoseEstimate, Odometry)) else None
+
+
+def _of_answers(ours: Path | PlanFailure, theirs: Path | PlanFailure) -> dict[str, float]:
+    if isinstance(ours, Path) and isinstance(theirs, Path):
+        apart = hausdorff_distance(ours.points, theirs.points)
+        return {"found": 0.0, "length": theirs.length - ours.length, "hausdorff": apart}
+    return {"found": float(isinstance(ours, Path) != isinstance(theirs, Path))}
+
+
+def _of_maps(ours: OccupancyGrid, theirs: OccupancyGrid) -> dict[str, float]:
+    mine, other = _kinds(ours.cells), _kinds(_seen_from(ours, theirs))
+    differing = mine != other
+    either = (mine == 1) | (other == 1)
+    return {
+        "cells": float(differing.mean()) if differing.size else 0.0,
+        "occupied": float(differing[either].mean()) if either.any() else 0.0,
+    }
+
+
+def _kinds(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+    """-1 unknown, 0 free, 1 occupied."""
+    return np.where(cells < 0, -1, cells >= OCCUPIED).astype(np.int8)
+
+
+def _seen_from(ours: OccupancyGrid, theirs: OccupancyGrid) -> NDArray[np.int8]:
+    """Their value at the centre of each of our cells, -1 where they have none."""
+    if ours.cells.shape == theirs.cells.shape and (ours.resolution, ours.origin) == (theirs.resolution, theirs.origin):
+        return theirs.cells
+    rows, cols = np.indices(ours.cells.shape)
+    centres = np.column_stack([cols.ravel() + 0.5, rows.ravel() + 0.5]) * ours.resolution
+    ours_to_theirs = compose(inverse(_motion(theirs.origin)), _motion(ours.origin))
+    at = np.floor(transform(ours_to_theirs, centres) / theirs.resolution).astype(np.int64)
+    inside = ((at >= 0) & (at < theirs.cells.shape[::-1])).all(axis=1)
+    seen = np.full(len(at), -1, dtype=np.int8)
+    seen[inside] = theirs.cells[at[inside, 1], at[inside, 0]]
+    return seen.reshape(ours.cells.shape)
+
+
+def _motion(origin: Pose2D) -> NDArray[np.float64]:
+    return np.array([origin.x, origin.y, origin.heading])

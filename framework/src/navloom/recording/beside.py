@@ -1,0 +1,57 @@
+"""A recorder in a process of its own beside a robot that this one brought up."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from navloom.recording.writer import WriteError
+
+__all__ = ["recorder_beside"]
+
+CLOSE = 15.0
+"""s a recorder may take to end its file."""
+
+
+@contextmanager
+def recorder_beside(prefix: str, path: Path, say: Callable[[str], None]) -> Iterator[None]:
+    """Record a robot that is up, for the time of a `with` statement, which begins once it is heard.
+
+    Args:
+        prefix: REALM/ROBOT.
+        path: File to write.
+        say: Told what the recorder says.
+
+    Raises:
+        WriteError: It could not begin.
+    """
+    command = [sys.executable, "-m", "navloom", "record", "--robot", prefix, "--out", str(path)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert child.stdout is not None
+    first = child.stdout.readline().removeprefix("navloom: ").strip()
+    if not first.startswith("recording "):
+        child.wait(CLOSE)
+        raise WriteError(first or f"the recorder ended with code {child.returncode}")
+    say(first)
+    listener = threading.Thread(target=_listen, args=(child.stdout, say), daemon=True)
+    listener.start()
+    try:
+        yield
+    finally:
+        child.terminate()
+        try:
+            child.wait(CLOSE)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+            say(f"{path}: its recorder did not end; what it wrote can be read")
+        listener.join(1.0)
+
+
+def _listen(lines: Iterator[str], say: Callable[[str], None]) -> None:
+    for line in lines:
+        say(line.removeprefix("navloom: ").rstrip())

@@ -1,0 +1,120 @@
+"""Whether a replay with the same plugins gives what was recorded, bit for bit, and where it first does not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from navloom.messages import Message
+from navloom.recording.comparing import Difference, first_difference, is_same
+from navloom.recording.outcomes import Outcomes
+from navloom.recording.replaying import Replayer, ReplayNode, Stepped
+from navloom.recording.shelf import Entry, Shelf
+
+__all__ = ["NodeCheck", "check"]
+
+
+@dataclass
+class NodeCheck:
+    """What the replay of one node came to.
+
+    Attributes:
+        node: "role instance".
+        steps: Made again.
+        messages: Compared, bit for bit.
+        differing: Of them, and of those that only one side published, how many are not the same.
+        first: Where they first differ.
+        not_fed: Steps that lacked an input.
+        first_not_fed: The first of them, and what it lacked.
+        unrecorded: Messages that its step records count and the recording lacks.
+        notes: What else a reader must know.
+    """
+
+    node: str
+    steps: int = 0
+    messages: int = 0
+    differing: int = 0
+    first: Difference | None = None
+    not_fed: int = 0
+    first_not_fed: str = ""
+    unrecorded: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def to_json(self) -> dict[str, Any]:
+        """For `replay --json`."""
+        return asdict(self)
+
+    def caveats(self) -> list[str]:
+        """Why an equal replay says less than it seems, and a different one may have a cause before the recording."""
+        found = list(self.notes)
+        if self.not_fed:
+            found.append(f"{self.not_fed} steps were not fed in full: {self.first_not_fed}")
+        if self.unrecorded:
+            found.append(f"{self.unrecorded} messages it published are missing")
+        return found
+
+
+class _Checker:
+    """Compares each step that was made again with what was recorded of it."""
+
+    def __init__(self, replayer: Replayer) -> None:
+        self.outcomes = Outcomes(replayer)
+        self.found: dict[tuple[str, str], NodeCheck] = {}
+
+    def again(self, node: ReplayNode, stepped: Stepped, shelf: Shelf) -> None:
+        """Take one step."""
+        step = stepped.step
+        found = self.found.setdefault(node.source, NodeCheck(" ".join(node.source), notes=node.notes))
+        counted = Counter(port for port, _ in stepped.outputs)
+        numbers = self.outcomes.numbers(stepped, {port: counted[port] for port in node.spec.outputs})
+        if not step.report.trigger:
+            return
+        found.steps += 1
+        if stepped.fed.missing:
+            found.not_fed += 1
+            found.first_not_fed = found.first_not_fed or f"tick {step.at.tick} lacks {'; '.join(stepped.fed.missing)}"
+        if stepped.fault != step.report.fault:
+            recorded, replayed = step.report.fault or "no fault", stepped.fault or "no fault"
+            self._differs(found, Difference(step.at.tick, found.node, "fault", "", recorded, replayed))
+        for port, wanted in numbers.items():
+            given = [message for name, message in stepped.outputs if name == port]
+            entries = [self.outcomes.entry(step, port, number, shelf) for number in wanted]
+            self._compare(found, step.at.tick, port, given, entries)
+
+    def _compare(
+        self, found: NodeCheck, tick: int, port: str, given: list[Message], entries: list[Entry | None]
+    ) -> None:
+        for place in range(max(len(given), len(entries))):
+            is_recorded = place < len(entries)
+            entry = entries[place] if is_recorded else None
+            if is_recorded and entry is None:
+                found.unrecorded += 1
+                continue
+            found.messages += 1
+            difference = _difference(entry, given[place] if place < len(given) else None)
+            if difference is not None:
+                self._differs(found, Difference(tick, found.node, port, *difference))
+
+    def _differs(self, found: NodeCheck, difference: Difference) -> None:
+        found.differing += 1
+        found.first = found.first or difference
+
+
+def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str, str] | None:
+    recorded = entry.open() if entry is not None else None
+    if recorded is None or replayed is None or entry is None:
+        said = "nothing" if recorded is None else type(recorded.message).__name__
+        return "", said, "nothing" if replayed is None else type(replayed).__name__
+    if is_same(recorded, entry.raw.data, entry.raw.label, replayed):
+        return None
+    return first_difference(recorded.message, replayed) or ("", "other bytes", "the same values in other bytes")
+
+
+def check(replayer: Replayer, progress: Callable[[float, float], None] | None = None) -> list[NodeCheck]:
+    """Replay every node but the platform and the operator; by node, in the order of the graph."""
+    checker = _Checker(replayer)
+    replayer.run(checker.again, progress)
+    order = {spec.role: number for number, spec in enumerate(replayer.system.specs)}
+    return [checker.found[source] for source in sorted(checker.found, key=lambda source: (order[source[0]], source))]

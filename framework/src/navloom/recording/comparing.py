@@ -1,0 +1,87 @@
+"""Where two messages that should be the same differ first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from navloom.messages import Message
+from navloom.messages.codec import encode, schema_label
+from navloom.messages.kinds import brief
+from navloom.recording.reader import Recorded
+
+__all__ = ["Difference", "first_difference", "is_same"]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One place where a replay is not what was recorded.
+
+    Attributes:
+        tick: Of the step.
+        node: "role instance".
+        port: Of the message.
+        field: Within it, dotted, with places in arrays; empty for the message as a whole.
+        recorded, replayed: The two values, for people.
+    """
+
+    tick: int
+    node: str
+    port: str
+    field: str
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        where = f"{self.port}.{self.field}" if self.field else self.port
+        return f"tick {self.tick}, {self.node}, {where}: recorded {self.recorded}, replayed {self.replayed}"
+
+
+def is_same(recorded: Recorded, data: bytes | memoryview, label: str, replayed: Message) -> bool:
+    """Whether a replayed message is the recorded one, bit for bit."""
+    return schema_label(type(replayed)) == label and encode(replayed, recorded.envelope) == data
+
+
+def first_difference(recorded: Any, replayed: Any, place: str = "") -> tuple[str, str, str] | None:
+    """Field, recorded and replayed value of the first place where two values differ; None where they do not."""
+    if type(recorded) is not type(replayed):
+        return place, _named(recorded), _named(replayed)
+    if isinstance(recorded, Message):
+        for name in type(recorded).kinds:
+            found = first_difference(getattr(recorded, name), getattr(replayed, name), f"{place}.{name}".lstrip("."))
+            if found is not None:
+                return found
+        return None
+    if isinstance(recorded, tuple):
+        if len(recorded) != len(replayed):
+            return place, f"{len(recorded)} entries", f"{len(replayed)} entries"
+        for number, pair in enumerate(zip(recorded, replayed, strict=True)):
+            found = first_difference(*pair, f"{place}[{number}]")
+            if found is not None:
+                return found
+        return None
+    if isinstance(recorded, np.ndarray):
+        return _of_arrays(recorded, replayed, place)
+    same = recorded == replayed and repr(recorded) == repr(replayed)  # 0.0 and -0.0 are two values
+    return None if same else (place, repr(recorded), repr(replayed))
+
+
+def _of_arrays(recorded: Any, replayed: Any, place: str) -> tuple[str, str, str] | None:
+    if recorded.shape != replayed.shape:
+        return place, f"shape {recorded.shape}", f"shape {replayed.shape}"
+    differing = np.argwhere(
+        (recorded != replayed) | (np.signbit(recorded) != np.signbit(replayed))
+        if recorded.dtype.kind == "f"
+        else recorded != replayed
+    )
+    if not len(differing):
+        return None
+    at = tuple(int(index) for index in differing[0])
+    text = ", ".join(map(str, at))
+    return f"{place}[{text}]", repr(recorded[at].item()), repr(replayed[at].item())
+
+
+def _named(value: Any) -> str:
+    return type(value).__name__ if isinstance(value, Message) else brief(value)

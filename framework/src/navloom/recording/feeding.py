@@ -1,0 +1,179 @@
+"""What a recorded step was given: its inputs, found again by the numbers in its step record."""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from navloom.config.schema import ROLE_TABLES, Config
+from navloom.dataflow.ports import Input, NodeSpec
+from navloom.messages import Envelope, Goal, Message, OperatorRequest, Point2D, Selection, StepReport
+from navloom.recording.reader import Recorded
+from navloom.recording.shelf import Entry, Shelf
+
+__all__ = ["Chosen", "Fed", "Feeder", "Step", "told_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step record, where it stands in the file.
+
+    Attributes:
+        role, instance: Whose.
+        report, at: The record and its envelope; `at.sequence` counts the records of the instance.
+        place, received_ns: Where in the file, and when.
+    """
+
+    role: str
+    instance: str
+    report: StepReport
+    at: Envelope
+    place: int
+    received_ns: int
+
+
+class Chosen:
+    """Which instance of each role was in charge, as the recorded selections say."""
+
+    def __init__(self, config: Config) -> None:
+        first = {role: config.role_table(role).instance for role in ROLE_TABLES}
+        self._by_epoch: dict[int, dict[str, str]] = {0: first}
+        self._from: list[tuple[int, dict[str, str]]] = [(0, first)]
+
+    def learn(self, selection: Selection) -> None:
+        """Take in a selection."""
+        chosen = self._by_epoch[0] | dict(entry.split(" ", 1) for entry in selection.instances)
+        self._by_epoch[selection.epoch] = chosen
+        if self._from[-1][0] < selection.from_tick:
+            self._from.append((selection.from_tick, chosen))
+
+    def under(self, role: str, epoch: int) -> str:
+        """The instance in charge under a selection; the framework's own nodes are called main."""
+        known = self._by_epoch.get(epoch) or self._from[-1][1]
+        return known.get(role, "main")
+
+    def at(self, role: str, tick: int) -> str:
+        """The instance in charge in a tick."""
+        place = bisect_right([first for first, _ in self._from], tick) - 1
+        return self._from[max(0, place)][1].get(role, "main")
+
+
+@dataclass
+class Fed:
+    """Inputs of a step by name, as a node is given them, and those that the recording lacks."""
+
+    given: dict[str, Any] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+
+
+class Feeder:
+    """Finds what steps were given.
+
+    Args:
+        prefix: REALM/ROBOT.
+        shelf: Messages at hand.
+        chosen: Who was in charge.
+        instances: Of each role with several.
+    """
+
+    def __init__(self, prefix: str, shelf: Shelf, chosen: Chosen, instances: Mapping[str, Sequence[str]]) -> None:
+        self.prefix, self.shelf, self.chosen, self.instances = prefix, shelf, chosen, instances
+
+    def feed(self, spec: NodeSpec, step: Step, told: Mapping[str, Any], since: int) -> Fed:
+        """The inputs of a step.
+
+        Args:
+            spec: Wiring of the node that is to be fed.
+            step: The record.
+            told: What the executor told the node beside its inputs.
+            since: Tick of the instance's step before, for inputs that the record does not name: another plugin's.
+        """
+        fed = Fed()
+        read = {one.input: one.sequences for one in step.report.read}
+        for given in spec.inputs:
+            find = self._named if given.name in read else self._by_tick
+            entries = find(given, step, read.get(given.name, (since,)), told, fed)
+            fed.given[given.name] = _as_read(given, entries)
+        return fed
+
+    def _named(
+        self, given: Input, step: Step, numbers: Sequence[int], told: Mapping[str, Any], fed: Fed
+    ) -> list[tuple[Message, Envelope | None]]:
+        """Messages by their numbers."""
+        found: list[tuple[Message, Envelope | None]] = []
+        submitted = iter(told.get("submitted", ()))
+        lacking = []
+        for number in _spread(numbers) if given.reading == "track" else numbers:
+            if number == 0:  # came by a service, and so without a number
+                found += [(request, None) for request in _requests(submitted)]
+                continue
+            opened = self._find(given, number, step)
+            if opened is None:
+                lacking.append(number)
+            else:
+                found.append((opened.message, opened.envelope))
+        if lacking:
+            which = str(lacking[0]) if len(lacking) == 1 else f"{lacking[0]} and {len(lacking) - 1} more"
+            fed.missing.append(f"{given.name} ({given.role}.{given.port} number {which})")
+        return found
+
+    def _find(self, given: Input, number: int, step: Step) -> Recorded | None:
+        names = self.instances.get(given.role, ("main",))
+        under = self.chosen.under(given.role, step.at.epoch)
+        found = {name: entry for name in names if (entry := self._entry(given, name, number, step)) is not None}
+        if given.reading in ("new", "track"):  # what waited stays when another instance takes over
+            for name, entry in found.items():
+                opened = entry.open()
+                if opened is not None and self.chosen.at(given.role, opened.envelope.tick) == name:
+                    return opened
+        return found[under].open() if under in found else None
+
+    def _entry(self, given: Input, name: str, number: int, step: Step) -> Entry | None:
+        return self.shelf.get(f"{self.prefix}/{given.role}/{name}/{given.port}", number, step.place)
+
+    def _by_tick(
+        self, given: Input, step: Step, since: Sequence[int], told: Mapping[str, Any], fed: Fed
+    ) -> list[tuple[Message, Envelope | None]]:
+        """Messages by their ticks: after the step before, up to this one; of a sample the newest up to this one."""
+        name = self.chosen.under(given.role, step.at.epoch)
+        last = step.at.tick - given.delayed
+        first = since[0] + 1 - given.delayed if given.reading == "new" else 0
+        entries = self.shelf.recent(f"{self.prefix}/{given.role}/{name}/{given.port}")
+        opened = [one for entry in entries if (one := entry.open()) is not None]
+        return [(one.message, one.envelope) for one in opened if first <= one.envelope.tick <= last]
+
+
+def _as_read(given: Input, found: list[tuple[Message, Envelope | None]]) -> Any:
+    """What the node gets of these messages; see `Wire.read`."""
+    if given.reading == "latest":
+        return found[-1][0] if found else None
+    if given.reading == "offers":
+        return found[-1] if found else None
+    messages = [message for message, _ in found]
+    return messages if given.reading == "track" else tuple(messages)
+
+
+def _spread(runs: Sequence[int]) -> Iterator[int]:
+    """Every number of runs given by their first and last."""
+    for first, last in zip(runs[::2], runs[1::2], strict=False):
+        yield from range(first, last + 1)
+
+
+def _requests(submitted: Iterator[Mapping[str, Any]]) -> list[OperatorRequest]:
+    """The next request that came by a service."""
+    one = next(submitted, None)
+    if one is None:
+        return []
+    goal = one["goal"]
+    if goal is not None:
+        number, x, y, heading, via = goal
+        goal = Goal(number, x, y, heading, tuple(Point2D(*point) for point in via))
+    return [OperatorRequest(one["do"], goal)]
+
+
+def told_of(report: StepReport) -> dict[str, Any]:
+    """What the executor told the node beside its inputs."""
+    return dict(json.loads(report.told)) if report.told else {}

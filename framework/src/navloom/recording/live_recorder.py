@@ -1,0 +1,175 @@
+"""Records a live robot, from outside: a bounded queue between the network and the thread that writes."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from typing import NamedTuple
+
+from navloom.config import Loaded
+from navloom.messages.codec import CodecError, read_envelope
+from navloom.recording.counting import Counts
+from navloom.recording.header import Kind, RecordingHeader, header_of
+from navloom.recording.writer import RecordingWriter, WriteError
+from navloom.runtime.client import Client, ClientError
+from navloom.runtime.quality import RETAINED
+
+__all__ = ["LiveRecorder", "ask_header"]
+
+CLOSE_EVERY = 0.3
+"""s between two closed chunks: what a kill may take, with what is on its way."""
+COUNT_EVERY = 1.0
+"""s between two records of the counters."""
+MOST_WAITING = 16384
+MOST_BYTES = 128 << 20
+"""Messages, and bytes of them, that may wait to be written; what comes then is dropped and counted."""
+ASK = 3.0
+"""s to wait for a process of the robot that says which config it runs."""
+
+
+class _Waiting(NamedTuple):
+    key: str
+    label: str
+    data: bytes
+    received_ns: int
+
+
+def ask_header(client: Client) -> RecordingHeader:
+    """What the robot says of itself. Raises ClientError where no process of it answers."""
+    limit = time.monotonic() + ASK
+    while True:
+        for answer in client.bus.ask(client.keys.process("*", "config"), timeout=1.0):
+            if not answer.refusal:
+                given = json.loads(answer.data)
+                kind: Kind = "barrier" if given["barrier"] else "live"
+                header = header_of(Loaded.from_json(given["loaded"]), kind, given["distributions"])
+                return replace(header, realm=client.keys.realm, robot=client.keys.robot)
+        if time.monotonic() > limit:
+            raise ClientError(
+                f"robot {client.keys.prefix}: no process of it says which config it runs; "
+                "`navloom list` shows who is there"
+            )
+        time.sleep(0.05)
+
+
+class LiveRecorder:
+    """Writes every message of a robot, from `start` to `stop`.
+
+    Args:
+        client: Of the robot.
+        writer: Where to.
+        patterns: Keys to keep, with `*`, whole or below REALM/ROBOT; none for all.
+
+    Attributes:
+        counts: What became of the messages.
+        failure: Why it stopped writing; empty while it writes.
+    """
+
+    def __init__(self, client: Client, writer: RecordingWriter, patterns: Sequence[str] = ()) -> None:
+        self.client, self.writer, self.counts, self.failure = client, writer, Counts(), ""
+        self._patterns = list(patterns)
+        self._kept: dict[str, bool] = {}
+        self._waiting: deque[_Waiting] = deque()
+        self._bytes = 0
+        self._condition = threading.Condition()
+        self._ends = False
+        self._thread = threading.Thread(target=self._write, name="recorder")
+        self._ahead_ns = time.time_ns() - time.monotonic_ns()
+
+    def start(self) -> None:
+        """Begin: what publishers keep for late joiners first, then all that comes."""
+        self._thread.start()
+        self.client.bus.subscribe(self.client.keys.port("*", "*", "*"), self.receive)
+        for role, port in sorted(RETAINED):
+            self._fetch(role, port)
+        self._fetch("*", "parameters")
+
+    def stop(self) -> None:
+        """End the file. What has come in by now is in it."""
+        with self._condition:
+            self._ends = True
+            self._condition.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def wait(self, timeout: float) -> bool:
+        """Wait for s, or until writing fails; gives whether it goes on."""
+        self._thread.join(timeout)
+        return self._thread.is_alive()
+
+    def receive(self, key: str, data: bytes | None, label: str) -> None:
+        """Take a message, on the network's thread. Never waits for the disk, never raises."""
+        kept = self._kept.get(key)
+        if kept is None:
+            kept = self._kept[key] = self._fits(key)
+        if not kept or self.failure:
+            return
+        received_ns = time.monotonic_ns() + self._ahead_ns
+        with self._condition:
+            if data is None:
+                self.counts.malformed[key] += 1
+            elif len(self._waiting) >= MOST_WAITING or self._bytes + len(data) > MOST_BYTES:
+                self.counts.dropped[key] += 1
+            else:
+                self._bytes += len(data)
+                self._waiting.append(_Waiting(key, label, data, received_ns))
+            if len(self._waiting) > MOST_WAITING // 8:  # the writer looks by itself often enough
+                self._condition.notify()
+
+    def _fits(self, key: str) -> bool:
+        below = key.split("/", 2)[-1]
+        return not self._patterns or any(fnmatchcase(key, p) or fnmatchcase(below, p) for p in self._patterns)
+
+    def _fetch(self, role: str, port: str) -> None:
+        for answer in self.client.bus.ask(self.client.keys.port(role, "*", port), timeout=0.5):
+            if not answer.refusal:
+                self.receive(answer.key, answer.data, answer.label)
+
+    def _write(self) -> None:
+        closed = counted = time.monotonic()
+        try:
+            while not self._ends:
+                with self._condition:
+                    self._condition.wait(CLOSE_EVERY / 3.0)
+                self._drain()
+                now = time.monotonic()
+                if now - counted >= COUNT_EVERY:
+                    counted = now
+                    self.writer.add_counts(self._summary(), time.time_ns())
+                if now - closed >= CLOSE_EVERY:
+                    closed = now
+                    self.writer.flush()
+            self._drain()
+            self.writer.close(self._summary())
+        except WriteError as error:
+            self.failure = str(error)
+            with self._condition:
+                self.counts.messages = self.writer.messages
+                self._waiting.clear()
+
+    def _drain(self) -> None:
+        while self._waiting:
+            one = self._waiting.popleft()
+            with self._condition:
+                self._bytes -= len(one.data)
+            try:
+                envelope = read_envelope(one.data)
+            except CodecError:
+                self.counts.malformed[one.key] += 1
+                continue
+            if envelope.key != one.key:
+                self.counts.malformed[one.key] += 1
+                continue
+            if self.counts.has(one.key, envelope.sequence):  # kept for late joiners, and then it came as well
+                continue
+            self.writer.add(one.key, one.label, one.data, one.received_ns, envelope.stamp_ns, envelope.sequence)
+            self.counts.note(one.key, envelope.sequence)
+
+    def _summary(self) -> dict[str, object]:
+        with self._condition:
+            return self.counts.summary()

@@ -1,0 +1,106 @@
+"""Records a run in lockstep, beside it: an observer of every message and step."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from types import TracebackType
+
+from navloom.messages import Envelope, InputRead, Message, PortMark, StepRecord, StepReport
+from navloom.messages.codec import encode, schema_label
+from navloom.recording.counting import Counts
+from navloom.recording.writer import RecordingWriter, WriteError
+from navloom.runtime.keyspace import STEP
+
+__all__ = ["LockstepRecorder"]
+
+CLOSE_EVERY = 0.4
+"""s of wall clock between two closed chunks."""
+
+
+class LockstepRecorder:
+    """Writes what it is shown. Use it in a `with` statement. Where the disk is full it says so once, and lets drive on.
+
+    Args:
+        writer: Where to.
+        say: Told of what goes wrong.
+
+    Attributes:
+        failure: Why it stopped writing; empty while it writes.
+    """
+
+    wants: frozenset[tuple[str, str]] | None = None
+    wants_steps: bool = True
+
+    def __init__(self, writer: RecordingWriter, say: Callable[[str], None]) -> None:
+        self.writer, self.failure = writer, ""
+        self.counts = Counts()
+        self._say = say
+        self._marks: defaultdict[tuple[str, str], dict[str, int]] = defaultdict(dict)
+        self._steps: defaultdict[tuple[str, str], int] = defaultdict(int)
+        self._pending: StepRecord | None = None
+        self._now_ns = 0
+        self._closed_at = time.monotonic()
+
+    def __enter__(self) -> LockstepRecorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._report()
+        if not self.failure:
+            try:
+                self.writer.close(self.counts.summary())
+            except WriteError as failure:
+                self._fail(failure)
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        """Keep a message, of shadows too."""
+        self._marks[role, instance][port] = at.sequence
+        self._write(message, at)
+
+    def on_step(self, record: StepRecord) -> None:
+        """Keep a step: after what it published, so that its marks are known."""
+        self._report()
+        self._pending = record
+        self._now_ns = max(self._now_ns, record.stamp_ns)
+        if time.monotonic() - self._closed_at > CLOSE_EVERY and not self.failure:
+            self._closed_at = time.monotonic()
+            try:
+                self.writer.flush()
+            except WriteError as error:
+                self._fail(error)
+
+    def _report(self) -> None:
+        record, self._pending = self._pending, None
+        if record is None:
+            return
+        source = (record.role, record.instance)
+        self._steps[source] += 1
+        marks = tuple(PortMark(port, mark) for port, mark in self._marks[source].items())
+        read = tuple(InputRead(name, sequences) for name, sequences in record.consumed)
+        report = StepReport(
+            record.trigger, read, marks, not record.fault, record.params_version, record.resets, record.duration_ns,
+            record.fault, record.told,
+        )  # fmt: skip
+        key = f"{self.writer.header.prefix}/{record.role}/{record.instance}/{STEP}"
+        number = self._steps[source]
+        self._write(report, Envelope(key, number, record.tick, record.stamp_ns, record.stamp_ns, record.epoch))
+
+    def _write(self, message: Message, at: Envelope) -> None:
+        if self.failure:
+            return
+        self._now_ns = max(self._now_ns, at.stamp_ns)
+        data = encode(message, at)
+        try:
+            self.writer.add(at.key, schema_label(type(message)), data, self._now_ns, at.stamp_ns, at.sequence)
+        except WriteError as error:
+            self._fail(error)
+            return
+        self.counts.note(at.key, at.sequence)
+
+    def _fail(self, error: WriteError) -> None:
+        self.failure = str(error)
+        self._say(self.failure)

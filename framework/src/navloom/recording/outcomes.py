@@ -1,0 +1,59 @@
+"""What a recorded step published, by the marks of its record."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from navloom.recording.feeding import Step
+from navloom.recording.replaying import Replayer, Stepped
+from navloom.recording.shelf import Entry, Shelf
+
+__all__ = ["Outcomes"]
+
+
+class Outcomes:
+    """Finds the messages of each step. Ask for every step of a node in turn, silent ones too.
+
+    Args:
+        replayer: Of the recording.
+    """
+
+    def __init__(self, replayer: Replayer) -> None:
+        self._prefix = replayer.header.prefix
+        self._marks: dict[tuple[str, str], dict[str, int]] = {}
+        self._published: defaultdict[tuple[str, str, str], int] = defaultdict(int)
+        recorded = replayer.header.loaded().config
+        self._delayed = {
+            (getattr(table, "role", place), table.instance)
+            for place, table in recorded.role_tables()
+            if table.latency > 0.0
+        }
+
+    def numbers(self, stepped: Stepped, counts: dict[str, int]) -> dict[str, range]:
+        """Sequence numbers by port of what a step published.
+
+        Args:
+            stepped: The step.
+            counts: By port, how many messages it is taken to have published where its records do not say: the first
+                record of a node that was there before the recording, or one after a gap; and of a node with latency,
+                whose messages go out later.
+        """
+        step = stepped.step
+        source = (step.role, step.instance)
+        marks = {mark.port: mark.sequence for mark in step.report.published}
+        before = self._marks.get(source, {}) if stepped.follows else None
+        self._marks[source] = marks
+        found = {}
+        for port, count in counts.items():
+            last = marks.get(port, 0)
+            if source in self._delayed:
+                first = self._published[*source, port]
+                last = self._published[*source, port] = first + (count if step.report.trigger else 0)
+            else:
+                first = max(0, last - count) if before is None else before.get(port, 0)
+            found[port] = range(first + 1, last + 1)
+        return found
+
+    def entry(self, step: Step, port: str, number: int, shelf: Shelf) -> Entry | None:
+        """One of these messages; None where the recording lacks it."""
+        return shelf.get(f"{self._prefix}/{step.role}/{step.instance}/{port}", number, step.place)

@@ -1,0 +1,317 @@
+"""Reads recordings, also one whose recorder was killed: what is torn at its end is passed over, and said."""
+
+from __future__ import annotations
+
+import io
+import json
+import mmap
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from navloom.messages import Envelope, Message
+from navloom.messages.codec import CodecError, decode
+from navloom.recording.header import HEADER, RecordingError, RecordingHeader
+from navloom.recording.schemas import ENCODING
+
+__all__ = ["COUNTS", "RawRecorded", "Recorded", "Recording"]
+
+MAGIC = b"\x89MCAP0\r\n"
+COUNTS = "recorder/main/counts"
+"""Where the recorder's counters are, below REALM/ROBOT: JSON, once a second and at the end."""
+LARGEST_CHUNK = 1 << 30
+"""Bytes that a chunk may claim to unpack to."""
+
+_HEAD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+_SCHEMA, _CHANNEL, _MESSAGES, _CHUNK, _ATTACHMENT, _METADATA, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x09, 0x0C, 0x0F
+_TIMES = struct.Struct("<QQQI")
+
+
+class Recorded(NamedTuple):
+    """One recorded message.
+
+    Attributes:
+        key: REALM/ROBOT/role/instance/port.
+        envelope, message: As they were sent.
+        received_ns: When it was received, ns; see `RecordingHeader.clock`.
+    """
+
+    key: str
+    envelope: Envelope
+    message: Message
+    received_ns: int
+
+
+class RawRecorded(NamedTuple):
+    """The same, not decoded: the codec's bytes, their schema label, and the low 32 bits of the envelope's sequence."""
+
+    key: str
+    label: str
+    data: memoryview
+    received_ns: int
+    sequence: int
+
+    def open(self) -> Recorded:
+        """Decoded. Raises CodecError."""
+        message, envelope = decode(self.data, self.label)
+        return Recorded(self.key, envelope, message, self.received_ns)
+
+
+class _Channel(NamedTuple):
+    key: str
+    encoding: str
+    label: str
+
+
+@dataclass(frozen=True)
+class _Block:
+    """A chunk's place in the file: offset and length of its content, and receive times of its messages, ns."""
+
+    start: int
+    length: int
+    first_ns: int
+    last_ns: int
+
+
+class Recording:
+    """A recording that was opened. Use it in a `with` statement, or leave closing to the end of the process.
+
+    Args:
+        path: An MCAP file of ours.
+
+    Raises:
+        RecordingError: It is not one, or cannot be read.
+
+    Attributes:
+        header: What it says of itself.
+        is_complete: It was closed in order.
+        malformed: Messages passed over so far because they could not be decoded, and the first complaint.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.malformed, self.complaint = 0, ""
+        self.is_complete = False
+        self._torn = 0
+        self._channels: dict[int, _Channel] = {}
+        self._schemas: dict[int, str] = {}
+        self._texts: dict[str, str] = {}
+        self._blocks: list[_Block] = []
+        self._metadata: list[tuple[str, dict[str, str]]] = []
+        self._attachments: dict[str, tuple[int, int]] = {}
+        self._view = _mapped(self.path)
+        if bytes(self._view[: len(MAGIC)]) != MAGIC:
+            raise RecordingError(f"{self.path}: not a recording (it does not begin as an MCAP file does)")
+        self._scan()
+        self.header = self._head()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Nothing is held open but a view of the file, which ends with the last array that looks at it."""
+
+    @property
+    def note(self) -> str:
+        """What a user should know of the file's end; empty where it was closed in order."""
+        if self.is_complete:
+            return ""
+        torn = f"; its last {self._torn} bytes are torn and were passed over" if self._torn else ""
+        return f"{self.path}: the recorder did not close it{torn}"
+
+    def messages(
+        self, keys: Iterable[str] | None = None, since_ns: int | None = None, until_ns: int | None = None
+    ) -> Iterator[Recorded]:
+        """Messages in the order they were received; what cannot be decoded is counted and passed over.
+
+        Args:
+            keys: Patterns with `*`, of the whole key or of what follows REALM/ROBOT/; None for all.
+            since_ns, until_ns: Receive times, first and one past the last, ns; None for no bound.
+        """
+        for raw in self.raw(keys, since_ns, until_ns):
+            try:
+                yield raw.open()
+            except CodecError as error:
+                self.malformed += 1
+                self.complaint = self.complaint or f"{raw.key}: {error}"
+
+    def raw(
+        self, keys: Iterable[str] | None = None, since_ns: int | None = None, until_ns: int | None = None
+    ) -> Iterator[RawRecorded]:
+        """The same without decoding."""
+        patterns = None if keys is None else list(keys)
+        chosen: dict[int, _Channel | None] = {}
+        for block in self._blocks:
+            if self.is_complete and (
+                (since_ns is not None and block.last_ns < since_ns)
+                or (until_ns is not None and block.first_ns >= until_ns)
+            ):
+                continue
+            for opcode, content in _records(self._unpacked(block)):
+                if opcode != _MESSAGES:
+                    self._learn(opcode, content)
+                    continue
+                number, sequence, received_ns, _ = _MESSAGE.unpack_from(content)
+                if (since_ns is not None and received_ns < since_ns) or (
+                    until_ns is not None and received_ns >= until_ns
+                ):
+                    continue
+                if number not in chosen:
+                    chosen[number] = self._choose(number, patterns)
+                channel = chosen[number]
+                if channel is not None:
+                    yield RawRecorded(channel.key, channel.label, content[_MESSAGE.size :], received_ns, sequence)
+
+    def keys(self) -> list[str]:
+        """Every key, in alphabetical order. Reads the whole file where it was not closed in order."""
+        if not self.is_complete:
+            for block in self._blocks:
+                for opcode, content in _records(self._unpacked(block)):
+                    self._learn(opcode, content)
+        return sorted({channel.key for channel in self._channels.values() if channel.encoding == ENCODING})
+
+    def span_ns(self) -> tuple[int, int]:
+        """Receive times of the first and the last message, ns; (0, 0) where there is none."""
+        blocks = self._blocks
+        return (min(b.first_ns for b in blocks), max(b.last_ns for b in blocks)) if blocks else (0, 0)
+
+    def counts(self) -> dict[str, Any]:
+        """The recorder's last word on what it kept and lost: `messages`, and by key `dropped`, `lost`, `malformed`."""
+        for name, values in reversed(self._metadata):
+            if name == COUNTS:
+                return dict(json.loads(values["counts"]))
+        last: dict[str, Any] = {}
+        for block in reversed(self._blocks):
+            for opcode, content in _records(self._unpacked(block)):
+                if opcode != _MESSAGES:
+                    self._learn(opcode, content)
+                elif self._channels[_MESSAGE.unpack_from(content)[0]].key.endswith(COUNTS):
+                    last = json.loads(bytes(content[_MESSAGE.size :]))
+            if last:
+                return last
+        return {}
+
+    def attachment(self, name: str) -> bytes | None:
+        """Content of an attachment; None where there is none of that name."""
+        place = self._attachments.get(name)
+        return None if place is None else bytes(self._view[place[0] : place[0] + place[1]])
+
+    def attachments(self) -> list[str]:
+        """Names of the attachments."""
+        return sorted(self._attachments)
+
+    def schema_text(self, label: str) -> str:
+        """What the file itself says of a schema; empty where it has none of that label."""
+        return self._texts.get(label, "")
+
+    def _choose(self, number: int, patterns: list[str] | None) -> _Channel | None:
+        channel = self._channels.get(number)
+        if channel is None or channel.encoding != ENCODING:
+            return None
+        below = channel.key.split("/", 2)[-1]
+        fits = patterns is None or any(fnmatchcase(channel.key, p) or fnmatchcase(below, p) for p in patterns)
+        return channel if fits else None
+
+    def _head(self) -> RecordingHeader:
+        for name, values in self._metadata:
+            if name == HEADER and "header" in values:
+                return RecordingHeader.from_text(values["header"])
+        raise RecordingError(
+            f"{self.path}: an MCAP file without navloom's head: `navloom record`, `run --record` and `import` write it"
+        )
+
+    def _scan(self) -> None:
+        """Find every chunk, metadata record and attachment by hopping over their contents; stop at what is torn."""
+        view, at, good = self._view, len(MAGIC), len(MAGIC)
+        while at + _HEAD.size <= len(view):
+            opcode, length = _HEAD.unpack_from(view, at)
+            start = at + _HEAD.size
+            if not 1 <= opcode <= _DATA_END or length > len(view) - start:
+                break
+            self._note(opcode, start, length)
+            at = good = start + length
+        self.is_complete = bytes(view[good:]) == MAGIC and len(view) > len(MAGIC)
+        self._torn = 0 if self.is_complete else len(view) - good
+
+    def _note(self, opcode: int, start: int, length: int) -> None:
+        content = self._view[start : start + length]
+        if opcode == _CHUNK:
+            first_ns, last_ns, _, _ = _TIMES.unpack_from(content)
+            self._blocks.append(_Block(start, length, first_ns, last_ns))
+        elif opcode == _METADATA:
+            from mcap.data_stream import ReadDataStream
+            from mcap.records import Metadata
+
+            found = Metadata.read(ReadDataStream(io.BytesIO(content)))
+            self._metadata.append((found.name, found.metadata))
+        elif opcode == _ATTACHMENT:
+            (size,) = struct.unpack_from("<I", content, 16)
+            name = bytes(content[20 : 20 + size]).decode()
+            (media,) = struct.unpack_from("<I", content, 20 + size)
+            (data,) = struct.unpack_from("<Q", content, 24 + size + media)
+            self._attachments[name] = (start + 32 + size + media, data)
+        else:
+            self._learn(opcode, content)
+
+    def _learn(self, opcode: int, content: memoryview) -> None:
+        from mcap.data_stream import ReadDataStream
+        from mcap.records import Channel, Schema
+
+        if opcode == _SCHEMA:
+            schema = Schema.read(ReadDataStream(io.BytesIO(content)))
+            self._schemas[schema.id] = schema.name
+            self._texts[schema.name] = schema.data.decode()
+        elif opcode == _CHANNEL:
+            number = struct.unpack_from("<H", content)[0]
+            if number not in self._channels:
+                channel = Channel.read(ReadDataStream(io.BytesIO(content)))
+                label = self._schemas.get(channel.schema_id, "")
+                self._channels[number] = _Channel(channel.topic, channel.message_encoding, label)
+
+    def _unpacked(self, block: _Block) -> memoryview:
+        """Content of a chunk. Raises RecordingError where it was damaged."""
+        content = self._view[block.start : block.start + block.length]
+        _, _, size, crc = _TIMES.unpack_from(content)
+        at = _TIMES.size
+        (length,) = struct.unpack_from("<I", content, at)
+        how = bytes(content[at + 4 : at + 4 + length]).decode()
+        packed = content[at + 4 + length + 8 :]
+        if how not in ("", "zstd") or size > LARGEST_CHUNK:
+            raise RecordingError(f"{self.path}: a chunk of {size} bytes packed as {how!r}; expected zstd")
+        data: Any = packed
+        if how == "zstd":
+            import zstandard
+
+            try:
+                data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+            except zstandard.ZstdError as error:
+                raise RecordingError(f"{self.path}: the chunk at byte {block.start} is damaged: {error}") from None
+        if crc and zlib.crc32(data) != crc:
+            raise RecordingError(f"{self.path}: the chunk at byte {block.start} is damaged: its checksum does not fit")
+        return memoryview(data)
+
+
+def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+    """Records of an unpacked chunk."""
+    at = 0
+    while at + _HEAD.size <= len(data):
+        opcode, length = _HEAD.unpack_from(data, at)
+        at += _HEAD.size
+        yield opcode, data[at : at + length]
+        at += length
+
+
+def _mapped(path: Path) -> memoryview:
+    """A file's content, read as it is looked at."""
+    try:
+        with path.open("rb") as file:
+            if file.seek(0, io.SEEK_END) == 0:
+                return memoryview(b"")
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None

@@ -1,0 +1,295 @@
+"""Steps nodes again, one by one, on what their step records say they were given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from navloom.config import ConfigError
+from navloom.config.schema import ROLE_TABLES
+from navloom.dataflow.events import schedule
+from navloom.dataflow.nodes import Node, Outputs, Tick
+from navloom.dataflow.own_nodes import GateNode, GoalNode
+from navloom.dataflow.ports import NodeSpec
+from navloom.messages import Command, Envelope, OperatorRequest, Parameters, Selection, StepReport
+from navloom.messages.codec import encode, schema_label
+from navloom.recording.feeding import Chosen, Fed, Feeder, Step, told_of
+from navloom.recording.reader import RawRecorded, Recording
+from navloom.recording.shelf import Entry, Shelf
+from navloom.runtime.build import System, changed_params, make_plugins, role_nodes
+from navloom.runtime.executor import own_node
+from navloom.runtime.keyspace import STEP
+
+__all__ = ["SOURCES", "Again", "ReplayNode", "Replayer", "Stepped"]
+
+SOURCES = frozenset({"operator", "platform"})
+"""Roles that are not stepped again: what they said is what all others are given."""
+AHEAD_NS = 2_000_000_000
+"""Receive time that is read ahead of a step, ns: on a network its inputs may be received after its record."""
+
+Source = tuple[str, str]
+
+
+@dataclass
+class ReplayNode:
+    """A node that steps again.
+
+    Attributes:
+        spec, source, node: Its wiring, who it is, and what is stepped.
+        versions: Changes of its parameters so far.
+        previous: Its step record before.
+        lives: How often its process was started, as far as is recorded.
+        notes: What a reader must know of its replay.
+    """
+
+    spec: NodeSpec
+    source: Source
+    node: Node
+    versions: int = 0
+    previous: Step | None = None
+    lives: int = 1
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A step that was made again.
+
+    Attributes:
+        step: Its record.
+        fed: What it was given.
+        outputs: What it gave.
+        fault: What was raised; empty for nothing.
+        follows: The record before it is there too, so what was published in between is of this step.
+    """
+
+    step: Step
+    fed: Fed
+    outputs: Outputs
+    fault: str
+    follows: bool
+
+
+Again = Callable[[ReplayNode, Stepped, Shelf], None]
+
+
+class Replayer:
+    """Reads a recording once, from its beginning, and steps nodes on it.
+
+    Args:
+        recording: With step records.
+        system: Whose nodes are stepped; its plugins are made here.
+        stand_ins: Of this system's instance, the role whose steps it makes, whoever was in charge: another plugin.
+            None: every instance makes its own.
+        say: Told what is being prepared.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        system: System,
+        stand_ins: Mapping[str, str] | None = None,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.recording, self.system, self.header = recording, system, recording.header
+        self.stand_ins = dict(stand_ins or {})
+        self.shelf = Shelf()
+        self.chosen = Chosen(recording.header.loaded().config)
+        self.is_live = self.header.kind == "live"
+        self.nodes: dict[Source, ReplayNode] = {}
+        self.silent: set[Source] = set()
+        wanted = {(role, name) for role, name in system.parts if role not in SOURCES}
+        if self.stand_ins:
+            wanted = {(role, name) for role, name in self.stand_ins.items()}
+        make_plugins(system, say, wanted)
+        self._wanted = wanted
+        names: dict[str, list[str]] = {}
+        for role, name in recorded_instances(recording):
+            names.setdefault(role, []).append(name)
+        self.feeder = Feeder(self.header.prefix, self.shelf, self.chosen, names)
+        self._changes: dict[Source, list[tuple[str, ...]]] = {}
+        self._parameters: dict[Source, dict[int, tuple[str, ...]]] = {}
+        if self.header.kind == "barrier":
+            self._put_schedule()
+
+    def _put_schedule(self) -> None:
+        """Under the barrier operators' requests come from the config, and only the nodes hear who conducts the run."""
+        key, number = f"{self.header.prefix}/operator/main/request", 0
+        for tick, requests in sorted(schedule(self.system.config, self.system.goal).items()):
+            stamp_ns = round(tick * self.header.period * 1e9)
+            for request in requests:
+                number += 1
+                data = encode(request, Envelope(key, number, tick, stamp_ns, stamp_ns, 0))
+                raw = RawRecorded(key, schema_label(OperatorRequest), memoryview(data), 0, number)
+                entry = Entry(raw, 0)
+                self.shelf.put(entry)
+                self._learn(entry)
+
+    def run(self, again: Again, progress: Callable[[float, float], None] | None = None) -> None:
+        """Step through the recording.
+
+        Args:
+            again: Told of each step that was made again.
+            progress: Told how far it is and how long it is, s.
+        """
+        waiting: list[Step] = []
+        first_ns, last_ns = self.recording.span_ns()
+        for place, raw in enumerate(self.recording.raw()):
+            entry = Entry(raw, place)
+            self.shelf.put(entry)
+            step = self._learn(entry)
+            if step is not None:
+                waiting.append(step)
+            if waiting and raw.received_ns - waiting[0].received_ns > AHEAD_NS:
+                ready = [one for one in waiting if raw.received_ns - one.received_ns > AHEAD_NS // 2]
+                waiting = waiting[len(ready) :]
+                self._make(ready, again)
+                if progress is not None:
+                    progress((raw.received_ns - first_ns) * 1e-9, (last_ns - first_ns) * 1e-9)
+        self._make(waiting, again)
+
+    def _make(self, steps: list[Step], again: Again) -> None:
+        for step in steps:
+            node = self._node_of(step)
+            if node is not None:
+                stepped = self._step(node, step)
+                if stepped is not None:
+                    again(node, stepped, self.shelf)
+
+    def _learn(self, entry: Entry) -> Step | None:
+        """Take in what replay itself needs to know; gives the step where it is the record of one."""
+        raw = entry.raw
+        role, name, port = raw.key.split("/", 2)[-1].split("/", 2)
+        if port not in (STEP, "selection", "parameters", "request"):
+            return None
+        opened = entry.open()
+        if opened is None:
+            return None
+        message, at = opened.message, opened.envelope
+        if isinstance(message, Selection):
+            self.chosen.learn(message)
+        elif isinstance(message, Parameters):
+            self._parameters.setdefault((role, name), {})[message.version] = message.values
+        elif isinstance(message, OperatorRequest) and message.do == "set":
+            self._changes.setdefault((message.role, message.instance), []).append(message.values)
+        elif isinstance(message, StepReport):
+            return Step(role, name, message, at, entry.place, raw.received_ns)
+        return None
+
+    def _node_of(self, step: Step) -> ReplayNode | None:
+        """The node that makes a step again; None where nobody does."""
+        source = (step.role, step.instance)
+        if step.role in self.stand_ins:
+            if self.chosen.under(step.role, step.at.epoch) != step.instance:
+                return None
+            source = (step.role, self.stand_ins[step.role])
+        elif self.stand_ins or step.role in SOURCES:
+            return None
+        if source not in self.nodes:
+            if source not in self._wanted and step.role in ROLE_TABLES:
+                self.silent.add(source)
+                return None
+            self.nodes[source] = self._begin(source)
+        return self.nodes[source]
+
+    def _begin(self, source: Source) -> ReplayNode:
+        """A node as it is at its process's start."""
+        role, _ = source
+        spec = next(spec for spec in self.system.specs if spec.role == role)
+        own = own_node(self.system, role, lambda role, name: False, is_live=self.is_live)
+        node = own if own is not None else role_nodes(self.system, {source})[source]
+        if isinstance(node, GateNode) and self.is_live:
+            from navloom.runtime.live_gate import LEAD
+
+            node.lead = LEAD
+        return ReplayNode(spec, source, node)
+
+    def _step(self, node: ReplayNode, step: Step) -> Stepped | None:
+        before = node.previous
+        if before is not None and before.instance == step.instance and step.at.sequence <= before.at.sequence:
+            self._start_again(node, step)
+            before = None
+        elif before is None and step.at.sequence > 1 and self.is_live:
+            node.notes.append(
+                f"the recording begins after its first step, so its state at tick {step.at.tick} is not known"
+            )
+        same = before is not None and before.instance == step.instance
+        follows = before is not None and same and step.at.sequence == before.at.sequence + 1
+        if before is None:
+            follows = step.at.sequence == 1
+        elif same and not follows:
+            lacking = step.at.sequence - before.at.sequence - 1
+            node.notes.append(f"{lacking} step records before tick {step.at.tick} are missing")
+        node.previous = step
+        if not step.report.trigger:
+            return Stepped(step, Fed(), [], "", follows)
+        self._change_parameters(node, step)
+        told = told_of(step.report)
+        since = before.at.tick if before is not None else step.at.tick - 1
+        fed = self.feeder.feed(node.spec, step, told, since)
+        tick = Tick(step.at.tick, step.at.stamp_ns * 1e-9, step.at.stamp_ns, step.at.epoch)
+        outputs: Outputs = []
+        fault = ""
+        try:
+            outputs = self._tell(node.node, told, step)(tick, fed.given)
+        except Exception as error:
+            fault = f"{type(error).__name__}: {error}"
+        return Stepped(step, fed, outputs, fault, follows)
+
+    def _tell(self, node: Node, told: Mapping[str, Any], step: Step) -> Callable[[Tick, Mapping[str, Any]], Outputs]:
+        """Tell a node what its executor told it; gives what is to be called."""
+        if isinstance(node, GoalNode):
+            node.fault, node.is_lost = told.get("fault", ""), told.get("lost", False)
+            node.restarted = set(told.get("restarted", ()))
+        if not isinstance(node, GateNode):
+            return node.step
+        warm = set(told.get("warm", ()))
+        node.is_warm = lambda role, name: f"{role} {name}" in warm
+        if self.is_live:
+            node.now_ns = told.get("now_ns", 0)
+            node.is_silent, node.gone = told.get("silent", False), told.get("gone", "")
+            for one in told.get("obeyed", ()):
+                entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one["driving"], step.place)
+                opened = entry.open() if entry is not None and one["driving"] else None
+                driving = (opened.message, opened.envelope) if opened and isinstance(opened.message, Command) else None
+                node.obey(OperatorRequest(one["do"], None, one["role"], one["instance"]), driving)
+            if told.get("contact") and not node.gate.has_contact:
+                node.gate.latch_contact()
+        return node.check if step.report.trigger == "check" else node.step
+
+    def _start_again(self, node: ReplayNode, step: Step) -> None:
+        """Its process was started again: so is the node."""
+        node.lives += 1
+        node.notes.append(f"its process was started again before tick {step.at.tick}")
+        if node.source in self.system.parts:
+            make_plugins(self.system, only={node.source})
+        fresh = self._begin(node.source)
+        node.node, node.versions = fresh.node, 0
+        if isinstance(node.node, (GateNode, GoalNode)):
+            node.notes.append("what it took up from the other processes then is not recorded")
+
+    def _change_parameters(self, node: ReplayNode, step: Step) -> None:
+        """Bring a plugin's parameters to the version of a step."""
+        role, name = node.source
+        if role in self.stand_ins or node.source not in self.system.parts:
+            return
+        for version in range(node.versions + 1, step.report.params_version + 1):
+            kept, asked = self._parameters.get(node.source, {}), self._changes.get(node.source, [])
+            values = kept.get(version) if self.is_live else asked[version - 1] if version <= len(asked) else None
+            node.versions = version
+            if values is None:
+                node.notes.append(f"its parameters of version {version} are not in the recording")
+                continue
+            try:
+                self.system.plugin(role, name).configure(changed_params(self.system, role, name, values))
+            except ConfigError as error:
+                node.notes.append(f"its parameters of version {version} do not fit: {error}")
+
+
+def recorded_instances(recording: Recording) -> Iterator[Source]:
+    """Role and instance of every node that said anything in a recording."""
+    keys = recording.keys()
+    for node in sorted({key.split("/", 2)[-1].rsplit("/", 1)[0] for key in keys}):
+        role, _, name = node.partition("/")
+        yield role, name

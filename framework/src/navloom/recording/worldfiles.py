@@ -1,0 +1,62 @@
+"""The files that a config's world comes from, kept in the recording so that it can be replayed elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from navloom.config import Loaded
+from navloom.config.schema import Config
+from navloom.recording.reader import Recording
+
+__all__ = ["world_files", "with_world"]
+
+LARGEST = 4 << 20
+"""Bytes of a file that is kept in a recording."""
+PLACES = ("world", "map")
+
+
+def world_files(loaded: Loaded) -> dict[str, bytes]:
+    """Content of the world's and the map's own file, by the name of its attachment, where it is small enough."""
+    found: dict[str, bytes] = {}
+    for place in PLACES:
+        path = _file(loaded, place)
+        if path is not None and path.is_file() and path.stat().st_size <= LARGEST:
+            found[f"{place}/{path.name}"] = path.read_bytes()
+    return found
+
+
+def with_world(recording: Recording, loaded: Loaded, folder: Path) -> Loaded:
+    """The config with its world from the recording where the file it names is not there any more.
+
+    Args:
+        recording: Where it is kept.
+        loaded: The recording's config.
+        folder: Where to put it.
+    """
+    tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
+    for place in PLACES:
+        path = _file(loaded, place)
+        if path is None or path.exists():
+            continue
+        data = recording.attachment(f"{place}/{path.name}")
+        if data is not None:
+            kept = folder / path.name
+            kept.write_bytes(data)
+            tree[place]["ref"] = tree[place]["ref"].replace(_argument(tree[place]["ref"]), str(kept))
+    return replace(loaded, config=Config.model_validate(tree))
+
+
+def _file(loaded: Loaded, place: str) -> Path | None:
+    table = getattr(loaded.config, place)
+    argument = "" if table is None else _argument(table.ref)
+    return (loaded.base_of(f"{place}.ref") / argument) if argument else None
+
+
+def _argument(reference: str) -> str:
+    """Path within a reference; empty where it names no file."""
+    scheme, colon, argument = reference.partition(":")
+    if colon:
+        return argument.partition("#")[0]
+    return scheme if scheme.endswith(".toml") else ""

@@ -1,0 +1,172 @@
+"""Writes recordings: MCAP in zstd chunks that are closed often, so that a recorder that is killed loses little."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from navloom.messages.codec import schema_label
+from navloom.messages.schema import SCHEMAS
+from navloom.recording.header import HEADER, RecordingHeader
+from navloom.recording.reader import COUNTS
+from navloom.recording.schemas import ENCODING, schema_text
+
+__all__ = ["RecordingWriter", "WriteError"]
+
+CHUNK = 1 << 20
+"""Bytes after which a chunk is closed, whatever the time."""
+
+
+class WriteError(OSError):
+    """The file cannot be written on; what it holds so far is whole. The text says why, and how much there is."""
+
+
+class RecordingWriter:
+    """Writes one recording, by one thread. Use it in a `with` statement.
+
+    Args:
+        path: File to write; an existing one is refused.
+        header: What the recording says of itself.
+        attachments: Files to keep in it, by name.
+
+    Raises:
+        WriteError: It cannot be written; at any call. Nothing is written after that.
+
+    Attributes:
+        messages: How many are in it; where writing failed, how many of them can be read.
+    """
+
+    def __init__(self, path: Path, header: RecordingHeader, attachments: Mapping[str, bytes] | None = None) -> None:
+        from mcap.writer import Writer
+
+        self.path, self.header, self.messages = path, header, 0
+        self._file = _Sound(path)
+        self._writer: Any = Writer(self._file, chunk_size=CHUNK)  # type: ignore[arg-type]
+        self._channels: dict[tuple[str, str], int] = {}
+        self._schemas: dict[str, int] = {}
+        self._is_open, self._whole = True, 0
+        with self._sound():
+            self._writer.start(profile="navloom", library=f"navloom {header.versions.get('navloom', '')}")
+            self._writer.add_metadata(HEADER, {"header": header.to_text()})
+            for name, data in sorted((attachments or {}).items()):
+                self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
+            self._file.mark()
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._is_open:
+            self.close({})
+
+    def add(self, key: str, label: str, data: bytes, received_ns: int, stamp_ns: int, sequence: int) -> None:
+        """Keep a message: the codec's bytes with their schema label."""
+        channel = self._channels.get((key, label)) or self._declare(key, label)
+        with self._sound():
+            self._writer.add_message(channel, received_ns, data, stamp_ns, sequence & 0xFFFFFFFF)
+        self.messages += 1
+
+    def add_counts(self, counts: Mapping[str, Any], received_ns: int) -> None:
+        """Keep the recorder's counters as they are now."""
+        key = f"{self.header.prefix}/{COUNTS}"
+        channel = self._channels.get((key, "json"))
+        with self._sound():
+            if channel is None:
+                channel = self._channels[key, "json"] = self._writer.register_channel(key, "json", 0)
+            self._writer.add_message(channel, received_ns, json.dumps(counts).encode(), received_ns)
+
+    def flush(self) -> None:
+        """Close the chunk under way and hand it to the system: from here on a kill cannot take it."""
+        with self._sound():
+            self._writer.flush()
+            self._file.mark()
+        self._whole = self.messages
+
+    def close(self, counts: Mapping[str, Any]) -> None:
+        """End the file with the last counters and an index."""
+        with self._sound():
+            if counts:
+                self._writer.flush()
+                self._writer.add_metadata(COUNTS, {"counts": json.dumps(counts)})
+            self._writer.finish()
+            self._file.mark()
+        self._is_open = False
+        self._file.close()
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self._file.tell()
+
+    def _declare(self, key: str, label: str) -> int:
+        with self._sound():
+            if label not in self._schemas:
+                cls = SCHEMAS.get(label.partition("/")[0])
+                text = schema_text(cls) if cls is not None and schema_label(cls) == label else ""
+                self._schemas[label] = self._writer.register_schema(label, ENCODING, text.encode())
+            number: int = self._writer.register_channel(key, ENCODING, self._schemas[label])
+        self._channels[key, label] = number
+        return number
+
+    @contextlib.contextmanager
+    def _sound(self) -> Any:
+        """Leave a whole file behind where it cannot be written on."""
+        if not self._is_open:
+            raise WriteError(f"{self.path}: it was closed")
+        try:
+            yield
+        except OSError as error:
+            self._is_open, self.messages = False, self._whole
+            self._file.cut()
+            raise WriteError(
+                f"{self.path}: {error.strerror or error}; the recording ends here, with {self._file.tell()} bytes "
+                "that can be read"
+            ) from None
+
+
+class _Sound:
+    """A file that is cut back to its last mark where writing fails: a disk that is full leaves no torn record."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        except FileExistsError:
+            raise WriteError(f"{path}: there is such a file already; name another, or remove it") from None
+        except OSError as error:
+            raise WriteError(f"{path}: cannot be written: {error.strerror}") from None
+        self._at = self._good = 0
+
+    def write(self, data: bytes) -> int:
+        """All of it, at once."""
+        view = memoryview(data)
+        while view:
+            written = os.write(self._descriptor, view)
+            self._at += written
+            view = view[written:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes so far."""
+        return self._at
+
+    def flush(self) -> None:
+        """Nothing waits here."""
+
+    def mark(self) -> None:
+        """What was written so far is whole."""
+        self._good = self._at
+
+    def cut(self) -> None:
+        """Go back to the last mark, and write no more."""
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._descriptor, self._good)
+        self._at = self._good
+        self.close()
+
+    def close(self) -> None:
+        """No more."""
+        os.close(self._descriptor)

@@ -1,0 +1,22 @@
+"""Which distributions the plugins of a config come from."""
+
+from __future__ import annotations
+
+from navloom.config.schema import ROLE_TABLES, Config
+from navloom.plugins import Discovery
+
+__all__ = ["distributions"]
+
+
+def distributions(config: Config) -> dict[str, str]:
+    """Version of each distribution that provides a plugin in use, by name; what is not installed is left out."""
+    used = {
+        (place if place in ROLE_TABLES else getattr(table, "role"), table.plugin)  # noqa: B009
+        for place, table in config.role_tables()
+    }
+    infos = Discovery(config.plugins.blocked).infos()
+    return {
+        info.distribution: info.version
+        for info in sorted(infos, key=lambda info: info.distribution)
+        if (info.role, info.name) in used and info.distribution
+    }

@@ -1,0 +1,173 @@
+"""The paper reproduced: Hoang et al. 2013, Figures 6 to 11, its numbers beside ours, and what its errata change."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from navloom.config import ConfigError
+from navloom.plugins import Discovery
+from navloom.study.paper_cloud import cloud_of
+from navloom.study.paper_errata import Errata, Variant, errata_of, limits_of, steps_of_errata
+from navloom.study.paper_numbers import numbers_of
+from navloom.study.paper_plates import Plate, Reproduction, plates_of
+from navloom.study.paper_report import page_of
+from navloom.study.paper_runs import START, Drive, crossing, drive
+
+__all__ = ["FIGURES", "PaperError", "drawn", "facts_of", "files_of", "is_reproduced", "keep", "reproduce", "steps"]
+
+FIGURES = 11
+"""Figures drawn where all of the experiment took place."""
+Say = Callable[[str], None]
+
+
+class PaperError(RuntimeError):
+    """The experiment did not get far enough for its figures to be drawn."""
+
+
+def steps() -> int:
+    """How often `reproduce` and `files_of` say something together."""
+    return 2 + steps_of_errata() + FIGURES
+
+
+def reproduce(
+    seed: int | None = None, say: Say = lambda text: None, discovery: Discovery | None = None
+) -> Reproduction:
+    """Run the experiment with and without its obstacle, and both readings of what is silent or wrong in the paper.
+
+    Args:
+        seed: Of the runs with noise; None: the shipped config's.
+        say: Told what is run.
+        discovery: Plugins; default those installed.
+
+    Raises:
+        ConfigError, PluginError: A plugin of the experiment is missing.
+        PaperError: The robot found no way, or never drove.
+    """
+    discovery = discovery or Discovery()
+    say("the experiment with obstacle O")
+    run = _driven(drive(seed=seed))
+    say("the experiment without it")
+    free = _driven(drive("world.ref=paper_gates", seed=seed))
+    errata = errata_of(seed, say, discovery)
+    cloud = cloud_of(run.sweep, START, *limits_of(run), "paper")
+    return Reproduction(run, free, cloud, errata, numbers_of(run, free, errata, cloud))
+
+
+def _driven(run: Drive) -> Drive:
+    """The run, where it has all that figures show."""
+    if run.path is None or run.trajectory is None or not run.episode.recorder.cross_tracks:
+        result = run.episode.result
+        raise PaperError(
+            f"the experiment in world {run.world.name} came to nothing that can be drawn: "
+            f"{result.outcome}, {result.reason}"
+        )
+    return run
+
+
+def files_of(made: Reproduction, say: Say = lambda text: None) -> dict[str, bytes]:
+    """All files by name: each figure as PNG and SVG, `report.html`, `numbers.json`. The same bytes each time.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    files, drawings = {}, []
+    for plate in plates_of(made):
+        say(f"drawing {plate.stem}")
+        svg, png = drawn(plate)
+        drawings.append((plate, svg))
+        files[f"{plate.stem}.png"] = png
+        files[f"{plate.stem}.svg"] = svg.encode()
+    files["report.html"] = page_of(made, drawings).encode()
+    files["numbers.json"] = (json.dumps(facts_of(made), indent=2, ensure_ascii=False) + "\n").encode()
+    return files
+
+
+def drawn(plate: Plate) -> tuple[str, bytes]:
+    """A figure as SVG and as PNG of 300 dots an inch. Raises ConfigError where matplotlib is not installed."""
+    from navloom.study.plotting import png_of, svg_of
+
+    figure = plate.draw()
+    svg = svg_of(figure)
+    figure.set_layout_engine("none")  # it has been laid out: once is enough
+    return svg, png_of(figure, 300)
+
+
+def keep(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write the files into a folder, each whole or not at all.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            draft = folder / f".{name}.part"
+            draft.write_bytes(content)
+            os.replace(draft, folder / name)
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}; name a folder") from None
+
+
+def facts_of(made: Reproduction) -> dict[str, Any]:
+    """What `navloom paper --json` prints, SI units: outcomes, the table, and every variant of the errata."""
+    run, free, errata = made.run.episode.summary(), made.free.episode.summary(), made.errata
+    return {
+        "seed": run["seed"],
+        "config_sha256": run["config_sha256"],
+        "trace_sha256": run["trace_sha256"],
+        "reproduced": is_reproduced(made),
+        "with_obstacle": _drive_facts(made.run, run),
+        "without_obstacle": _drive_facts(made.free, free),
+        "numbers": [vars(number) for number in made.numbers],
+        "errata": _errata_facts(errata),
+    }
+
+
+def is_reproduced(made: Reproduction) -> bool:
+    """Both drives arrived at D without contact, through gate B."""
+    return all(
+        run.episode.result.outcome == "succeeded"
+        and run.episode.recorder.touches == 0
+        and run.path is not None
+        and crossing(run.path, run.world) == "B"
+        for run in (made.run, made.free)
+    )
+
+
+def _drive_facts(run: Drive, summary: Mapping[str, Any]) -> dict[str, Any]:
+    names = ("outcome", "reason", "sim_time_s", "plan_length_m", "path_length_m", "optimal_length_m",
+             "cross_track_rms_m", "cross_track_max_m", "min_clearance_m", "collisions")  # fmt: skip
+    return {"gate": _gate(run), **{name: summary[name] for name in names}}
+
+
+def _gate(run: Drive) -> str | None:
+    return None if run.path is None else crossing(run.path, run.world)
+
+
+def _errata_facts(errata: Errata) -> dict[str, Any]:
+    def plans(variants: tuple[Variant, ...]) -> list[dict[str, Any]]:
+        return [
+            {
+                "name": variant.name,
+                "set": list(variant.settings),
+                "plan_length_m": None if variant.drive.path is None else variant.drive.path.length,
+                "gate": _gate(variant.drive),
+                "pixels": {} if variant.drive.map is None else {c.name: c.value for c in variant.drive.map.counts},
+            }
+            for variant in variants
+        ]
+
+    return {
+        "ways": plans(errata.ways),
+        "filter_order": plans(errata.orders),
+        "geometry": plans(errata.geometries),
+        "grid": plans(errata.grids),
+        "settling": [
+            {"law": found.law.name, "settled_s": found.settled, "expected_s": found.law.stated} for found in errata.laws
+        ],
+        "k3": [{"k3": float(v.name), **_drive_facts(v.drive, v.drive.episode.summary())} for v in errata.gains],
+    }

@@ -1,0 +1,247 @@
+"""Figures 6 to 9 of Hoang et al. 2013 from a run: the 3D image, the union map, the IPaBD map, and the planned way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.solids import overlaps
+from navloom.geometry.world import Box, World
+from navloom.messages import OccupancyGrid
+from navloom.study.paper_cloud import Cloud
+from navloom.study.paper_runs import Drive, gates_of
+from navloom.study.plotting import GREY, OKABE_ITO, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["COLUMN", "cells_of", "cloud_figure", "draw_kinds", "draw_places", "draw_world", "grid_figure",
+           "legend_below", "map_figure", "plan_axes", "set_room", "union_figure"]  # fmt: skip
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Place = Literal["lower center", "outside lower center"]
+BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, BLACK, YELLOW = OKABE_ITO
+COLUMN = 88.0
+"""Width of one column of a journal, mm."""
+ROOM = (-4.8, 7.4, -0.9, 9.6)
+"""Lowest and highest x, lowest and highest y of the plans, m."""
+FLOOR = "#B8B8B8"
+OVERHEAD = SKY
+OBSTACLE = BLUE
+KEPT = VERMILION
+GROWN, OCCUPIED = "#CFCFCF", "#4D4D4D"
+DOT = 1.1
+BADGE = {"boxstyle": "circle,pad=0.18", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.6}
+
+
+def plan_axes(height_mm: float = 86.0) -> tuple[Figure, Any]:
+    """A figure one column wide with the room in plan view, metres, equal axes."""
+    figure, axes = new_figure(COLUMN, height_mm)
+    set_room(axes)
+    return figure, axes
+
+
+def set_room(axes: Any) -> None:
+    """The plan view of the room on axes."""
+    axes.set_aspect("equal")
+    axes.set_xlim(*ROOM[:2])
+    axes.set_ylim(*ROOM[2:])
+    axes.set_xticks(range(-4, 8, 2))
+    axes.set_yticks(range(0, 10, 2))
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+
+
+def draw_world(axes: Any, world: World, height: float, shows_o: bool = False) -> None:
+    """Outlines of what stands in the room: full where it hinders a robot of a height, m, dotted where it is above."""
+    from matplotlib.patches import Rectangle
+
+    for obstacle in world.obstacles:
+        if isinstance(obstacle, Box) and (shows_o or not obstacle.appears_after_sweep):
+            hinders = overlaps(obstacle.z, (0.0, height))
+            axes.add_patch(
+                Rectangle(
+                    (obstacle.x[0], obstacle.y[0]),
+                    obstacle.x[1] - obstacle.x[0],
+                    obstacle.y[1] - obstacle.y[0],
+                    fill=False,
+                    linewidth=0.6,
+                    edgecolor=GREY,
+                    linestyle="-" if hinders else (0, (1, 1)),
+                    zorder=1.5,
+                )
+            )
+
+
+def draw_places(axes: Any, drive: Drive, gates_at: float = 4.72, beside: float = 0.0, size: float = 9.0) -> None:
+    """S, D and the letters of the gates, at a height y, m, and B's `beside` its middle, m, where the way is drawn."""
+    goal = drive.episode.system.goal
+    assert goal is not None
+    start = drive.episode.system.start
+    for name, x, y, marker in (("S", start.x, start.y, "o"), ("D", goal.x, goal.y, "*")):
+        axes.plot(x, y, marker, color=BLACK, markersize=4 if marker == "o" else 7, zorder=6, linestyle="none")
+        axes.annotate(name, (x, y), (-12, -3), textcoords="offset points", fontsize=size, fontweight="bold", zorder=7)
+    for gate in gates_of(drive.world):
+        x = gate.middle + (beside if gate.name == "B" else 0.0)
+        axes.text(x, gates_at, gate.name, ha="center", va="center", fontsize=size, fontweight="bold", zorder=7,
+                  bbox=BADGE)  # fmt: skip
+
+
+def draw_pixels(axes: Any, points: Floats, colour: str, label: str, size: float = DOT, order: float = 2.0) -> None:
+    """Pixels as dots; kept as a picture within an SVG, where thousands of circles would be as many elements."""
+    axes.scatter(points[:, 0], points[:, 1], s=size, c=colour, linewidths=0.0, label=label, zorder=order,
+                 rasterized=True)  # fmt: skip
+
+
+def legend_below(
+    figure: Figure, axes: Any, columns: int = 2, markers: float = 2.5, place: Place = "outside lower center"
+) -> None:
+    """The legend under the axes, out of the way of the data."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc=place, ncols=columns, fontsize=7, frameon=False,
+                  handletextpad=0.5, columnspacing=1.2, markerscale=markers)  # fmt: skip
+
+
+def cloud_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
+    """Fig. 6: the 3D image, seen from behind and above the robot."""
+    figure, flat = new_figure(COLUMN, 58.0)
+    flat.remove()
+    figure.set_layout_engine("none")
+    # A 3D view is drawn in a square, and cut at its edges: one larger than the figure loses nothing.
+    axes: Any = figure.add_axes((-0.12, -0.40, 1.32, 1.32 * COLUMN / 58.0), projection="3d", computed_zorder=False)
+    axes.set_proj_type("ortho")
+    axes.view_init(elev=28.0, azim=-97.0)
+    _frame(axes)
+    _wires(axes, drive.world)
+    robot = drive.episode.system.robot
+    for names, colour, label in (
+        (("floor",), FLOOR, "floor"),
+        (("behind", "kept"), OBSTACLE, f"up to the robot's height, {robot.height:g} m"),
+        (("overhead",), ORANGE, f"above {z_limit:g} m"),
+    ):
+        points = cloud.of(*names)
+        axes.scatter(
+            *points.T, s=1.6, c=colour, linewidths=0.0, label=label, depthshade=False, rasterized=True, zorder=2
+        )
+    goal = drive.episode.system.goal
+    assert goal is not None
+    start = drive.episode.system.start
+    for name, x, y, marker in (("S", start.x, start.y, "o"), ("D", goal.x, goal.y, "*")):
+        axes.plot([x], [y], [0.0], marker, color=BLACK, markersize=4 if marker == "o" else 7, zorder=5)
+        axes.text(x + 0.25, y, 0.1, name, fontsize=9, fontweight="bold", zorder=6)
+    for gate in gates_of(drive.world):
+        axes.text(gate.middle, 5.2, 0.35, gate.name, fontsize=8, fontweight="bold", ha="center", va="center", zorder=6,
+                  bbox=BADGE)  # fmt: skip
+    legend_below(figure, axes, 3, place="lower center")
+    return figure
+
+
+def _frame(axes: Any) -> None:
+    """Ranges and ticks in metres, the same scale on all axes."""
+    axes.set_xlim(-4.6, 7.2)
+    axes.set_ylim(-0.5, 9.4)
+    axes.set_zlim(0.0, 2.6)
+    axes.set_box_aspect((11.8, 9.9, 2.6), zoom=0.76)
+    axes.set_xticks(range(-4, 8, 2))
+    axes.set_yticks(range(0, 10, 2))
+    axes.set_zticks([0, 1, 2])
+    for axis, name in ((axes.xaxis, "x, m"), (axes.yaxis, "y, m"), (axes.zaxis, "z, m")):
+        axis.set_label_text(name, fontsize=8)
+        axis.set_tick_params(labelsize=7, pad=-2)
+        axis.labelpad = -6 if axis is axes.zaxis else -2
+        axis.pane.set_visible(False)
+    axes.grid(False)
+
+
+def _wires(axes: Any, world: World) -> None:
+    """Edges of the true boxes."""
+    for obstacle in world.obstacles:
+        if isinstance(obstacle, Box) and not obstacle.appears_after_sweep:
+            (x0, x1), (y0, y1), (z0, z1) = obstacle.x, obstacle.y, obstacle.z
+            ring = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
+            for z in (z0, z1):
+                axes.plot(ring[:, 0], ring[:, 1], z, color=GREY, linewidth=0.4, zorder=1)
+            for x, y in ring[:4]:
+                axes.plot([x, x], [y, y], [z0, z1], color=GREY, linewidth=0.4, zorder=1)
+
+
+def union_figure(drive: Drive, cloud: Cloud, z_limit: float) -> Figure:
+    """Fig. 7: every pixel pressed onto the plane."""
+    figure, axes = plan_axes(86.0)
+    draw_world(axes, drive.world, drive.episode.system.robot.height)
+    for names, colour, label, order in (
+        (("floor",), FLOOR, "floor", 2.0),
+        (("overhead",), ORANGE, f"above {z_limit:g} m", 2.1),
+        (("behind", "kept"), OBSTACLE, f"obstacles up to {z_limit:g} m", 2.2),
+    ):
+        draw_pixels(axes, cloud.of(*names), colour, label, order=order)
+    draw_places(axes, drive)
+    legend_below(figure, axes, 3)
+    return figure
+
+
+def map_figure(drive: Drive, cloud: Cloud) -> Figure:
+    """Fig. 8: what IPaBD keeps, and the lines fitted to it."""
+    assert drive.map is not None
+    figure, axes = plan_axes(86.0)
+    draw_world(axes, drive.world, drive.episode.system.robot.height)
+    for number, segment in enumerate(drive.map.segments):
+        axes.plot(segment[0::2], segment[1::2], color=BLUE, linewidth=2.2, solid_capstyle="butt", zorder=2.5,
+                  label="fitted lines (step 4)" if number == 0 else None)  # fmt: skip
+    draw_pixels(axes, cloud.of("kept"), KEPT, "nearest pixel of a bearing (step 2)", size=3.0, order=3.0)
+    draw_places(axes, drive)
+    legend_below(figure, axes, 2)
+    return figure
+
+
+def cells_of(grid: OccupancyGrid, other: OccupancyGrid) -> Bools:
+    """(rows, columns) of `other`, True where the grid, of the same cells, is occupied."""
+    assert abs(grid.resolution - other.resolution) < 1e-9
+    shift = np.array([grid.origin.y - other.origin.y, grid.origin.x - other.origin.x]) / grid.resolution
+    low = [round(float(cells)) for cells in shift]
+    assert np.abs(shift - low).max() < 1e-6
+    occupied = np.zeros(other.cells.shape, dtype=np.bool_)
+    moved = np.argwhere(grid.cells >= 50) + low
+    inside = moved[((moved >= 0) & (moved < occupied.shape)).all(axis=1)]
+    occupied[inside[:, 0], inside[:, 1]] = True
+    return occupied
+
+
+def draw_kinds(axes: Any, grid: OccupancyGrid, occupied: Bools, grown: Bools) -> None:
+    """Free, grown and occupied cells of a grid, as in Fig. 9: white, grey, dark."""
+    from matplotlib.colors import ListedColormap
+
+    kinds = np.where(occupied, 2, np.where(grown, 1, 0))
+    rows, columns = kinds.shape
+    x = grid.origin.x + grid.resolution * np.arange(columns + 1)
+    y = grid.origin.y + grid.resolution * np.arange(rows + 1)
+    limits = axes.get_xlim(), axes.get_ylim()
+    axes.imshow(kinds, cmap=ListedColormap(["#FFFFFF", GROWN, OCCUPIED]), vmin=0, vmax=2, origin="lower",
+                extent=(x[0], x[-1], y[0], y[-1]), interpolation="nearest", zorder=1)  # fmt: skip
+    axes.vlines(x, y[0], y[-1], color="#E2E2E2", linewidth=0.3, zorder=1.1)
+    axes.hlines(y, x[0], x[-1], color="#E2E2E2", linewidth=0.3, zorder=1.1)
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+    axes.grid(False)
+
+
+def grid_figure(drive: Drive) -> Figure:
+    """Fig. 9: the grid, what is grown in it, and the way A* finds."""
+    from matplotlib.patches import Patch
+
+    assert drive.map is not None and drive.path is not None and drive.path.traversable is not None
+    assert drive.trajectory is not None
+    figure, axes = plan_axes(90.0)
+    grid = drive.path.traversable
+    draw_kinds(axes, grid, cells_of(drive.map.grid, grid), grid.cells > 0)
+    axes.plot(*drive.path.points.T, "o-", color=VERMILION, markersize=2.4, linewidth=1.2, zorder=4,
+              label=f"A*, {drive.path.length:.2f} m")  # fmt: skip
+    axes.plot(*drive.trajectory.samples[:, 1:3].T, color=BLUE, linewidth=1.3, zorder=5, label="rounded, as driven")
+    draw_places(axes, drive, gates_at=3.6, beside=0.7)
+    handles, _ = axes.get_legend_handles_labels()
+    handles += [Patch(color=OCCUPIED, label="occupied"), Patch(color=GROWN, label="grown by 2 cells")]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7, frameon=False)
+    return figure

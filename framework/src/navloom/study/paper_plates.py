@@ -1,0 +1,166 @@
+"""The figures of the reproduction of Hoang et al. 2013 with their captions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from navloom.study.paper_cloud import Cloud
+from navloom.study.paper_drives import avoiding_figure, choice_figure, tracking_figure
+from navloom.study.paper_errata import Errata, length_of, limits_of, off_the_walls
+from navloom.study.paper_errata_figures import gain_figure, geometry_figure, grid_rules_figure, order_figure
+from navloom.study.paper_figures import cloud_figure, grid_figure, map_figure, union_figure
+from navloom.study.paper_law import BESIDE, SPEED
+from navloom.study.paper_numbers import Number
+from navloom.study.paper_runs import Drive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Plate", "Reproduction", "plates_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """Everything that was run.
+
+    Attributes:
+        run: The experiment with the obstacle O.
+        free: Without it.
+        cloud: Points of the run's sweep, as the mapper takes them.
+        errata: Both readings of what is silent or wrong.
+        numbers: What the paper states beside what the runs gave.
+    """
+
+    run: Drive
+    free: Drive
+    cloud: Cloud
+    errata: Errata
+    numbers: tuple[Number, ...]
+
+
+@dataclass(frozen=True)
+class Plate:
+    """One figure.
+
+    Attributes:
+        stem: Of its files.
+        title: In bold before the caption.
+        caption: What it shows, and what differs from the paper's.
+        draw: Makes it.
+    """
+
+    stem: str
+    title: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+def plates_of(made: Reproduction) -> tuple[Plate, ...]:
+    """All figures, in the order of the page."""
+    return (*_map_plates(made), *_drive_plates(made), *_errata_plates(made.errata))
+
+
+def _map_plates(made: Reproduction) -> tuple[Plate, ...]:
+    run, cloud, counts = made.run, made.cloud, made.cloud.counts
+    z_limit = limits_of(run)[1]
+    assert run.path is not None
+    return (
+        Plate("figure-06", "Fig. 6, the 3D image.",
+              f"{cloud.classes.size:,} rays from S, of which {counts['no return']:,} meet nothing. Gate A is under a "
+              f"girder lower than the robot ({z_limit:g} m), gate B under a higher one, corridor C is open. Grey "
+              "edges: the true room, whose sizes are ours, since the paper's figures are lost.",
+              lambda: cloud_figure(run, cloud, z_limit)),
+        Plate("figure-07", "Fig. 7, the union map.",
+              f"All {cloud.classes.size - counts['no return']:,} pixels pressed onto the plane (step 1). Floor and "
+              f"both girders stand in it like walls; the plan on it: {length_of(made.errata.union.drive)}. The "
+              "paper counts all 9,494 rays as pixels.",
+              lambda: union_figure(run, cloud, z_limit)),
+        Plate("figure-08", "Fig. 8, the IPaBD map.",
+              f"The nearest obstacle pixel of each of {counts['kept']} bearings, and the lines fitted to them. "
+              "Girder A is in it, girder B (dotted) is not. Floor and overhead pixels were removed before the "
+              "minimum was taken; the printed order is shown below.",
+              lambda: map_figure(run, cloud)),
+        Plate("figure-09", "Fig. 9, the planned way.",
+              f"Cells of 40 cm, grown by two. A* (8 neighbours, no corner cut) finds {run.path.length:.2f} m through "
+              "gate B: A is closed by its girder, C is longer. What was not seen counts as free. The framework "
+              "prunes and rounds the way before it is driven.",
+              lambda: grid_figure(run)),
+    )  # fmt: skip
+
+
+def _drive_plates(made: Reproduction) -> tuple[Plate, ...]:
+    run, free = made.run, made.free
+    summary = free.episode.summary()
+    plates = [
+        Plate("figure-10", "Fig. 10, tracking.",
+              "Law (6) without an obstacle: the real trajectory on the designed one, the errors of eq. (4), and the "
+              f"speed. Cross-track {100.0 * summary['cross_track_rms_m']:.1f} cm rms, "
+              f"{100.0 * summary['cross_track_max_m']:.1f} cm at most, where the robot, which begins facing D, "
+              "swings onto the first leg. The reference is re-projected onto the path in each tick. The paper "
+              "prints no errors.",
+              lambda: tracking_figure(free)),
+        Plate("figure-11a", "Fig. 11, the unexpected obstacle.",
+              "O appears on the designed trajectory when the sweep has ended, and only the sonars see it. Improved "
+              "VFH takes over when the corridor ahead is blocked, and gives back when it is free again. Where O "
+              "stood in the paper's experiment is not stated.",
+              lambda: avoiding_figure(run)),
+    ]  # fmt: skip
+    if run.choice is not None:
+        choice = run.choice
+        chosen = choice.diagnostics.chosen
+        assert chosen is not None
+        off = math.degrees(math.remainder(chosen - choice.to_target, math.tau))
+        plates.append(
+            Plate("figure-11b", "Fig. 11, the moment of decision,",
+                  f"{choice.time:.2f} s: for the first time the direction to the target is blocked, and the chosen "
+                  f"one is {abs(off):.0f}° to the {'left' if off > 0.0 else 'right'} of it. Above: the sonars, the "
+                  "certainty window, and the polar histogram as a ring, dark where it is blocked. Below: the same "
+                  "histogram from the heading. The robot's width is in it, so that it is wider than O.",
+                  lambda: choice_figure(run))
+        )  # fmt: skip
+    return tuple(plates)
+
+
+def _errata_plates(errata: Errata) -> tuple[Plate, ...]:
+    z_limit = limits_of(errata.geometries[0].drive)[1]
+    kept = [off_the_walls(cloud.of("kept"), errata.ways[0].drive.world) for cloud in errata.clouds]
+    columns = [variant.drive.map for variant in errata.orders]
+    assert columns[1] is not None
+    return (
+        Plate("errata-order", "Order of the filters.",
+              "Steps 2 and 3 as printed take the nearest pixel of a bearing and then remove it where it is floor or "
+              f"too high: {len(columns[1].segments)} lines are left (b), and A* goes straight through girder A. "
+              "Removing first (a) keeps every bearing.",
+              lambda: order_figure(errata)),
+        Plate("errata-geometry", "Geometry.",
+              "The pixels of one sweep without noise that truly are on the floor and on the girders, whose true "
+              "heights are shaded. A laser that is pitched as a whole measures (a); eq. (1) is a pan-tilt model and "
+              "overstates heights 1/sinβ times, 1.56 times at β = 40° (b). An obstacle 1.0 m high counts as higher "
+              "than the robot from 41° off the middle on. In this room the plan is "
+              f"{length_of(errata.geometries[0].drive)}, and {length_of(errata.geometries[1].drive)}; what is "
+              f"kept lies {100.0 * kept[1].mean():.1f} cm off the true walls on average and "
+              f"{100.0 * kept[1].max():.1f} cm at most. The experiment above uses eq. (1) for simulator and "
+              "mapper alike.",
+              lambda: geometry_figure(errata, z_limit)),
+        Plate("errata-grid", "Cells and their drawing.",
+              "40 cm as in the experiment (a), a third of the chassis as in III.A (b), and the printed slope test, "
+              "with T the size of the robot and grown as printed (c), and not grown (d). The test compares a slope "
+              "with a length and does not end where the line does: it fills whole columns, and leaves girder A open.",
+              lambda: grid_rules_figure(errata)),
+        Plate("errata-gain", "Gain k3.",
+              f"Law (6) from {BESIDE:g} m beside a line at {SPEED:g} m/s, k1 = 1, nothing limited. The lateral poles "
+              f"are s² + k3 s + v_r²: critical at k3 = 0.6, slower above. The other laws settle {_faster(errata)} "
+              "times as fast as the best k3.",
+              lambda: gain_figure(errata)),
+    )  # fmt: skip
+
+
+def _faster(errata: Errata) -> str:
+    """How much sooner the other laws settle than law (6) at its best k3: least to most."""
+    settled = [(found.law.plugin, found.settled) for found in errata.laws if found.settled is not None]
+    own = min(seconds for plugin, seconds in settled if plugin == "lyapunov_tracker")
+    others = sorted(own / seconds for plugin, seconds in settled if plugin != "lyapunov_tracker")
+    return f"{others[0]:.0f} to {others[-1]:.0f}"

@@ -1,0 +1,223 @@
+"""Runs of the paper's experiment (Hoang et al. 2013, IV) with everything that its figures show kept beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.config import load_config
+from navloom.geometry.angles import wrap
+from navloom.geometry.world import Box, World
+from navloom.messages import (
+    AvoiderDiagnostics,
+    AvoiderStatus,
+    Envelope,
+    GateStatus,
+    MapUpdate,
+    Message,
+    Path,
+    Point2D,
+    Pose2D,
+    PoseEstimate,
+    RangeScan,
+    Reference,
+    StepRecord,
+    Sweep,
+    TrackingCommand,
+    Trajectory,
+)
+from navloom.study.episode import Episode, run_episode
+
+__all__ = ["PLANNED", "QUIET", "START", "Choice", "Drive", "Gate", "box", "crossing", "drive", "gates_of"]
+
+Floats = NDArray[np.float64]
+QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.noise=false")
+"""Settings of a run without noise of the sensors and of the wheels."""
+PLANNED = "run.stop_after=2.0"
+"""Ends a run when the plan is there: the sweep takes 1.24 s."""
+GATE_LINE = 5.3
+"""y of the middle of the wall with the gates, m."""
+START = Pose2D(0.0, 0.0, 0.5 * math.pi)
+"""Where the experiment begins: S, facing D."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A way through the wall between S and D: its letter in the paper, and x of its sides, m."""
+
+    name: str
+    left: float
+    right: float
+
+    @property
+    def middle(self) -> float:
+        """x, m."""
+        return 0.5 * (self.left + self.right)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """An avoider's view in one tick.
+
+    Attributes:
+        time: s.
+        pose: As estimated, map frame.
+        scan: Of the sonars.
+        target: Point it steers to, map frame.
+        diagnostics: Window, histogram and slots.
+    """
+
+    time: float
+    pose: Pose2D
+    scan: RangeScan
+    target: Point2D
+    diagnostics: AvoiderDiagnostics
+
+    @property
+    def to_target(self) -> float:
+        """Direction of the target, rad, map frame: the paper's θt."""
+        return math.atan2(self.target.y - self.pose.y, self.target.x - self.pose.x)
+
+
+@dataclass(eq=False)
+class _Onlooker:
+    """An observer that keeps what the figures show; the newest of each unless said otherwise."""
+
+    wants: frozenset[tuple[str, str]] | None = frozenset(
+        {
+            ("platform", "laser"),
+            ("platform", "sonars"),
+            ("localizer", "pose"),
+            ("mapper", "map"),
+            ("planner", "path"),
+            ("reference", "trajectory"),
+            ("reference", "reference"),
+            ("controller", "command"),
+            ("avoider", "status"),
+            ("gate", "status"),
+        }
+    )
+    wants_steps: bool = False
+    newest: dict[type[Message], Message] = field(default_factory=dict)
+    errors: list[tuple[float, float, float, float]] = field(default_factory=list)
+    sources: list[tuple[float, str]] = field(default_factory=list)
+    choice: Choice | None = None
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        """Keep it."""
+        time = at.stamp_ns * 1e-9
+        self.newest[type(message)] = message
+        if isinstance(message, TrackingCommand):
+            self.errors.append((time, message.e1, message.e2, message.e3))
+        elif isinstance(message, GateStatus):
+            self.sources.append((time, message.source))
+        elif isinstance(message, AvoiderStatus) and self.choice is None and self.sources[-1][1] == "avoider":
+            self._look(time, message.diagnostics)
+
+    def on_step(self, record: StepRecord) -> None:
+        """Not asked for."""
+
+    def _look(self, time: float, diagnostics: AvoiderDiagnostics) -> None:
+        """Keep the first tick in which the avoider drives and turns away from its target by more than a sector."""
+        pose, scan, reference = (self.newest[kind] for kind in (PoseEstimate, RangeScan, Reference))
+        assert isinstance(pose, PoseEstimate) and isinstance(scan, RangeScan) and isinstance(reference, Reference)
+        found = Choice(time, pose.pose, scan, reference.target, diagnostics)
+        sector = 2.0 * math.pi / max(1, len(diagnostics.histogram))
+        if diagnostics.chosen is not None and abs(float(wrap(diagnostics.chosen - found.to_target))) > sector:
+            self.choice = found
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """One run.
+
+    Attributes:
+        episode: What ran, and its metrics.
+        sweep: The 3D image.
+        map: What the mapper made of it; None where it made nothing.
+        path: The plan; None where there is no way.
+        trajectory: What was followed, or None.
+        errors: (n, 4) time, s; e1, e2, m; e3, rad, of each tick with a reference: eq. (4).
+        sources: (time, s; who drives) at each change.
+        choice: The moment the avoider first turned away from its target, or None.
+    """
+
+    episode: Episode
+    sweep: Sweep
+    map: MapUpdate | None
+    path: Path | None
+    trajectory: Trajectory | None
+    errors: Floats
+    sources: tuple[tuple[float, str], ...]
+    choice: Choice | None
+
+    @property
+    def world(self) -> World:
+        """The truth it took place in."""
+        assert self.episode.system.world is not None
+        return self.episode.system.world
+
+    def driven_by(self, source: str) -> list[Floats]:
+        """Parts of the true way, (n, 2) m each, that one of controller and avoider drove."""
+        truth = np.array(self.episode.recorder.truth)[:, :3]
+        ends = [time for time, _ in self.sources[1:]] + [math.inf]
+        parts = []
+        for (since, who), until in zip(self.sources, ends, strict=True):
+            if who == source:
+                parts.append(truth[(truth[:, 0] >= since) & (truth[:, 0] <= until + 1e-9), 1:])
+        return parts
+
+
+def drive(*overrides: str, seed: int | None = None) -> Drive:
+    """Run the shipped config `paper` with changes, and keep what its figures show.
+
+    Raises:
+        ConfigError, PluginError: A plugin of the experiment is missing, or a change does not fit.
+    """
+    onlooker = _Onlooker()
+    episode = run_episode(load_config("paper", overrides, seed), observers=[onlooker])
+    kept = onlooker.newest
+    sweep, update, path, trajectory = (kept.get(kind) for kind in (Sweep, MapUpdate, Path, Trajectory))
+    assert isinstance(sweep, Sweep)
+    return Drive(
+        episode,
+        sweep,
+        update if isinstance(update, MapUpdate) else None,
+        path if isinstance(path, Path) else None,
+        trajectory if isinstance(trajectory, Trajectory) else None,
+        np.array(onlooker.errors).reshape(-1, 4),
+        tuple(onlooker.sources),
+        onlooker.choice,
+    )
+
+
+def box(world: World, name: str) -> Box:
+    """An obstacle of the paper's world by name."""
+    found = next(obstacle for obstacle in world.obstacles if obstacle.name == name)
+    assert isinstance(found, Box)
+    return found
+
+
+def gates_of(world: World) -> tuple[Gate, Gate, Gate]:
+    """Gates A and B below their girders, and corridor C between partition and right wall."""
+    corridor = Gate("C", box(world, "partition").x[1], box(world, "right wall").x[0])
+    post = box(world, "post A/B").x
+    return (
+        Gate("A", box(world, "gate wall left").x[1], post[0]),
+        Gate("B", post[1], box(world, "partition").x[0]),
+        corridor,
+    )
+
+
+def crossing(path: Path, world: World) -> str:
+    """Letter of the gate a plan goes through; "-" for none of them."""
+    points = path.points
+    first = int(np.argmax(points[:, 1] >= GATE_LINE))
+    if points[first, 1] < GATE_LINE or first == 0:
+        return "-"
+    share = (GATE_LINE - points[first - 1, 1]) / (points[first, 1] - points[first - 1, 1])
+    x = points[first - 1, 0] + share * (points[first, 0] - points[first - 1, 0])
+    return next((gate.name for gate in gates_of(world) if gate.left < x < gate.right), "-")

@@ -1,0 +1,111 @@
+"""Figures for print and screen: matplotlib without a display or global state, byte for byte the same each time."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from navloom.config import ConfigError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["GREY", "MM", "OKABE_ITO", "need_matplotlib", "new_figure", "png_of", "styled", "svg_of"]
+
+MM = 1.0 / 25.4
+"""One millimetre in inches, in which matplotlib counts."""
+OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
+"""Okabe & Ito's colours, told apart with any colour vision; the pale yellow last, it is hard to see on white."""
+GREY = "#8A8A8A"
+"""For what must not draw the eye: grids, obstacles, lines at zero."""
+SALT = "navloom"
+STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#D9D9D9",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.3,
+    "figure.constrained_layout.use": True,
+    "path.simplify": True,
+    "svg.fonttype": "path",
+    "svg.hashsalt": SALT,
+}
+
+
+def need_matplotlib() -> None:
+    """Raises ConfigError that names the extra where matplotlib is missing."""
+    try:
+        import_module("matplotlib")
+    except ImportError:
+        raise ConfigError(
+            "figures need the extra `plots`: uv sync --group plots, or pip install 'navloom[plots]'"
+        ) from None
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """The one style, for as long as something is drawn; whatever else uses matplotlib keeps its own.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    need_matplotlib()
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        yield
+
+
+def new_figure(width_mm: float, height_mm: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
+    """A figure in the one style, and its axes as `Figure.subplots` gives them: one, or an array of them.
+
+    Draw on them within `with styled():`, since matplotlib looks up sizes of titles, legends and lines as it adds them.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width_mm * MM, height_mm * MM))
+        axes = figure.subplots(rows, columns)
+    return figure, axes
+
+
+def svg_of(figure: Figure) -> str:
+    """The figure as one `<svg>` element for a page: no prologue, the same text each time.
+
+    What is left of its ids are hashes of what they name, so that several figures may stand on one page.
+    """
+    text = _saved(figure, "svg", metadata={"Date": None, "Creator": None}).decode()
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    return re.sub(r'<g id="[^"]*">', "<g>", text)
+
+
+def png_of(figure: Figure, dpi: int = 200) -> bytes:
+    """The figure as a PNG file, the same bytes each time."""
+    return _saved(figure, "png", dpi=dpi, metadata={"Software": None})
+
+
+def _saved(figure: Figure, kind: str, **options: Any) -> bytes:
+    buffer = io.BytesIO()
+    with styled():
+        figure.savefig(buffer, format=kind, **options)
+    return buffer.getvalue()

@@ -1,0 +1,194 @@
+"""ROS bags as recordings: conventions of ranges, mounts, clouds, what is taken, what is left out, and maps of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from navloom.cli.main import app
+from navloom.messages import Odometry, RangeScan, Sweep
+from navloom.recording.header import RecordingError
+from navloom.recording.reader import Recording
+from navloom.recording.ros_frames import Mount, quaternion_matrix
+from navloom.recording.ros_import import import_bag
+from typer.testing import CliRunner
+
+HERE = Mount(np.eye(3), np.zeros(3))
+
+
+def _bags() -> ModuleType:
+    """The helper beside this file, which `--import-mode=importlib` does not put in reach."""
+    spec = importlib.util.spec_from_file_location("navloom_test_bags", Path(__file__).with_name("bags.py"))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+bags = _bags()
+
+
+def bag_path(folder: Path, ros: int) -> Path:
+    return folder / ("room.bag" if ros == 1 else "room")
+
+
+def one_bag(folder: Path, fill: Any) -> Path:
+    """A ROS 2 bag with odometry and what `fill` puts into it."""
+    path = bag_path(folder, 2)
+    with bags.Bag(path, 2) as bag:
+        bag.put("/odom", bag.odometry(0.0, bags.START_NS), bags.START_NS)
+        fill(bag)
+    return path
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_a_drive_is_imported_with_its_stamps_and_mounts(tmp_path: Path, ros: int) -> None:
+    found = import_bag(bags.room_bag(bag_path(tmp_path, ros), ros), tmp_path / "a.mcap")
+    taken = {topic.name: (topic.sensor, topic.messages) for topic in found.topics}
+    assert taken == {"/chatter": ("", 0), "/odom": ("odometry", 40), "/scan": ("scan", 40), "/tf_static": ("mounts", 0)}
+    assert dict(found.topics[0].skipped) == {"not a type that is read": 1}
+    recording = Recording(tmp_path / "a.mcap")
+    assert recording.header.kind == "imported" and recording.keys()[0] == "imported/room/platform/recorded/odometry"
+    messages = list(recording.messages())
+    poses = [one.message for one in messages if isinstance(one.message, Odometry)]
+    assert [pose.stamp_ns for pose in poses] == [stamp for _, stamp in bags.times()]
+    assert poses[-1].pose.x == pytest.approx(0.5 * 3.9) and poses[-1].twist.vx == 0.5
+    scan = next(one.message for one in messages if isinstance(one.message, RangeScan))
+    # The laser looks to the left: its first beam goes ahead, to the wall 4.8 m away; its last one back, 1.2 m.
+    assert scan.origins[0].tolist() == pytest.approx([0.2, 0.0])
+    assert scan.bearings[[0, 90]].tolist() == pytest.approx([0.0, math.pi / 2], abs=1e-6)
+    assert scan.ranges[[0, 90, 180]].tolist() == pytest.approx([4.8, 2.0, 1.2], abs=1e-3)
+    assert messages[-1].envelope.tick == 78
+
+
+def test_ranges_follow_rep_117(tmp_path: Path) -> None:
+    given = [1.0, math.inf, -math.inf, math.nan, 0.05, 0.0, 9.0, 8.0, 7.5]
+
+    def fill(bag: Any) -> None:
+        bag.put("/scan", bag.scan(given, bags.START_NS, "base_link", 8.0), bags.START_NS)
+
+    found = import_bag(one_bag(tmp_path, fill), tmp_path / "a.mcap", mounts={"scan": HERE})
+    scan = next(o.message for o in Recording(tmp_path / "a.mcap").messages() if isinstance(o.message, RangeScan))
+    assert scan.ranges.tolist() == pytest.approx([1.0, math.inf, 0.1, math.inf, math.inf, 7.5])
+    step = math.pi / 8
+    beams = [0, 1, 2, 6, 7, 8]
+    assert scan.bearings.tolist() == pytest.approx([-math.pi / 2 + step * beam for beam in beams], abs=1e-6)
+    assert (scan.range_min, scan.range_max) == (pytest.approx(0.1), 8.0) and found.topics[1].messages == 1
+
+
+def test_a_sonar_is_one_wide_beam(tmp_path: Path) -> None:
+    def fill(bag: Any) -> None:
+        for number, value in enumerate((1.5, math.inf, math.nan)):
+            bag.put("/sonar/front", bag.range(value, bags.START_NS + number, "base_link"), bags.START_NS + number)
+
+    left = Mount(quaternion_matrix(0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4)), np.array([0.1, 0.2, 0.3]))
+    found = import_bag(one_bag(tmp_path, fill), tmp_path / "a.mcap", {"/sonar/front": "front"}, {"front": left})
+    scans = [o.message for o in Recording(tmp_path / "a.mcap").messages() if isinstance(o.message, RangeScan)]
+    assert [float(scan.ranges[0]) for scan in scans] == [1.5, math.inf]
+    assert scans[0].half_angles.tolist() == pytest.approx([0.2]) and scans[0].origins.tolist() == [[0.1, 0.2]]
+    assert scans[0].bearings.tolist() == pytest.approx([math.pi / 2])
+    topic = next(topic for topic in found.topics if topic.name == "/sonar/front")
+    assert dict(topic.skipped) == {"its reading is no measurement (NaN or below min_range)": 1}
+
+
+def cloud_points(rows: Any, columns: Any, distance: float = 3.0) -> Any:
+    """(rows · columns, 3) points at one distance, m, row by row."""
+    up, round_ = np.meshgrid(np.asarray(rows), np.asarray(columns), indexing="ij")
+    level = distance * np.cos(up)
+    return np.stack([level * np.cos(round_), level * np.sin(round_), distance * np.sin(up)], axis=-1).reshape(-1, 3)
+
+
+def test_an_organised_cloud_keeps_its_rows_and_columns(tmp_path: Path) -> None:
+    rows, columns = np.radians([10.0, 0.0, -10.0]), np.radians([40.0, 20.0, 0.0, -20.0])
+    points = cloud_points(rows, columns)
+    points[5] = math.nan
+
+    def fill(bag: Any) -> None:
+        bag.put("/cloud", bag.cloud(points, 3, bags.START_NS, "base_link"), bags.START_NS)
+
+    import_bag(
+        one_bag(tmp_path, fill), tmp_path / "a.mcap", mounts={"cloud": Mount(np.eye(3), np.array([0.1, 0, 0.5]))}
+    )
+    sweep = next(o.message for o in Recording(tmp_path / "a.mcap").messages() if isinstance(o.message, Sweep))
+    assert sweep.pitches.tolist() == pytest.approx(sorted(rows), abs=1e-6)
+    assert sweep.bearings.tolist() == pytest.approx(sorted(columns), abs=1e-6)
+    assert sweep.geometry == "paper" and (sweep.x, sweep.z) == (0.1, 0.5)
+    # Point 5 was row 1, column 1 (0°, 20°): rows and columns rise now, so it is at (1, 2).
+    assert np.isinf(sweep.ranges[1, 2]) and np.isinf(sweep.ranges).sum() == 1
+    assert sweep.ranges[0].tolist() == pytest.approx([3.0] * 4, abs=1e-5)
+
+
+def test_a_cloud_without_rows_is_put_into_a_raster_where_the_nearest_counts(tmp_path: Path) -> None:
+    points = np.concatenate([cloud_points(np.radians([0.5]), np.radians([0.25, 10.25])),
+                             cloud_points(np.radians([0.5]), np.radians([0.25]), 2.0)])  # fmt: skip
+
+    def fill(bag: Any) -> None:
+        bag.put("/cloud", bag.cloud(points, 1, bags.START_NS, "base_link"), bags.START_NS)
+
+    import_bag(one_bag(tmp_path, fill), tmp_path / "a.mcap", mounts={"cloud": HERE})
+    sweep = next(o.message for o in Recording(tmp_path / "a.mcap").messages() if isinstance(o.message, Sweep))
+    assert sweep.ranges.shape == (1, 21) and np.isfinite(sweep.ranges).sum() == 2
+    assert sweep.ranges[0, [0, 20]].tolist() == pytest.approx([2.0, 3.0], abs=1e-5)
+    assert np.degrees(sweep.bearings[[0, 20]]).tolist() == pytest.approx([0.25, 10.25])
+
+
+def test_a_transform_from_odom_is_odometry_where_there_is_no_topic(tmp_path: Path) -> None:
+    path = bag_path(tmp_path, 2)
+    with bags.Bag(path, 2) as bag:
+        bag.put("/tf_static", bag.transform("base_link", "laser", 0.2, 0.0, bags.START_NS), bags.START_NS)
+        for x, stamp_ns in bags.times():
+            bag.put("/tf", bag.transform("odom", "base_link", x, 0.0, stamp_ns), stamp_ns)
+            bag.put("/scan", bag.scan(bags.ranges_at(x), stamp_ns), stamp_ns)
+    import_bag(path, tmp_path / "a.mcap")
+    poses = [o.message for o in Recording(tmp_path / "a.mcap").messages() if isinstance(o.message, Odometry)]
+    assert len(poses) == 40 and poses[-1].pose.x == pytest.approx(1.95)
+    assert poses[0].twist.vx == 0.0 and poses[-1].twist.vx == pytest.approx(0.5, abs=1e-6)
+
+
+def test_what_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path) -> None:
+    def no_mount(bag: Any) -> None:
+        bag.put("/scan", bag.scan([1.0, 1.0], bags.START_NS, "nowhere"), bags.START_NS)
+
+    path = one_bag(tmp_path, no_mount)
+    out = tmp_path / "a.mcap"
+    for options, why in (
+        ({}, r"no transform from nowhere to base_link: give --mount scan=X,Y,YAW_DEG"),
+        ({"names": {"/other": "x"}}, r"has no topic '/other'; it has /odom, /scan"),
+        ({"names": {"/scan": "odometry"}}, r"'odometry' cannot name a sensor"),
+        ({"odometry_topic": "/scan"}, r"topic '/scan' is no nav_msgs/msg/Odometry; there are /odom"),
+    ):
+        with pytest.raises(RecordingError, match=why):
+            import_bag(path, out, **options)  # type: ignore[arg-type]
+    with pytest.raises(RecordingError, match="no such bag"):
+        import_bag(tmp_path / "none.bag", out)
+    (tmp_path / "broken.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
+    with pytest.raises(RecordingError, match="not a bag that can be read"):
+        import_bag(tmp_path / "broken.bag", out)
+    assert not out.exists()
+
+
+def test_an_imported_log_gives_a_map_and_an_avoider_is_compared_with_the_driver(tmp_path: Path) -> None:
+    bag, out = bags.room_bag(bag_path(tmp_path, 2), 2), tmp_path / "a.mcap"
+    run = CliRunner()
+    told = run.invoke(app, ["import", str(bag), "--out", str(out), "--json"])
+    assert told.exit_code == 0 and json.loads(told.stdout)["seconds"] == pytest.approx(3.9)
+    found = run.invoke(
+        app, ["replay", str(out), "--mapper", "scan_grid", "--avoider", "vff", "--out", str(tmp_path / "o"), "--json"]
+    )
+    assert found.exit_code == 0, found.output
+    summary = json.loads(found.stdout)
+    # Walls of 4 + 2 + 2 m and more are seen, in cells of 0.05 m, one or two cells thick.
+    assert 160 < summary["map"]["occupied"] < 500 and summary["driven_m"] == pytest.approx(1.95)
+    assert summary["avoider"]["ticks"] > 30 and summary["avoider"]["against"] == ["the driver"]
+    kept = {path.name for path in (tmp_path / "o").iterdir()}
+    assert kept == {"result.json", "map.png", "map.yaml", "map.pgm", "avoider.png", "ticks.csv"}
+    plain = run.invoke(app, ["replay", str(out)])
+    assert plain.exit_code != 0 and "name what to try on it" in str(plain.exception)

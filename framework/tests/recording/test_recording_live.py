@@ -1,0 +1,32 @@
+"""The paper's run live, recorded in a process beside it, replays bit for bit: under the barrier and free."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from navloom.cli.main import app
+from navloom.recording.reader import Recording
+from typer.testing import CliRunner
+
+pytestmark = pytest.mark.slow  # all processes of a robot, twice
+
+
+@pytest.mark.parametrize("kind", ["barrier", "live"])
+def test_a_live_recording_checks(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "r"))
+    out = tmp_path / "run.mcap"
+    options = ["--barrier"] if kind == "barrier" else []
+    command = [sys.executable, "-m", "navloom", "up", "paper", *options, "--record", str(out), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=400)
+    assert json.loads(done.stdout)["outcome"] == "succeeded", done.stderr
+    recording = Recording(out)
+    assert recording.header.kind == kind and recording.is_complete
+    assert recording.counts()["dropped"] == {} and recording.counts()["malformed"] == {}
+    checked = CliRunner().invoke(app, ["replay", str(out), "--check", "--json"])
+    found = json.loads(checked.stdout)
+    assert checked.exit_code == 0 and found["first_difference"] is None
+    assert sum(one["messages"] for one in found["nodes"]) > 4000

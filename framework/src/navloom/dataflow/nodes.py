@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -60,6 +60,14 @@ class Tick(NamedTuple):
     epoch: int
 
 
+class Track(Protocol):
+    """The newest poses, oldest first."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, place: int, /) -> PoseEstimate: ...
+
+
 class Node(Protocol):
     """What an executor steps."""
 
@@ -111,12 +119,14 @@ class MapperNode:
         return [] if update is None else [("map", update)]
 
 
-def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
+def _covering(poses: Track, since_ns: int) -> PoseTrack:
     """The end of a track, from a little before the oldest data on: a mapper has no use for the minutes before."""
-    first = len(poses) - 1
-    while first > 0 and poses[first].stamp_ns > since_ns - BEFORE_DATA_NS:
-        first -= 1
-    kept = poses[max(0, first) :]
+    kept: list[PoseEstimate] = []
+    for back in range(1, len(poses) + 1):
+        kept.append(poses[-back])
+        if kept[-1].stamp_ns <= since_ns - BEFORE_DATA_NS:
+            break
+    kept.reverse()
     return PoseTrack(
         np.array([pose.stamp_ns for pose in kept], dtype=np.int64),
         np.array([(p.pose.x, p.pose.y, p.pose.heading) for p in kept], dtype=np.float64).reshape(-1, 3),

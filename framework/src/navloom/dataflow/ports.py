@@ -12,7 +12,7 @@ Reading = Literal["latest", "new", "track", "offers"]
 
 - latest: the newest message, or None.
 - new: those since the node last stepped, oldest first.
-- track: the newest ones up to a bound, consumed or not.
+- track: the newest ones up to a bound, consumed or not; by place, oldest first, as long as the step lasts.
 - offers: newest (message, envelope) of the selected instance, for the gate.
 """
 

@@ -58,6 +58,21 @@ class Slot:
         return self.labels[cls]
 
 
+class _Track:
+    """Messages of a queue by place, for a node that looks at the newest few of thousands; holds during a step."""
+
+    __slots__ = ("_queue",)
+
+    def __init__(self, queue: deque[tuple[int, Message, int]]) -> None:
+        self._queue = queue
+
+    def __len__(self) -> int:
+        return len(self._queue)
+
+    def __getitem__(self, place: int) -> Message:
+        return self._queue[place][1]
+
+
 class Wire:
     """One input of one node instance, led to the slot of the selected instance."""
 
@@ -97,7 +112,7 @@ class Wire:
                 return message
             return None if message is None else (message, envelope)
         if self.reading == "track":
-            return [entry[1] for entry in queue]
+            return _Track(queue)
         if not queue:
             return ()
         if not self.delayed:

@@ -1,0 +1,126 @@
+"""`navloom view`: see a live robot or a recording."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+
+if TYPE_CHECKING:
+    from navloom.viewer.showing import Where
+
+__all__ = ["Rerun", "ViewerUrl", "View", "Web", "say_so", "view", "where_of"]
+
+GONE = 5.0
+"""s without the robot after which there is nothing more to see."""
+
+View = Annotated[bool, typer.Option("--view", help="Show it in the viewer.")]
+Rerun = Annotated[Path | None, typer.Option("--rerun", metavar="F.rrd", help="Keep what the viewer shows in a file.")]
+ViewerUrl = Annotated[
+    str | None,
+    typer.Option("--viewer", metavar="URL", help="Show it in a viewer that runs already, as 127.0.0.1:9876."),
+]
+Web = Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this host instead of a window.")]
+
+
+def view(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Recording (.mcap) or .rrd; default: the live robot.")
+    ] = None,
+    viewer: ViewerUrl = None,
+    web: Web = False,
+    rerun: Rerun = None,
+    seconds: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.")] = None,
+    robot: RobotName = None,
+    connect: Connect = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show a live robot until Ctrl-C, or a recording. Only looks: no state of the viewer can slow the robot."""
+    where = where_of(view=viewer is None and rerun is None, rerun=rerun, viewer=viewer, web=web)
+    if file is None:
+        counts = _live(where, seconds, robot, connect, keys, insecure)
+    else:
+        counts = _file(file, where)
+    if as_json:
+        from navloom.cli.output import print_json
+
+        print_json(vars(counts) if counts is not None else {})
+
+
+def where_of(view: bool, rerun: Path | None, viewer: str | None = None, web: bool = False) -> Where:
+    """The options as what to show it in. Raises ViewerError for two of them that contradict each other."""
+    from navloom.viewer.extra import ViewerError
+    from navloom.viewer.showing import Where
+
+    if viewer is not None and web:
+        raise ViewerError("--viewer and --web: choose the viewer that runs, or a new one")
+    return Where(rerun, viewer, viewer is None and (view or web), web)
+
+
+def say_so(text: str) -> None:
+    """One line on standard error."""
+    typer.echo(f"navloom: {text}", err=True)
+
+
+def _file(file: Path, where: Where) -> Any:
+    from navloom.viewer.extra import ViewerError
+    from navloom.viewer.program import Program
+    from navloom.viewer.showing import showing
+
+    if not file.is_file():
+        raise ViewerError(f"{file}: there is no such file; expected a recording, as `navloom record` writes it")
+    if file.suffix == ".rrd":
+        if not where.opens:
+            raise ViewerError(f"{file}: it is what a viewer shows already; leave out --viewer and --rerun")
+        program = Program(where.web, [file.absolute()], where.options)
+        if program.page is not None:
+            say_so(f"the viewer is at {program.page}")
+        return None
+    from navloom.recording.reader import Recording
+    from navloom.viewer.sources import facts_of_recording, recorded_messages
+
+    with Recording(file) as recording:
+        if recording.note:
+            say_so(recording.note)
+        facts = facts_of_recording(recording)
+        with showing(facts, where, recording_id=f"{file.name}-{file.stat().st_size}", say=say_so) as shown:
+            for message in recorded_messages(recording, facts):
+                shown.bridge.put_all(message)
+    return shown.counts
+
+
+def _live(
+    where: Where, seconds: float | None, robot: str | None, connect: str | None, keys: str | None, insecure: bool
+) -> Any:
+    from navloom.cli.up import ending
+    from navloom.recording.live_recorder import ask_header
+    from navloom.runtime.joining import join
+    from navloom.viewer.showing import showing
+    from navloom.viewer.sources import facts_of_header, live_messages
+
+    with ending() as event, join(robot, connect, keys, VIEWER, insecure) as client:
+        header = ask_header(client)
+        facts = facts_of_header(header, header.prefix)
+        limit = None if seconds is None else time.monotonic() + seconds
+        identity = f"{header.prefix}-{time.time_ns()}"
+        heard = time.monotonic()
+        with showing(facts, where, recording_id=identity, live=True, say=say_so) as shown:
+            say_so(f"showing {header.prefix}; Ctrl-C ends it")
+            for message in live_messages(client, facts):
+                if message is not None:
+                    shown.bridge.put(message)
+                    continue
+                now = time.monotonic()
+                heard = now if client.bus.neighbours() else heard
+                if event.is_set() or shown.is_closed or (limit is not None and now > limit):
+                    break
+                if now - heard > GONE:
+                    say_so(f"robot {header.prefix} has gone")
+                    break
+    return shown.counts

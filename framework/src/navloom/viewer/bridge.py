@@ -1,0 +1,193 @@
+"""One child process that draws. Whoever drives, or listens to one who does, only puts messages into a queue."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import queue
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from navloom.messages import Message
+from navloom.plugins import Discovery
+from navloom.viewer.drawing import Shown
+from navloom.viewer.extra import ViewerError, need_rerun
+from navloom.viewer.facts import Facts
+from navloom.viewer.panels import Panel, panels_of
+from navloom.viewer.translate import BUILT_IN
+
+__all__ = ["Bridge", "Counts", "Order", "Wanted"]
+
+CAPACITY = 4096
+"""Messages between the two processes."""
+STARTED = 60.0
+"""s the child may take to begin: a cold disk has half a gigabyte to read."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the child is to do.
+
+    Attributes:
+        facts: Who is in the picture.
+        file: .rrd file to write, or None.
+        url: Of a viewer, or None.
+        recording_id: The same for the same run.
+        blocked: Plugins that count as not installed.
+        patience: s to wait for a viewer that is slower than the run; 0 for live robots.
+    """
+
+    facts: Facts
+    file: Path | None
+    url: str | None
+    recording_id: str
+    blocked: frozenset[str] = frozenset()
+    patience: float = 0.0
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What became of the messages.
+
+    Attributes:
+        drawn: Taken by the child.
+        dropped: Not put, since the child had fallen behind.
+        dropped_live: Shapes the viewer was too slow for; the file has them.
+        connections: How often a viewer was found.
+        notes: What went wrong on the way, a line each.
+        is_complete: The child ended in order: what the file holds is all that was put.
+    """
+
+    drawn: int = 0
+    dropped: int = 0
+    dropped_live: int = 0
+    connections: int = 0
+    notes: tuple[str, ...] = ()
+    is_complete: bool = False
+
+
+class Bridge:
+    """The child process, as seen by who hands it messages.
+
+    Args:
+        order: What it is to do.
+        capacity: Messages that may wait for it.
+
+    Raises:
+        ViewerError: The viewer's extra is not installed, or the child does not begin.
+    """
+
+    def __init__(self, order: Order, capacity: int = CAPACITY) -> None:
+        need_rerun()
+        context = multiprocessing.get_context("spawn")
+        self.dropped = self.put_in = 0
+        self._queue: Any = context.Queue(capacity)
+        self._words, theirs = context.Pipe(duplex=False)
+        self._wanted = Wanted((*BUILT_IN, *panels_of(Discovery(order.blocked))[0]))
+        self.process = context.Process(
+            target=_serve, args=(order, self._queue, theirs), name="navloom viewer bridge", daemon=True
+        )
+        self.process.start()
+        theirs.close()
+
+    def await_start(self) -> None:
+        """Wait until the child has its file and is about to draw.
+
+        Raises:
+            ViewerError: It cannot; the text says why.
+        """
+        word = self._hear(STARTED)
+        if word != ("ready",):
+            self.process.join(1.0)
+            raise ViewerError(word[1] if word and word[0] == "refused" else "the viewer's process does not start")
+
+    def put(self, shown: Shown) -> bool:
+        """Hand over one message without ever waiting: where the queue is full it is dropped and counted."""
+        if not self._wanted.take(shown):
+            return True
+        try:
+            self._queue.put_nowait(shown)
+        except queue.Full:
+            self.dropped += 1
+            return False
+        self.put_in += 1
+        return True
+
+    def put_all(self, shown: Shown) -> None:
+        """Hand over one message, and wait for room: for runs that nobody's time depends on."""
+        if not self._wanted.take(shown):
+            return
+        while self.process.is_alive():
+            with contextlib.suppress(queue.Full):
+                self._queue.put(shown, timeout=1.0)
+                self.put_in += 1
+                return
+        self.dropped += 1
+
+    def close(self, patience: float = 120.0) -> Counts:
+        """Let it finish, and say what became of everything. A child that does not end in time is killed."""
+        if self.process.is_alive():
+            with contextlib.suppress(queue.Full):
+                self._queue.put(None, timeout=patience)
+        word = self._hear(patience)
+        if word == ("ready",):
+            word = self._hear(patience)
+        self.process.join(5.0)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+        self._queue.close()
+        self._queue.cancel_join_thread()
+        if word and word[0] == "done":
+            drawn, dropped_live, connections, notes = word[1:]
+            return Counts(drawn, self.dropped, dropped_live, connections, notes, drawn == self.put_in)
+        why = f"the viewer's process ended early: {word[1]}" if word else "the viewer's process did not end in time"
+        return Counts(0, self.dropped, 0, 0, (why,), False)
+
+    def _hear(self, patience: float) -> tuple[Any, ...]:
+        limit = monotonic() + patience
+        while monotonic() < limit:
+            with contextlib.suppress(EOFError, OSError):
+                if self._words.poll(0.1):
+                    return tuple(self._words.recv())
+            if not self.process.is_alive():
+                with contextlib.suppress(EOFError, OSError):
+                    if self._words.poll(0):
+                        return tuple(self._words.recv())
+                return ("gone", f"exit code {self.process.exitcode}")
+        return ()
+
+
+class Wanted:
+    """Which messages are worth copying to the child: those that something draws, at the highest rate of what does."""
+
+    def __init__(self, panels: Sequence[Panel]) -> None:
+        self._panels = panels
+        self._rates: dict[type[Message], float] = {}
+        self._last: dict[tuple[str, ...], int] = {}
+
+    def take(self, shown: Shown) -> bool:
+        """Whether a message is; one that is counts for the rate."""
+        kind = type(shown.message)
+        if kind not in self._rates:
+            rates = [panel.max_hz for panel in self._panels if issubclass(kind, panel.message)]
+            self._rates[kind] = max(rates, default=0.0)
+        rate = self._rates[kind]
+        if rate == 0.0:
+            return False
+        key = (shown.variant, shown.role, shown.instance, shown.port)
+        last = self._last.get(key)
+        if last is not None and 0 <= shown.stamp_ns - last < 0.99e9 / rate:
+            return False
+        self._last[key] = shown.stamp_ns
+        return True
+
+
+def _serve(order: Order, inbox: Any, words: Connection) -> None:
+    from navloom.viewer.bridge_child import serve
+
+    serve(order, inbox, words)

@@ -1,0 +1,72 @@
+"""The child's side of the bridge: draws what comes, into a file and for a viewer."""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+from multiprocessing.connection import Connection
+from time import monotonic
+from typing import Any
+
+from navloom.plugins import Discovery
+from navloom.viewer.bridge import Order
+from navloom.viewer.drawing import Drawing, Sink
+from navloom.viewer.extra import ViewerError
+from navloom.viewer.live_sink import LiveSink
+from navloom.viewer.panels import panels_of
+from navloom.viewer.sinks import FileSink
+
+__all__ = ["serve"]
+
+NICE = 10
+"""Drawing gives way to whatever drives on the same host."""
+FLUSH = 0.2
+"""s between deliveries of the time series."""
+
+
+def serve(order: Order, inbox: Any, words: Connection) -> None:
+    """Draw until None comes, or until there is no parent any more. Never returns: the process ends here.
+
+    The end is abrupt on purpose: the SDK's own waits at exit for a viewer that may be frozen.
+    """
+    os.environ.setdefault("RUST_LOG", "off")  # a viewer that was closed is no error, and what we drop we count
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which says when it is over
+    os.nice(NICE)
+    parent = os.getppid()
+    try:
+        live = None if order.url is None else LiveSink(order.url, order.facts.title, order.recording_id, order.patience)
+        sinks: list[Sink] = [] if order.file is None else [FileSink(order.file, order.facts.title, order.recording_id)]
+        sinks += [] if live is None else [live]
+        panels, wrong = panels_of(Discovery(order.blocked))
+        drawing = Drawing(order.facts, sinks, panels)
+        drawing.begin()
+    except ViewerError as error:
+        words.send(("refused", str(error)))
+        os._exit(2)
+    words.send(("ready",))
+    drawn = _draw(drawing, inbox, parent)
+    drawing.close()
+    notes = (*wrong, *drawing.broken.values())
+    dropped, connections = (0, 0) if live is None else (live.dropped, live.connections)
+    if os.getppid() == parent:
+        words.send(("done", drawn, dropped, connections, notes))
+    os._exit(0)
+
+
+def _draw(drawing: Drawing, inbox: Any, parent: int) -> int:
+    drawn, flushed = 0, monotonic()
+    while True:
+        try:
+            shown = inbox.get(timeout=FLUSH)
+        except queue.Empty:
+            if os.getppid() != parent:
+                return drawn
+        else:
+            if shown is None:
+                return drawn
+            drawing.take(shown)
+            drawn += 1
+        if monotonic() - flushed >= FLUSH:
+            flushed = monotonic()
+            drawing.flush()

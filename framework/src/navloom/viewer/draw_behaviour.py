@@ -1,0 +1,189 @@
+"""How decisions are drawn: what an avoider saw and chose, who drives, why nobody does, how a goal goes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from navloom.geometry.angles import wrap
+from navloom.messages import (
+    AvoiderDiagnostics,
+    AvoiderStatus,
+    Feedback,
+    GateStatus,
+    GoalResult,
+    HandOver,
+    RecoveryRequest,
+    Selection,
+)
+from navloom.viewer.colours import BLOCKED, FREE, faded
+from navloom.viewer.draw_sensing import BLENDED
+from navloom.viewer.panels import Change, Drawn, Seen
+from navloom.viewer.shapes import at_height, rgba_cells, ring_bars, slot_arcs
+
+__all__ = ["avoider_status", "feedback", "gate_status", "goal_result", "handover", "recovery_request",
+           "selection"]  # fmt: skip
+
+RING_UNIT, RING_MOST = 0.30, 2.0
+"""Length of a bar of the ring at the threshold, m, and the density, in thresholds, at which bars end."""
+LEVELS = {"succeeded": "INFO", "cancelled": "INFO"}
+
+
+def avoider_status(message: AvoiderStatus, seen: Seen) -> Drawn:
+    """What an avoider decided on. Of a shadow state and bars; of robots side by side the choice as well; else all."""
+    import rerun as rr
+
+    name, what = seen.actor.name, message.diagnostics
+    lane = f"/status/{name}/avoider"
+    yield lane, Change(message.status, rr.StateChange(state=message.status))
+    if message.status == "trapped":
+        text = f"{name}: {what.why}"
+        yield f"/log/{name}/avoider", Change(text, rr.TextLog(text, level="WARN"))
+    else:
+        yield f"/log/{name}/avoider", Change("", None)
+    if len(what.histogram) and seen.pose is not None:
+        yield f"/histogram/{name}", _bars(what, seen)
+    if seen.actor.is_shadow or seen.pose is None:
+        return
+    if seen.is_alone:
+        yield from _window(what, seen)
+        yield from _ring(what, seen)
+    yield seen.in_map("choice"), _choice(what, seen)
+
+
+def _bars(what: AvoiderDiagnostics, seen: Seen) -> Any:
+    """Densities in units of the threshold by direction from the robot, deg, left positive."""
+    import rerun as rr
+
+    assert seen.pose is not None
+    sectors = len(what.histogram)
+    directions = np.arange(sectors, dtype=np.float64) * (math.tau / sectors) - seen.pose.heading
+    degrees = np.degrees(wrap(directions))
+    order = np.argsort(degrees)
+    values = what.histogram[order] / (what.threshold or 1.0)
+    widths = np.full(sectors, 0.85 * 360.0 / sectors)
+    return rr.BarChart(values, abscissa=degrees[order], widths=widths, color=seen.actor.colour)
+
+
+def _window(what: AvoiderDiagnostics, seen: Seen) -> Drawn:
+    """The certainty window, the more certain the redder."""
+    import rerun as rr
+
+    if not what.window.size:
+        return
+    share = what.window / max(1, int(what.window.max()))
+    colours = np.zeros((*what.window.shape, 4), dtype=np.uint8)
+    colours[..., 0], colours[..., 1] = 230, np.round(170 * (1.0 - share))
+    colours[..., 3] = np.where(what.window > 0, 90 + np.round(150 * share), 0)
+    image, cols, rows = rgba_cells(colours)
+    layout = rr.components.ImageFormat(width=cols, height=rows, color_model="RGBA", channel_datatype="U8")
+    corner = [what.window_x, what.window_y, 0.02]
+    resolution = what.window_resolution
+    yield (
+        seen.in_map("window"),
+        rr.GridMap(data=image, format=layout, cell_size=resolution, translation=corner, opacity=BLENDED),
+    )
+    wide, high = cols * resolution, rows * resolution
+    edge = np.array([(0, 0), (wide, 0), (wide, high), (0, high), (0, 0)]) + corner[:2]
+    yield seen.in_map("window_edge"), rr.LineStrips3D([at_height(edge, 0.03)], radii=0.008, colors=[(230, 170, 0, 160)])
+
+
+def _ring(what: AvoiderDiagnostics, seen: Seen) -> Drawn:
+    """Histogram and slots round the robot."""
+    import rerun as rr
+
+    assert seen.pose is not None
+    radius = float(np.hypot(*seen.robot.footprint.T).max()) + 0.1
+    if len(what.histogram):
+        densities = what.histogram / (what.threshold or 1.0)
+        bars = ring_bars(seen.pose, densities, radius, RING_UNIT, RING_MOST, 0.12)
+        blocked = densities > 1.0
+        colours = np.where(blocked[:, None], np.array(BLOCKED), np.array(faded(FREE, 0.8))).astype(np.uint8)
+        yield seen.in_map("histogram"), rr.LineStrips3D(bars.astype(np.float32), radii=0.02, colors=colours)
+    arcs = slot_arcs(seen.pose, what.slots, radius - 0.05, 0.12)
+    yield seen.in_map("slots"), rr.LineStrips3D(arcs.astype(np.float32), radii=0.015, colors=[faded(FREE, 0.9)])
+
+
+def _choice(what: AvoiderDiagnostics, seen: Seen) -> Any:
+    """An arrow to where it steers; none where it steers nowhere."""
+    import rerun as rr
+
+    assert seen.pose is not None
+    radius = float(np.hypot(*seen.robot.footprint.T).max()) + 0.1
+    way = [] if what.chosen is None else [(math.cos(what.chosen), math.sin(what.chosen), 0.0)]
+    arrow = (np.array(way) * (radius + 0.5)).reshape(-1, 3)
+    origin = np.array([[seen.pose.x, seen.pose.y, seen.robot.height + 0.02]] * len(way)).reshape(-1, 3)
+    colour = (255, 255, 255, 255) if seen.is_alone else seen.actor.colour
+    return rr.Arrows3D(vectors=arrow, origins=origin, radii=0.025, colors=[colour])
+
+
+def handover(message: HandOver, seen: Seen) -> Drawn:
+    """When the avoider takes over, and when it hands back."""
+    import rerun as rr
+
+    name = seen.actor.name
+    would = "would take over" if seen.actor.is_shadow else "takes over"
+    back = "would hand back" if seen.actor.is_shadow else "hands back"
+    if message.engaged:
+        near = f": something {message.nearest:.2f} m ahead" if math.isfinite(message.nearest) else ""
+        text, key = f"{name}: avoider {would}{near}", "engaged"
+    else:
+        text, key = f"{name}: avoider {back}", ""
+    yield f"/log/{name}/handover", Change(key, rr.TextLog(text, level="INFO"))
+
+
+def gate_status(message: GateStatus, seen: Seen) -> Drawn:
+    """Who drives; a stop with its reason in words and what to do."""
+    import rerun as rr
+
+    from navloom.runtime.looking import why_stopped
+
+    name = seen.actor.name
+    state: str = message.source if message.source != "none" else "stopped"
+    if message.stopped:
+        state = "standing" if message.reason in ("no_trajectory", "ending") else "stopped"
+    yield f"/status/{name}/drives", Change(state, rr.StateChange(state=state))
+    why, remedy = why_stopped(message)
+    key = message.reason if message.stopped else ""
+    level = "INFO" if state == "standing" else "WARN"
+    text = f"{name}: gate stops the robot: {why}" + (f"; {remedy}" if remedy and state == "stopped" else "")
+    if state == "standing":
+        text = f"{name}: stands, {why}"
+    yield f"/log/{name}/gate", Change(key, rr.TextLog(text, level=level) if key else None)
+
+
+def feedback(message: Feedback, seen: Seen) -> Drawn:
+    """What the goal is about."""
+    import rerun as rr
+
+    yield f"/status/{seen.actor.name}/goal", Change(message.state, rr.StateChange(state=message.state))
+
+
+def goal_result(message: GoalResult, seen: Seen) -> Drawn:
+    """How a goal ended."""
+    import rerun as rr
+
+    place = f"({message.place.x:.2f}, {message.place.y:.2f})"
+    text = f"{seen.actor.name}: goal {message.outcome} at {place}: {message.reason}"
+    yield f"/log/{seen.actor.name}/goal", rr.TextLog(text, level=LEVELS.get(message.outcome, "ERROR"))
+
+
+def recovery_request(message: RecoveryRequest, seen: Seen) -> Drawn:
+    """A recovery begins."""
+    import rerun as rr
+
+    name = seen.actor.name
+    text = f"{name}: recovery {message.attempt}: {message.reason}"
+    key = f"{message.attempt} {message.reason}" if message.active else ""
+    yield f"/log/{name}/recovery", Change(key, rr.TextLog(text, level="WARN") if message.active else None)
+
+
+def selection(message: Selection, seen: Seen) -> Drawn:
+    """A swap."""
+    import rerun as rr
+
+    if message.epoch:
+        text = f"{seen.actor.name}: in charge from tick {message.from_tick}: {', '.join(message.instances)}"
+        yield f"/log/{seen.actor.name}/selection", Change(text, rr.TextLog(text, level="INFO"))

@@ -1,0 +1,141 @@
+"""How poses, paths and commands are drawn."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from navloom.messages import (
+    Command,
+    Path,
+    PlanFailure,
+    PoseEstimate,
+    Reference,
+    TrackingCommand,
+    Trajectory,
+    Truth,
+)
+from navloom.viewer.colours import PLAN, TRAJECTORY, WHITE, faded
+from navloom.viewer.panels import Change, Drawn, Seen
+from navloom.viewer.shapes import arc_of_twist, at_height
+
+__all__ = ["command", "path", "plan_failure", "pose", "reference", "tracking_command", "trajectory", "truth"]
+
+AHEAD = 2.0
+"""s of driving that a command is drawn for."""
+SHADOW = 0.5
+"""Opacity of what a shadow draws."""
+
+
+def transform(x: float, y: float, heading: float, frame: str) -> Any:
+    """Where a frame lies in the map."""
+    import rerun as rr
+
+    turn = rr.RotationAxisAngle([0.0, 0.0, 1.0], radians=heading)
+    return rr.Transform3D(translation=[x, y, 0.0], rotation_axis_angle=turn, parent_frame="map", child_frame=frame)
+
+
+def pose(message: PoseEstimate, seen: Seen) -> Drawn:
+    """Where the robot believes to be, how fast it is, and how well that is known."""
+    import rerun as rr
+
+    at, twist, name = message.pose, message.twist, seen.actor.name
+    if seen.actor.is_shadow:
+        marker = at_height(np.array([(at.x, at.y)]), 0.1)
+        yield seen.in_map("pose"), rr.Points3D(marker, radii=0.06, colors=faded(seen.actor.colour, SHADOW))
+        return
+    yield f"/tf/{name}", transform(at.x, at.y, at.heading, f"{name}/base")
+    yield f"/metrics/speed/{name}", rr.Scalars(twist.vx)
+    yield f"/metrics/turn_rate/{name}", rr.Scalars(math.degrees(twist.wz))
+
+
+def truth(message: Truth, seen: Seen) -> Drawn:
+    """Where the robot really is: an outline where it is not where it believes, and the clearance."""
+    import rerun as rr
+
+    at, name = message.pose, seen.actor.name
+    yield f"/tf/{name}_true", transform(at.x, at.y, at.heading, f"{name}/true")
+    if math.isfinite(message.clearance):
+        yield f"/metrics/clearance/{name}", rr.Scalars(message.clearance)
+    if message.touching:
+        text = f"{name}: touches {message.nearest}"
+        yield f"/log/{name}/contact", Change(text, rr.TextLog(text, level="ERROR"))
+    else:
+        yield f"/log/{name}/contact", Change("", None)
+
+
+def path(message: Path, seen: Seen) -> Drawn:
+    """The planner's answer."""
+    yield seen.in_map("plan"), _line(message.points, seen, PLAN, 0.02, 0.04)
+
+
+def plan_failure(message: PlanFailure, seen: Seen) -> Drawn:
+    """Where and why there is no path."""
+    import rerun as rr
+
+    words = message.kind.replace("_", " ")
+    place = at_height(np.array([(message.place.x, message.place.y)]), 0.1)
+    yield seen.in_map("no_plan"), rr.Points3D(place, radii=0.12, colors=[(213, 94, 0, 255)], labels=[words])
+    text = f"{seen.actor.name}: no plan, {words}: {message.detail}"
+    yield f"/log/{seen.actor.name}/planner", rr.TextLog(text, level="WARN")
+
+
+def trajectory(message: Trajectory, seen: Seen) -> Drawn:
+    """What the controller follows."""
+    yield seen.in_map("trajectory"), _line(message.samples[:, 1:3], seen, TRAJECTORY, 0.03, 0.06)
+
+
+def reference(message: Reference, seen: Seen) -> Drawn:
+    """The point steered to, and how far off the trajectory the robot is."""
+    import rerun as rr
+
+    if seen.actor.is_shadow:
+        return
+    at = at_height(np.array([(message.target.x, message.target.y)]), 0.1)
+    yield seen.in_map("target"), rr.Points3D(at, radii=0.07, colors=[_colour(seen, TRAJECTORY)])
+    yield f"/metrics/cross_track/{seen.actor.name}", rr.Scalars(message.cross_track)
+
+
+def command(message: Command, seen: Seen) -> Drawn:
+    """The gate's command as the way of the next two seconds; a shadow's as what it would have done."""
+    return _command(message.twist.vx, message.twist.wz, seen)
+
+
+def tracking_command(message: TrackingCommand, seen: Seen) -> Drawn:
+    """A controller's answer, drawn for shadows only: of the one in charge the gate's command says it."""
+    return _command(message.twist.vx, message.twist.wz, seen)
+
+
+def _command(vx: float, wz: float, seen: Seen) -> Drawn:
+    import rerun as rr
+
+    shadow, name = seen.actor.is_shadow, seen.actor.name
+    if not shadow and seen.role != "gate":
+        return
+    colour = faded(seen.actor.colour, SHADOW) if shadow else _colour(seen, WHITE)
+    way = arc_of_twist(vx, wz, AHEAD, seen.robot.height + 0.05)
+    yield seen.in_base("command"), rr.LineStrips3D([way], radii=0.015 if shadow else 0.03, colors=[colour])
+    if shadow:
+        yield f"/metrics/speed/{name}", rr.Scalars(vx)
+        yield f"/metrics/turn_rate/{name}", rr.Scalars(math.degrees(wz))
+    elif seen.is_alone:
+        yield f"/metrics/speed/{name}_command", rr.Scalars(vx)
+        yield f"/metrics/turn_rate/{name}_command", rr.Scalars(math.degrees(wz))
+
+
+def _colour(seen: Seen, alone: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+    """A thing's own colour where one robot is in the picture, the robot's where there are several."""
+    return alone if seen.is_alone else seen.actor.colour
+
+
+def _line(points: Any, seen: Seen, alone: tuple[int, int, int, int], radius: float, z: float) -> Any:
+    import rerun as rr
+
+    if seen.actor.is_shadow:
+        colour, radius = faded(seen.actor.colour, SHADOW), 0.5 * radius
+    else:
+        colour = _colour(seen, alone) if seen.is_alone else faded(seen.actor.colour, 0.6)
+        radius = radius if seen.is_alone else 0.6 * radius
+    return rr.LineStrips3D([at_height(points, z)] if len(points) > 1 else [], radii=radius, colors=[colour])

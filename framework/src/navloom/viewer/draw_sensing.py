@@ -1,0 +1,103 @@
+"""How maps, sweeps and range scans are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages import MapUpdate, RangeScan, Sweep
+from navloom.viewer.colours import CLOUD, GREY, SKY, faded
+from navloom.viewer.panels import Drawn, Seen
+from navloom.viewer.shapes import cones, rgba_cells
+from navloom.viewer.sweep_classes import CLASSES, sweep_classes, sweep_points
+
+__all__ = ["BLENDED", "map_update", "range_scan", "sweep"]
+
+FREE, OCCUPIED = (226, 228, 230), (40, 44, 52)
+BLENDED = 0.99
+"""Opacity of a grid as a whole: at 1 the viewer takes its cells as opaque, whatever they say themselves."""
+UNIMPORTANT = 20000
+"""Points of one class that are drawn at most; of those kept for the map all are."""
+BEAM_HEIGHT = 0.25
+"""Where planar scans are drawn, m above the floor: messages do not say how high a sensor is."""
+OF_CLOUD = {"kept": 0.028, "behind": 0.014, "floor": 0.008, "overhead": 0.012, "below": 0.02}
+"""Radius of a point by class, m."""
+
+
+def map_update(message: MapUpdate, seen: Seen) -> Drawn:
+    """Cells, dark where occupied and clear where unknown, and outlines. Of a shadow or beside others only outlines."""
+    import rerun as rr
+
+    if seen.is_alone and not seen.actor.is_shadow:
+        grid = message.grid
+        image, cols, rows = rgba_cells(_cell_colours(grid.cells))
+        layout = rr.components.ImageFormat(width=cols, height=rows, color_model="RGBA", channel_datatype="U8")
+        turn = rr.RotationAxisAngle([0.0, 0.0, 1.0], radians=grid.origin.heading)
+        yield seen.in_map("map"), rr.GridMap(
+            data=image, format=layout, cell_size=grid.resolution, rotation_axis_angle=turn,
+            translation=[grid.origin.x, grid.origin.y, 0.0], opacity=BLENDED,
+        )  # fmt: skip
+    ends = message.segments.reshape(-1, 2, 2)
+    lines = np.concatenate([ends, np.full((len(ends), 2, 1), 0.08)], axis=2)
+    own = CLOUD["kept"] if seen.is_alone and not seen.actor.is_shadow else faded(seen.actor.colour, 0.5)
+    yield seen.in_map("segments"), rr.LineStrips3D(lines, radii=0.03, colors=[own])
+
+
+def sweep(message: Sweep, seen: Seen) -> Drawn:
+    """The cloud, parted by what the mapper made of each point. Not of several robots: their maps say enough."""
+    import rerun as rr
+
+    if not seen.is_alone or seen.actor.is_shadow:
+        return
+    times = message.stamp_ns * 1e-9 + message.frame_times
+    track = seen.track
+    poses = None
+    if len(track):
+        headings = np.unwrap(track[:, 3])
+        columns = (track[:, 1], track[:, 2], headings)
+        poses = np.column_stack([np.interp(times, track[:, 0], column) for column in columns])
+    rule = seen.robot.sweep_rule
+    points = sweep_points(message, rule, poses)
+    classes = sweep_classes(message, rule, poses)
+    for number, name in enumerate(CLASSES):
+        if name == "none":
+            continue
+        chosen = points[classes == number]
+        if name != "kept" and len(chosen) > UNIMPORTANT:
+            chosen = chosen[:: -(-len(chosen) // UNIMPORTANT)]
+        shape = rr.Points3D(chosen.astype(np.float32), radii=OF_CLOUD[name], colors=[CLOUD[name]])
+        yield seen.in_map(f"sweep/{name}"), shape
+
+
+def range_scan(message: RangeScan, seen: Seen) -> Drawn:
+    """Sonar cones out to their echo, faint where there is none; laser returns as points. Not of several robots."""
+    import rerun as rr
+
+    if not seen.is_alone or seen.actor.is_shadow:
+        return
+    echo = np.isfinite(message.ranges)
+    is_cone = message.half_angles > 0.0
+    if is_cone.any():
+        # Without an echo a cone is drawn to a third of its reach: enough to see that it looks there.
+        shown = np.where(echo, message.ranges, 0.33 * message.range_max)[is_cone]
+        outlines = cones(
+            message.origins[is_cone], message.bearings[is_cone], message.half_angles[is_cone], shown, BEAM_HEIGHT
+        )
+        strong, faint = faded(SKY, 0.9), faded(GREY, 0.25)
+        colours = [strong if heard else faint for heard in echo[is_cone]]
+        yield seen.in_base(seen.port), rr.LineStrips3D(outlines.astype(np.float32), radii=0.008, colors=colours)
+    if not is_cone.all():
+        hits = echo & ~is_cone
+        ways = np.column_stack([np.cos(message.bearings[hits]), np.sin(message.bearings[hits])])
+        points = message.origins[hits] + message.ranges[hits, None] * ways
+        cloud = np.column_stack([points, np.full(len(points), BEAM_HEIGHT)]).astype(np.float32)
+        yield seen.in_base(f"{seen.port}_returns"), rr.Points3D(cloud, radii=0.02, colors=[SKY])
+
+
+def _cell_colours(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """(rows, cols, 4): from light to dark by how occupied, transparent where unknown."""
+    share = np.clip(cells, 0, 100)[..., None] / 100.0
+    colours = np.empty((*cells.shape, 4), dtype=np.uint8)
+    colours[..., :3] = np.round(np.array(FREE) * (1.0 - share) + np.array(OCCUPIED) * share)
+    colours[..., 3] = np.where(cells < 0, 0, 255)
+    return colours

@@ -1,0 +1,23 @@
+"""Whether the viewer is installed, and what to say where it is not."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from navloom.config import ConfigError
+
+__all__ = ["ViewerError", "need_rerun"]
+
+
+class ViewerError(ConfigError):
+    """The viewer is not installed, does not start, or cannot be reached; the text says what to do."""
+
+
+def need_rerun() -> None:
+    """Raises ViewerError that names the extra where rerun is missing."""
+    try:
+        import_module("rerun")
+    except ImportError:
+        raise ViewerError(
+            "the viewer needs the extra `view`: uv sync --group view, or pip install 'navloom[view]'"
+        ) from None

@@ -1,0 +1,161 @@
+"""What a viewer is told before the first message: who is in the picture, where, and what they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.world import World
+from navloom.messages import Pose2D
+from navloom.viewer.colours import ACTOR, Colour
+
+if TYPE_CHECKING:
+    from navloom.runtime.build import System
+
+__all__ = ["Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of"]
+
+UNKNOWN_RADIUS = 0.2
+"""Of the disc that stands for a robot whose footprint is not known, m."""
+
+
+@dataclass(frozen=True)
+class SweepRule:
+    """How a mapper parts the points of a sweep: those of its parameters that say so, as of `ipabd`.
+
+    Attributes:
+        floor_tolerance, z_limit: Points within the first of the floor are floor, above the second overhead, m.
+        minimum_first: The nearest of each bearing is taken before the heights are looked at, as the paper prints it.
+        min_range, max_range_tolerance: Readings that do not count, m, besides the sensor's own limits.
+        geometry: "as_sweep", "paper" or "rigid_pitch".
+    """
+
+    floor_tolerance: float = 0.06
+    z_limit: float = 1.2
+    minimum_first: bool = False
+    min_range: float = 0.0
+    max_range_tolerance: float = 0.05
+    geometry: str = "as_sweep"
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One robot of the picture.
+
+    Attributes:
+        name: Of the method, or of the robot where there is only one.
+        plugins: What fills each role, by role, for the legend.
+        instances: Instance in charge of each role at the start.
+        shadows: (role, instance) of alternatives.
+        footprint: (n, 2) m, base frame. height: m.
+        start: Pose in the map. goal: x, y, m, or None. goal_tolerance: m.
+        sweep_rule: How its mapper parts points.
+        has_truth: There is a world, so that the simulator knows where the robot is.
+    """
+
+    name: str
+    footprint: NDArray[np.float64]
+    height: float
+    start: Pose2D
+    goal: tuple[float, float] | None
+    goal_tolerance: float = 0.2
+    plugins: Mapping[str, str] = field(default_factory=dict)
+    instances: Mapping[str, str] = field(default_factory=dict)
+    shadows: tuple[tuple[str, str], ...] = ()
+    sweep_rule: SweepRule = SweepRule()
+    has_truth: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """All of it.
+
+    Attributes:
+        title: Shown as the name of the recording.
+        variants: At least one. Where there is only one, it is drawn in the colours of `run --out`.
+        world: Ground truth, or None.
+        period: Control tick, s.
+    """
+
+    title: str
+    variants: tuple[Variant, ...]
+    world: World | None = None
+    period: float = 0.05
+
+
+@dataclass(frozen=True)
+class Actor:
+    """A variant, or one of its shadows: what has a colour of its own.
+
+    Attributes:
+        name: As shown, and in paths. variant: Whose it is, itself for one.
+    """
+
+    name: str
+    variant: str
+    colour: Colour
+    is_shadow: bool
+
+
+def actors_of(facts: Facts) -> dict[tuple[str, str, str], Actor]:
+    """By (variant, role, instance): its actor. ("", "") for role and instance is the variant itself."""
+    single = len(facts.variants) == 1
+    named: list[tuple[tuple[str, str, str], str, bool]] = []
+    for variant in facts.variants:
+        named.append(((variant.name, "", ""), variant.name, False))
+    for variant in facts.variants:
+        for role, instance in variant.shadows:
+            name = instance if single and instance != variant.name else f"{variant.name}_{instance}"
+            named.append(((variant.name, role, instance), name, True))
+    return {
+        key: Actor(name, key[0], ACTOR[number % len(ACTOR)], is_shadow)
+        for number, (key, name, is_shadow) in enumerate(named)
+    }
+
+
+def facts_of(systems: Mapping[str, System], title: str) -> Facts:
+    """The facts of assembled configs, by the name each is shown under; the first one's world is drawn."""
+    variants = tuple(_variant(name, system) for name, system in systems.items())
+    first = next(iter(systems.values()))
+    return Facts(title, variants, first.world, first.config.run.period)
+
+
+def unknown_robot(name: str, roles: Mapping[str, str], shadows: tuple[tuple[str, str], ...] = ()) -> Variant:
+    """A robot of which nothing but its nodes is known: a small disc."""
+    turns = np.linspace(0.0, math.tau, 16, endpoint=False)
+    disc = UNKNOWN_RADIUS * np.column_stack([np.cos(turns), np.sin(turns)])
+    return Variant(name, disc, 0.3, Pose2D(0.0, 0.0, 0.0), None, 0.2, roles, roles, shadows)
+
+
+def _variant(name: str, system: System) -> Variant:
+    config = system.config
+    plugins, instances, shadows = {}, {}, []
+    for (role, instance), part in system.parts.items():
+        if role in instances:
+            shadows.append((role, instance))
+        else:
+            instances[role], plugins[role] = instance, part.cls.name
+    goal = None if system.goal is None else (system.goal.x, system.goal.y)
+    mapper = system.parts[("mapper", config.mapper.instance)].params
+    robot = system.robot
+    return Variant(
+        name, robot.footprint, robot.height, system.start, goal, system.goal_tolerance, plugins, instances,
+        tuple(shadows), _sweep_rule(mapper, robot.height), system.world is not None,
+    )  # fmt: skip
+
+
+def _sweep_rule(params: Any, height: float) -> SweepRule:
+    """Read off a mapper's parameters by name; the paper's where it has none of that name."""
+    z_limit = getattr(params, "z_limit", None)
+    return SweepRule(
+        floor_tolerance=getattr(params, "floor_tolerance", 0.06),
+        z_limit=height if z_limit is None else z_limit,
+        minimum_first=getattr(params, "filter_order", "before_min") == "paper",
+        min_range=getattr(params, "min_range", 0.0),
+        max_range_tolerance=getattr(params, "max_range_tolerance", 0.05),
+        geometry=getattr(params, "geometry", "as_sweep"),
+    )

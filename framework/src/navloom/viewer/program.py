@@ -1,0 +1,139 @@
+"""The viewer's own program: started on the loopback only, and found where it runs already."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import IO
+from urllib.parse import urlsplit
+
+from navloom.viewer.extra import ViewerError, need_rerun
+
+__all__ = ["HOST", "Program", "address_of", "free_port", "is_up"]
+
+HOST = "127.0.0.1"
+PORT, WEB_PORT = 9876, 9090
+STARTED = 30.0
+"""s a viewer may take until it listens."""
+MEMORY = "1GiB"
+"""Of what a viewer is shown, after which it forgets the oldest; it takes about twice that."""
+
+
+def address_of(url: str) -> tuple[str, int]:
+    """Host and port of a viewer's URL, as rerun+http://127.0.0.1:9876/proxy, or of HOST:PORT.
+
+    Raises:
+        ViewerError: Neither of them.
+    """
+    parts = urlsplit(url if "://" in url else f"rerun+http://{url}/proxy")
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not host or port is None or parts.path.rstrip("/") != "/proxy":
+        raise ViewerError(f"--viewer {url}: expected rerun+http://HOST:PORT/proxy, or HOST:PORT, as {HOST}:{PORT}")
+    return host, port
+
+
+def is_up(host: str, port: int, patience: float = 0.3) -> bool:
+    """Somebody listens there."""
+    try:
+        socket.create_connection((host, port), patience).close()
+    except OSError:
+        return False
+    return True
+
+
+def free_port(wanted: int) -> int:
+    """A port of the loopback: the wanted one where it is free, else any."""
+    for port in (wanted, 0):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((HOST, port))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise ViewerError("no port of the loopback is free")
+
+
+class Program:
+    """A viewer that was started here.
+
+    Args:
+        web: Serve it to a browser instead of opening a window.
+        files: Opened at the start.
+        options: Further options of the program, for tests: `--headless`.
+
+    Raises:
+        ViewerError: It is not installed, or ended before it listened.
+    """
+
+    def __init__(self, web: bool = False, files: Sequence[Path] = (), options: Sequence[str] = ()) -> None:
+        need_rerun()
+        binary = Path(str(import_module("rerun_cli").__file__)).parent / ("rerun.exe" if os.name == "nt" else "rerun")
+        self.port = free_port(PORT)
+        self.web_port = free_port(WEB_PORT) if web else None
+        command = [
+            str(binary), "--bind", HOST, "--port", str(self.port), "--memory-limit", MEMORY,
+            "--server-memory-limit", "256MiB", "--hide-welcome-screen", *options,
+        ]  # fmt: skip
+        command += ["--serve-web", "--web-viewer-port", str(self.web_port)] if web else []
+        self._words: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the program
+        # CI: the viewer's makers count who uses it, over the net, but not there. Nothing of a robot's host calls home.
+        environment = {**os.environ, "CI": "1"}
+        # A group of its own, so that Ctrl-C ends the command and leaves what there is to see.
+        self.process = subprocess.Popen(
+            [*command, *map(str, files)], stdin=subprocess.DEVNULL, stdout=self._words, stderr=self._words,
+            start_new_session=True, env=environment,
+        )  # fmt: skip
+        self._await_start()
+
+    @property
+    def url(self) -> str:
+        """Where to send what is to be seen."""
+        return f"rerun+http://{HOST}:{self.port}/proxy"
+
+    @property
+    def page(self) -> str | None:
+        """Address for a browser, where it serves one."""
+        if self.web_port is None:
+            return None
+        return f"http://{HOST}:{self.web_port}?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self.port}%2Fproxy"
+
+    def end(self) -> None:
+        """Close it."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        self._words.close()
+
+    def _await_start(self) -> None:
+        limit = time.monotonic() + STARTED
+        while not is_up(HOST, self.port):
+            if self.process.poll() is not None:
+                raise ViewerError(f"the viewer did not start: {self._last_words()}{self._hint()}")
+            if time.monotonic() > limit:
+                self.end()
+                raise ViewerError(f"the viewer does not listen {STARTED:g} s after its start")
+            time.sleep(0.05)
+
+    def _last_words(self) -> str:
+        self._words.seek(0)
+        lines = [line.strip() for line in self._words.read().decode(errors="replace").splitlines() if line.strip()]
+        return lines[-1] if lines else f"exit code {self.process.returncode}"
+
+    def _hint(self) -> str:
+        if os.name == "posix" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            return "; there is no display here: --web serves it to a browser, and --rerun F.rrd keeps it in a file"
+        return ""

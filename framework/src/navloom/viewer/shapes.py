@@ -1,0 +1,91 @@
+"""Arrays of the shapes that are drawn, in metres: arcs, cones, rings, prisms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages import Pose2D
+
+__all__ = ["arc_of_twist", "at_height", "cones", "placed", "prism", "ring_bars", "rgba_cells", "slot_arcs"]
+
+Floats = NDArray[np.float64]
+
+
+def at_height(points: Floats, z: float) -> Floats:
+    """(n, 3) of (n, 2) points."""
+    return np.column_stack([points, np.full(len(points), z)])
+
+
+def placed(pose: Pose2D, points: Floats) -> Floats:
+    """(n, 2) points of a frame at a pose, in the frame of the pose."""
+    cosine, sine = math.cos(pose.heading), math.sin(pose.heading)
+    moved: Floats = points @ np.array([[cosine, sine], [-sine, cosine]]) + (pose.x, pose.y)
+    return moved
+
+
+def prism(outline: Floats, height: float, lift: float = 0.05) -> tuple[Floats, NDArray[np.uint32]]:
+    """Vertices (2n + 2, 3) and triangles (m, 3) of a convex outline (n, 2) between two heights, m."""
+    n = len(outline)
+    low, high = at_height(outline, lift), at_height(outline, height)
+    middle = outline.mean(axis=0)
+    vertices = np.concatenate([low, high, [(*middle, lift), (*middle, height)]])
+    here = np.arange(n)
+    after = (here + 1) % n
+    sides = [np.column_stack([here, after, after + n]), np.column_stack([here, after + n, here + n])]
+    caps = [
+        np.column_stack([after, here, np.full(n, 2 * n)]),
+        np.column_stack([here + n, after + n, np.full(n, 2 * n + 1)]),
+    ]
+    return vertices, np.concatenate(sides + caps).astype(np.uint32)
+
+
+def arc_of_twist(vx: float, wz: float, seconds: float, z: float, steps: int = 12) -> Floats:
+    """(steps, 3) where a velocity, m/s and rad/s, leads from the origin."""
+    times = np.linspace(0.0, seconds, steps)
+    turned = wz * times
+    if abs(wz) < 1e-6:
+        points = np.column_stack([vx * times, np.zeros(steps)])
+    else:
+        points = np.column_stack([np.sin(turned), 1.0 - np.cos(turned)]) * (vx / wz)
+    return at_height(points, z)
+
+
+def cones(origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats, z: float) -> Floats:
+    """(n, 7, 3) outlines of sonar cones: from each origin along one edge, round the arc and back. All arrays (n, …)."""
+    shares = np.linspace(-1.0, 1.0, 5)
+    turns = bearings[:, None] + shares * half_angles[:, None]
+    arc = origins[:, None, :] + ranges[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    outline = np.concatenate([origins[:, None, :], arc, origins[:, None, :]], axis=1)
+    return np.concatenate([outline, np.full((*outline.shape[:2], 1), z)], axis=2)
+
+
+def ring_bars(pose: Pose2D, densities: Floats, radius: float, unit: float, most: float, z: float) -> Floats:
+    """(sectors, 2, 3) bars of a polar histogram round a pose, map frame.
+
+    Args:
+        densities: (sectors,) in units of the threshold; sector 0 lies along the map's x axis.
+        radius: Where they begin, m. unit: Length of density 1, m. most: Density above which a bar grows no more.
+    """
+    turns = np.arange(len(densities)) * (math.tau / max(1, len(densities)))
+    ways = np.column_stack([np.cos(turns), np.sin(turns)])
+    outer = radius + 0.03 + unit * np.clip(densities, 0.0, most)
+    ends = np.stack([ways * radius, ways * outer[:, None]], axis=1) + (pose.x, pose.y)
+    return np.concatenate([ends, np.full((len(ends), 2, 1), z)], axis=2)
+
+
+def slot_arcs(pose: Pose2D, slots: Floats, radius: float, z: float) -> Floats:
+    """(k, 13, 3) arcs of free slots, (k, 2) first and last direction, rad, counter-clockwise, map frame."""
+    wide = np.mod(slots[:, 1] - slots[:, 0], math.tau)
+    wide[(wide == 0.0) & (slots[:, 1] != slots[:, 0])] = math.tau
+    turns = slots[:, :1] + wide[:, None] * np.linspace(0.0, 1.0, 13)
+    points = radius * np.stack([np.cos(turns), np.sin(turns)], axis=-1) + (pose.x, pose.y)
+    return np.concatenate([points, np.full((*points.shape[:2], 1), z)], axis=2)
+
+
+def rgba_cells(colours: NDArray[np.uint8]) -> tuple[bytes, int, int]:
+    """Bytes, width and height of an image whose row 0 is the top, from (rows, cols, 4) with row 0 at the lowest y."""
+    rows, cols = colours.shape[:2]
+    return np.ascontiguousarray(colours[::-1]).tobytes(), cols, rows

@@ -1,0 +1,122 @@
+"""Showing a run: starts a viewer, the child that draws, and says what became of it all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from navloom.viewer.bridge import Bridge, Counts, Order
+from navloom.viewer.extra import ViewerError, need_rerun
+from navloom.viewer.facts import Facts
+from navloom.viewer.program import Program, address_of, is_up
+
+__all__ = ["Showing", "Where", "showing"]
+
+PATIENCE = 10.0
+"""s a run that may wait does wait for a viewer that takes nothing."""
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where to show it.
+
+    Attributes:
+        file: .rrd file, or None.
+        url: Of a viewer that runs already, or None.
+        opens: Start a viewer. web: Serve it to a browser instead of opening a window.
+        options: Of the viewer's program, for tests.
+    """
+
+    file: Path | None = None
+    url: str | None = None
+    opens: bool = False
+    web: bool = False
+    options: tuple[str, ...] = ()
+
+
+@dataclass(eq=False)
+class Showing:
+    """What is shown, while it is.
+
+    Attributes:
+        bridge: To put messages into.
+        program: The viewer that was started, or None.
+        counts: What became of the messages, once it is over.
+    """
+
+    bridge: Bridge
+    program: Program | None = None
+    counts: Counts = field(default_factory=Counts)
+
+    @property
+    def is_closed(self) -> bool:
+        """The viewer that was started has been closed by its user."""
+        return self.program is not None and self.program.process.poll() is not None
+
+
+@contextmanager
+def showing(
+    facts: Facts,
+    where: Where,
+    *,
+    recording_id: str,
+    live: bool = False,
+    blocked: frozenset[str] = frozenset(),
+    say: Callable[[str], None] = lambda text: None,
+) -> Iterator[Showing]:
+    """Show messages put into `bridge` for the time of a `with` statement. A viewer that was started stays open.
+
+    Args:
+        facts: Who is in the picture.
+        where: File, viewer or both.
+        recording_id: The same for the same run; in a viewer each showing is one of its own.
+        live: Nobody may be waited for.
+        blocked: Plugins that count as not installed.
+        say: Told in one line each what the user should know.
+
+    Raises:
+        ViewerError: There is no viewer, or no file can be written.
+    """
+    need_rerun()
+    program = None
+    url = where.url
+    if url is not None:
+        host, port = address_of(url)
+        url = f"rerun+http://{host}:{port}/proxy"
+        if not is_up(host, port, 2.0):
+            raise ViewerError(f"--viewer {url}: nobody listens there; start one with `rerun --bind 127.0.0.1`")
+    elif where.opens:
+        program = Program(where.web, options=where.options)
+        url = program.url
+        if program.page is not None:
+            say(f"the viewer is at {program.page}")
+    if url is not None:
+        # A viewer may show this run already: the same once more is another recording, not more of that one.
+        recording_id = f"{recording_id}-{time.time_ns()}"
+    order = Order(facts, where.file, url, recording_id, blocked, 0.0 if live else PATIENCE)
+    try:
+        bridge = Bridge(order)
+        bridge.await_start()
+    except BaseException:
+        if program is not None:
+            program.end()
+        raise
+    found = Showing(bridge, program)
+    try:
+        yield found
+    finally:
+        found.counts = bridge.close()
+        _tell(found.counts, where.file, say)
+
+
+def _tell(counts: Counts, file: Path | None, say: Callable[[str], None]) -> None:
+    for note in counts.notes:
+        say(note)
+    if counts.dropped:
+        say(f"{counts.dropped} messages were dropped: drawing was slower than they came")
+    if counts.dropped_live:
+        kept = f"; {file} has them" if file is not None else ""
+        say(f"{counts.dropped_live} shapes did not reach the viewer: it was too slow or did not answer{kept}")

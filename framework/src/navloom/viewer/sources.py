@@ -1,0 +1,109 @@
+"""Whose messages are shown: recordings and live robots, and which instance is in charge when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from navloom.messages import Envelope, Message, Selection
+from navloom.viewer.drawing import Shown
+from navloom.viewer.facts import Facts, facts_of, unknown_robot
+
+if TYPE_CHECKING:
+    from navloom.recording.header import RecordingHeader
+    from navloom.recording.reader import Recording
+    from navloom.runtime.client import Client
+
+__all__ = ["InCharge", "facts_of_header", "facts_of_recording", "live_messages", "recorded_messages"]
+
+
+class InCharge:
+    """Tells of each message of a robot whether its instance was in charge.
+
+    Args:
+        variant: Name of the robot in the picture.
+        instances: By role, at the start; roles not in it have one instance.
+    """
+
+    def __init__(self, variant: str, instances: Mapping[str, str]) -> None:
+        self.variant = variant
+        self._now = dict(instances)
+        self._next: tuple[float, dict[str, str]] = (math.inf, {})
+
+    def shown(self, stream: str, message: Message, at: Envelope) -> Shown:
+        """A message of role/instance/port, as it is to be drawn."""
+        role, instance, port = stream.split("/", 2)
+        if isinstance(message, Selection) and message.epoch:
+            self._next = message.from_tick, dict(entry.split(" ", 1) for entry in message.instances)
+        if at.tick >= self._next[0]:
+            self._now |= self._next[1]
+            self._next = math.inf, {}
+        active = self._now.get(role, instance) == instance
+        return Shown(self.variant, role, instance, active, port, message, at.tick, at.stamp_ns)
+
+
+def facts_of_header(header: RecordingHeader, title: str) -> Facts:
+    """The facts of a robot whose config is known; without one, of a robot that nothing is known of."""
+    from navloom.recording.header import RecordingError
+    from navloom.runtime.build import assemble
+
+    try:
+        return facts_of({header.robot: assemble(header.loaded())}, title)
+    except (RecordingError, ValueError):
+        return Facts(title, (unknown_robot(header.robot, {}),), None, header.period)
+
+
+def facts_of_recording(recording: Recording) -> Facts:
+    """The facts of a recording; its world from the recording itself where its file has gone."""
+    from navloom.recording.header import RecordingError
+    from navloom.recording.worldfiles import with_world
+    from navloom.runtime.build import assemble
+
+    title = recording.path.name
+    with TemporaryDirectory() as folder:
+        try:
+            loaded = with_world(recording, recording.header.loaded(), Path(folder))
+            return facts_of({recording.header.robot: assemble(loaded)}, title)
+        except (RecordingError, ValueError):
+            return facts_of_header(recording.header, title)
+
+
+def recorded_messages(recording: Recording, facts: Facts) -> Iterator[Shown]:
+    """Messages of a recording in the order they were received."""
+    first = facts.variants[0]
+    charge = InCharge(first.name, first.instances)
+    for one in recording.messages():
+        yield charge.shown(one.key.split("/", 2)[2], one.message, one.envelope)
+
+
+def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
+    """Messages of a live robot as they come, what is kept first; None at least four times a second.
+
+    Only listens: the robot knows nothing of it.
+    """
+    from navloom.runtime.looking import listing, retained, tap
+    from navloom.runtime.mailbox import Mailbox
+
+    first = facts.variants[0]
+    charge = InCharge(first.name, first.instances)
+    mailbox = Mailbox()
+    nodes = listing(client)
+    names = [f"{n['role']}/{n['instance']}/{port}" for n in nodes for port in n["published"]]
+    taps = tap(client, sorted(name for name in names if not name.endswith("/done")), mailbox)
+    for name in taps:
+        kept = retained(client, name)
+        if kept is not None:
+            yield charge.shown(name, *kept)
+    seen = 0
+    while True:
+        come: list[tuple[str, Any, Envelope]] = []
+        for name, inlet in taps.items():
+            come += [(name, message, at) for message, at in inlet.take()]
+        # In order of the run clock, so that a robot's pose is known before what it saw there.
+        for name, message, at in sorted(come, key=lambda one: one[2].stamp_ns):
+            yield charge.shown(name, message, at)
+        yield None
+        seen = mailbox.wait(seen, 0.2)

@@ -1,0 +1,191 @@
+"""The bridge and the live sink: nothing a viewer does, or fails to do, makes who hands over messages wait."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from navloom.messages import Contact, Truth, Twist2D
+from navloom.messages.motion import Pose2D
+from navloom.viewer import extra
+from navloom.viewer.bridge import Bridge, Order, Wanted
+from navloom.viewer.drawing import Shown
+from navloom.viewer.extra import ViewerError
+from navloom.viewer.live_sink import LiveSink
+from navloom.viewer.program import Program, address_of
+from navloom.viewer.showing import Where, showing
+from navloom.viewer.translate import BUILT_IN
+
+from .conftest import facts_for, pose_at, rows_of, shown
+
+rr = pytest.importorskip("rerun", reason="the extra `view` is not installed")
+Start = Callable[[], Program]
+
+
+def until(holds: Callable[[], bool], what: str, seconds: float = 30.0) -> None:
+    """Wait for a condition that another process brings about."""
+    limit = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < limit, f"{what} did not come about in {seconds:g} s"
+        time.sleep(0.02)
+
+
+def truth_at(tick: int) -> Shown:
+    message = Truth(Pose2D(0.01 * tick, 0.0, 0.0), Twist2D(0.2, 0.0, 0.0), 1.5, "wall", False)
+    return shown(message, port="truth", tick=tick)
+
+
+# --- the queue ------------------------------------------------------------------------------------------------------
+
+
+def test_while_the_child_is_frozen_what_does_not_fit_is_dropped_and_counted(tmp_path: Path) -> None:
+    bridge = Bridge(Order(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=50)
+    bridge.await_start()
+    pid = bridge.process.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGSTOP)
+    taken = sum(bridge.put(truth_at(tick)) for tick in range(200))  # were it to wait, this would never end
+    assert bridge.dropped == 200 - taken
+    assert 50 <= taken <= 52  # the queue, and what the child had in hand when it was stopped
+    os.kill(pid, signal.SIGCONT)
+    counts = bridge.close()
+    assert (counts.drawn, counts.dropped, counts.is_complete) == (taken, bridge.dropped, True)
+    assert rows_of(tmp_path / "run.rrd")["/metrics/clearance/r1"] == taken
+
+
+def test_when_the_child_is_killed_who_puts_goes_on(tmp_path: Path) -> None:
+    bridge = Bridge(Order(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=10)
+    bridge.await_start()
+    bridge.process.kill()
+    bridge.process.join()
+    for tick in range(30):
+        bridge.put(truth_at(tick))
+    bridge.put_all(truth_at(30))
+    assert bridge.dropped >= 20
+    counts = bridge.close()
+    assert not counts.is_complete
+    assert counts.notes == ("the viewer's process ended early: exit code -9",)
+
+
+def test_what_nothing_draws_and_what_comes_too_often_is_not_copied() -> None:
+    wanted = Wanted(BUILT_IN)
+    assert not wanted.take(shown(Contact(False), port="contact"))
+    truths = [wanted.take(truth_at(tick // 2)) for tick in range(20)]  # two of each tick, of at most 20 a second
+    assert sum(truths) == 10
+    assert wanted.take(pose_at(0.0, 0.0))
+
+
+def test_a_file_that_cannot_be_written_is_said_before_anything_is_drawn(tmp_path: Path) -> None:
+    bridge = Bridge(Order(facts_for(), tmp_path, None, "test"))
+    with pytest.raises(ViewerError, match=r"--rerun .*: Is a directory"):
+        bridge.await_start()
+
+
+# --- the viewer -----------------------------------------------------------------------------------------------------
+
+
+def test_a_frozen_viewer_costs_the_file_nothing_and_the_oldest_shapes_are_dropped(
+    tmp_path: Path, server: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    viewer = server()
+    sink = LiveSink(viewer.url, "test", "frozen")
+    monkeypatch.setattr("navloom.viewer.live_sink.MOST_ITEMS", 100)
+    until(lambda: sink.connections == 1, "a connection")
+    os.kill(viewer.process.pid, signal.SIGSTOP)
+    release = threading.Event()
+    # What the SDK does once its own buffers are full of what a frozen viewer does not take: it never returns.
+    sink._put(lambda to: release.wait(), 0)
+    until(lambda: not sink._waiting, "the sender being stuck")
+    for tick in range(1000):
+        sink.log("/points", (rr.Points3D(np.zeros((10, 3))),), tick, tick)
+    assert (sink.dropped, len(sink._waiting)) == (900, 100)
+    os.kill(viewer.process.pid, signal.SIGCONT)
+    release.set()
+    until(lambda: not sink._waiting, "the viewer getting what waited")
+    sink.close()
+    assert sink.sent == 101
+
+
+def test_a_viewer_that_was_killed_is_found_again_and_shown_the_scene(server: Start) -> None:
+    viewer = server()
+    sink = LiveSink(viewer.url, "test", "again")
+    until(lambda: sink.connections == 1, "a connection")
+    sink.log("/map", (rr.Points3D([[0, 0, 0]]),), None, 0)
+    until(lambda: sink.sent == 1, "the map being sent")
+    viewer.process.kill()
+    viewer.process.wait()
+    until(lambda: not sink._connected, "the loss being noticed")
+    for tick in range(20):
+        sink.log("/points", (rr.Points3D([[tick, 0, 0]]),), tick, tick)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("navloom.viewer.program.PORT", viewer.port)
+        again = server()
+    assert again.port == viewer.port
+    until(lambda: sink.connections == 2, "the new viewer being found")
+    until(lambda: sink.sent == 21, "it being sent what waited")
+    sink.close()
+    assert sink.dropped == 0
+
+
+def test_absent_frozen_and_killed_viewers_leave_the_file_whole(tmp_path: Path, server: Start) -> None:
+    viewer = server()
+    where = Where(tmp_path / "run.rrd", viewer.url)
+    with showing(facts_for(), where, recording_id="whole", live=True) as found:
+        for tick in range(300):
+            if tick == 100:
+                os.kill(viewer.process.pid, signal.SIGSTOP)
+            if tick == 200:
+                os.kill(viewer.process.pid, signal.SIGKILL)
+            assert found.bridge.put(truth_at(tick))
+    assert (found.counts.drawn, found.counts.dropped, found.counts.is_complete) == (300, 0, True)
+    assert found.counts.connections == 1
+    assert rows_of(tmp_path / "run.rrd")["/metrics/clearance/r1"] == 300
+
+
+def test_it_listens_on_the_loopback_only(server: Start) -> None:
+    listening = Path("/proc/net/tcp")
+    if not listening.exists():
+        pytest.skip("no /proc/net/tcp here: what listens where cannot be told")
+    port = f"{server().port:04X}"
+    tables = [Path(f"/proc/net/{name}").read_text("utf-8").splitlines()[1:] for name in ("tcp", "tcp6")]
+    lines = [line.split() for table in tables for line in table]
+    where = {line[1].split(":")[0] for line in lines if line[3] == "0A" and line[1].endswith(f":{port}")}
+    assert where == {"0100007F"}
+
+
+# --- errors ---------------------------------------------------------------------------------------------------------
+
+
+def test_without_the_extra_one_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(extra, "import_module", missing)
+    with pytest.raises(ViewerError, match=r"uv sync --group view, or pip install 'navloom\[view\]'"):
+        Bridge(Order(facts_for(), None, None, "test"))
+    monkeypatch.setattr(extra, "import_module", import_module)
+
+
+@pytest.mark.parametrize("url", ["nonsense", "rerun+http://127.0.0.1/proxy", "127.0.0.1:9876/x", "127.0.0.1:port"])
+def test_what_is_no_viewers_address_is_refused(url: str) -> None:
+    with pytest.raises(ViewerError, match="expected rerun\\+http://HOST:PORT/proxy, or HOST:PORT"):
+        address_of(url)
+
+
+def test_an_address_may_be_short() -> None:
+    assert address_of("127.0.0.1:9876") == address_of("rerun+http://127.0.0.1:9876/proxy") == ("127.0.0.1", 9876)
+
+
+def test_a_viewer_that_nobody_started_is_said_to_be_absent() -> None:
+    with (
+        pytest.raises(ViewerError, match="nobody listens there"),
+        showing(facts_for(), Where(url="127.0.0.1:9"), recording_id="x"),
+    ):
+        pass

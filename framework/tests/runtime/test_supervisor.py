@@ -54,7 +54,10 @@ def until(condition: object, keeper: Supervisor, timeout: float = 30.0) -> None:
         time.sleep(0.005)
 
 
-def test_a_crash_loop_ends_with_the_process_left_down_and_its_last_words(rig: tuple[RobotFolder, list[str]]) -> None:
+def test_a_crash_loop_ends_with_the_process_left_down_and_its_last_words(
+    rig: tuple[RobotFolder, list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navloom.runtime.supervisor.HEALTHY", 60.0)  # a loaded machine takes seconds to start one
     keeper = supervisor(rig, LiveTable(restart_limit=2, restart_window=60.0), crashes=True)
     keeper.start()
     child = keeper.children["child"]

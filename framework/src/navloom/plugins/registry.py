@@ -15,7 +15,7 @@ __all__ = ["Named", "PluginError", "Registry", "nearest"]
 
 
 class Named(Protocol):
-    """Something registered under its own name. What a metric or panel is besides is known only above, where it is used."""
+    """Something registered under its own name. What a metric or panel is besides is known only above."""
 
     @property
     def name(self) -> str:
@@ -35,7 +35,7 @@ def nearest(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """Classes by role and name, named worlds, world schemes, metrics and panels; filled by one entry point at a time."""
+    """Classes by role and name, worlds, schemes, metrics and panels; filled by one entry point at a time."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}

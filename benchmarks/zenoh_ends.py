@@ -22,13 +22,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import zenoh
-from navloom.messages import Envelope, MapUpdate, Message
+from navloom.messages import MapUpdate, Message
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.links import Link, peer_link, settings
-from navloom.runtime.mailbox import Mailbox
 from navloom.runtime.quality import quality_of
-from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus
+from navloom.study.bench_bus import OurEnd
 from samples import BACK, THERE, encoded_size, samples
 from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end
 
@@ -45,27 +44,6 @@ def link_of(folder: str, part: str) -> Link:
     """As `up` links two processes of one host."""
     sockets = {name: f"unixsock-stream/{folder}/{name}.sock" for name in ("echo", "ping")}
     return peer_link(sockets[part], sockets.values(), KEYS.realm, KEYS.robot)
-
-
-class OurEnd:
-    """One node's streams as the live runtime makes them: an outlet, an inlet and a mailbox."""
-
-    def __init__(self, bus: Bus, gives: tuple[str, str], takes: tuple[str, str]) -> None:
-        board = Switchboard(bus, KEYS, lossless=False)
-        self._mailbox = Mailbox()
-        self._outlet = board.outlet(gives, DATA)
-        self._inlet = board.inlet(takes, DATA, self._mailbox, 4)
-        self._seen = 0
-        board.connect()
-
-    def give(self, message: Message) -> None:
-        """Publish."""
-        self._outlet.publish(message, 1, 0, 0, 0)
-
-    def take(self, timeout: float) -> list[tuple[Message, Envelope]]:
-        """What comes in within s, decoded."""
-        self._seen = self._mailbox.wait(self._seen, timeout)
-        return list(self._inlet.take())
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from navloom.cli import main
-from navloom.study import compare
+from navloom.study import compare, report
 
 CONFIG = """
 [run]
@@ -56,6 +56,8 @@ def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
             return real(study, out, executor=executor, progress=options["progress"])
 
     monkeypatch.setattr(compare, "run_study", in_thread)
+    # Figures are tested where reports are; here they would cost seconds.
+    monkeypatch.setattr(report, "find_spec", lambda name: None)
 
     def run(*words: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["navloom", "compare", *words])
@@ -92,7 +94,10 @@ def test_people_are_told_what_came_of_it_and_what_was_dropped(navloom: Run, conf
     assert code == 0
     assert "2 methods x 1 worlds x 1 seeds: 2 episodes, 0 of them from before" in said
     assert "lyapunov_tracker: controller.k_y belongs to the replaced plugin: dropped" in errors
-    assert f"kept in {out}: episodes.csv, study.json, timing.json, journal.jsonl" in said
+    files = ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails", *report.FILES)
+    assert f"kept in {out}: {', '.join(files)}" in said
+    assert all((out / name).exists() for name in files)
+    assert "No figures: matplotlib is not installed" in errors
     _, again, _ = navloom(*words)
     assert "2 of them from before" in again
 
@@ -117,8 +122,10 @@ def test_without_a_folder_nothing_is_written(
         (("paper", "--seeds", "2:1"), "END is not one"),
         (("paper", "--vary", "controller.k33=1"), "did you mean 'k3'"),
         (("paper", "--jobs", "0"), "--jobs"),
+        (("paper", "--vary", "avoider=vff,vfh", "--baseline", "vhf"), "did you mean 'vfh'"),
+        (("paper", "--open-loop"), "nothing can run beside as_configured"),
     ],
-    ids=["config", "plugin", "world", "seeds", "setting", "jobs"],
+    ids=["config", "plugin", "world", "seeds", "setting", "jobs", "baseline", "open_loop"],
 )
 def test_a_wrong_request_is_one_message_and_exit_2(
     navloom: Run, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], told: str

@@ -143,6 +143,11 @@ def alone(study: Study, tmp_path_factory: pytest.TempPathFactory) -> tuple[Study
         return run_study(study, folder, executor=executor), folder
 
 
+def trails(folder: Path) -> dict[str, bytes]:
+    """The files of the ways driven, by name."""
+    return {path.name: path.read_bytes() for path in (folder / "trails").iterdir()}
+
+
 def one_row(bench: Bench, method: str) -> Row:
     (task,) = bench.study(f"controller={method}").tasks()
     return episode_row(task)
@@ -157,7 +162,7 @@ def test_a_study_writes_one_row_an_episode_in_the_order_asked(alone: tuple[Study
         (key.method, key.world, key.seed) for key in study.keys
     ]
     assert {row["outcome"] for row in rows} == {"succeeded"}
-    assert result.files == ("episodes.csv", "study.json", "timing.json", "journal.jsonl")
+    assert result.files == ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails")
 
 
 def test_wall_times_are_in_a_file_of_their_own(alone: tuple[StudyResult, Path]) -> None:
@@ -202,6 +207,7 @@ def test_interrupted_and_gone_on_with_it_is_the_same_table(
     assert result.before == 3
     assert (tmp_path / "episodes.csv").read_bytes() == (alone[1] / "episodes.csv").read_bytes()
     assert (tmp_path / "study.json").read_bytes() == (alone[1] / "study.json").read_bytes()
+    assert trails(tmp_path) == trails(alone[1]) and len(trails(tmp_path)) == 8
 
 
 def _unless_first(progress: Progress) -> Progress:
@@ -223,6 +229,7 @@ def test_on_processes_it_is_the_same_table(
 ) -> None:
     run_study(study, tmp_path, jobs=jobs)
     assert (tmp_path / "episodes.csv").read_bytes() == (alone[1] / "episodes.csv").read_bytes()
+    assert trails(tmp_path) == trails(alone[1])
 
 
 def test_on_a_dask_cluster_it_is_the_same_table(alone: tuple[StudyResult, Path], study: Study, tmp_path: Path) -> None:
@@ -233,6 +240,7 @@ def test_on_a_dask_cluster_it_is_the_same_table(alone: tuple[StudyResult, Path],
     ):
         run_study(study, tmp_path, executor=client.get_executor())
     assert (tmp_path / "episodes.csv").read_bytes() == (alone[1] / "episodes.csv").read_bytes()
+    assert trails(tmp_path) == trails(alone[1])
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from navloom.geometry.shortest import optimal_length
-from navloom.geometry.world import Cylinder, World
+from navloom.geometry.world import Box, Cylinder, World, position_at
 from navloom.worlds import SCHEMES, WORLDS, WorldError
 
 HERE = Path()
@@ -59,3 +59,26 @@ def test_clutter_is_the_same_for_the_same_seed_only() -> None:
 def test_a_seed_is_a_whole_number(seed: str) -> None:
     with pytest.raises(WorldError, match=r"clutter:.*seed"):
         SCHEMES["clutter"](seed, HERE)
+
+
+@pytest.mark.parametrize("width", ["0.8", "1.6", "2.0", "4"])
+def test_a_door_is_as_wide_as_asked_and_1_m_beside_the_straight_way(width: str) -> None:
+    world = SCHEMES["door"](width, HERE)
+    left, right = (o for o in world.obstacles if isinstance(o, Box) and o.name.startswith("door wall"))
+    assert right.x[0] - left.x[1] == pytest.approx(float(width))
+    assert 0.5 * (right.x[0] + left.x[1]) == pytest.approx(1.0)
+    assert left.appears_after_sweep and right.appears_after_sweep
+
+
+@pytest.mark.parametrize("width", ["", "wide", "0.7", "4.1", "nan", "inf", "-2"])
+def test_a_door_has_a_width(width: str) -> None:
+    with pytest.raises(WorldError, match=r"door:.*width from 0\.8 to 4 m"):
+        SCHEMES["door"](width, HERE)
+
+
+def test_the_person_crosses_the_whole_corridor_at_0_4_m_s_and_rests() -> None:
+    (person,) = (o for o in WORLDS["crossing_person"]().obstacles if isinstance(o, Cylinder))
+    # 5 s at rest, 3 m in 7.5 s, 5 s at rest, and back: 25 s.
+    at = [position_at(person.waypoints, person.loops, time) for time in (1.0, 8.75, 15.0, 21.25, 26.0)]
+    assert at == [(-1.5, 4.5), (0.0, 4.5), (1.5, 4.5), (0.0, 4.5), (-1.5, 4.5)]
+    assert best(WORLDS["crossing_person"]()) == pytest.approx(9.0, abs=0.6)

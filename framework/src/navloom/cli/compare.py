@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from navloom.cli.view import Rerun, View, ViewerUrl, say_so, where_of
+
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from navloom.study.compare import StudyResult
+    from navloom.study.compare import Study, StudyResult
+    from navloom.viewer.showing import Where
 
 __all__ = ["Variadic", "compare"]
 
@@ -63,25 +66,43 @@ def compare(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder to keep the study in, and to go on from.")
     ] = None,
+    baseline: Annotated[
+        str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
+    ] = "",
+    open_loop: Annotated[
+        bool,
+        typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
+    ] = False,
     hang_after: Annotated[
         float, typer.Option(metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.")
     ] = 300.0,
+    view: View = False,
+    viewer: ViewerUrl = None,
+    rerun: Rerun = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
     """Run methods over worlds and seeds in closed loop. The same command goes on where it was interrupted.
 
-    Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2: the request was wrong.
+    With --view, --viewer or --rerun the methods drive side by side in one picture instead, in the first world with
+    the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2: the
+    request was wrong.
     """
     from navloom.cli.output import print_json
     from navloom.study.compare import plan_study, run_study
     from navloom.study.pool import PoolError
     from navloom.study.worldset import seeds_of
 
-    study = plan_study(config, vary or (), worlds or (), seeds_of(seeds) if seeds else (), set_ or ())
+    seeds_asked = seeds_of(seeds) if seeds else ()
+    study = plan_study(
+        config, vary or (), worlds or (), seeds_asked, set_ or (), baseline=baseline, open_loop=open_loop
+    )  # fmt: skip
     for method, places in study.dropped.items():
         if places:
             belong = "belongs" if len(places) == 1 else "belong"
             typer.echo(f"navloom: {method}: {', '.join(places)} {belong} to the replaced plugin: dropped", err=True)
+    if view or viewer or rerun:
+        _show(study, where_of(view, rerun, viewer), as_json)
+        return
     try:
         with _executor(scheduler) as executor, _progress(as_json) as progress:
             result = run_study(study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after)
@@ -94,10 +115,43 @@ def compare(
         raise typer.Exit(1) from None
     for note in result.notes:
         typer.echo(f"navloom: {note}", err=True)
+    if out is not None:
+        result = _reported(result, out)
     if as_json:
         print_json(_as_json(result, out))
     else:
         _print(result, out)
+
+
+def _show(study: Study, where: Where, as_json: bool) -> None:
+    """Drive one episode of each method in one picture, and say how they ended."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.study.worldset import placed
+    from navloom.viewer.side_by_side import drive_side_by_side
+
+    world, seed = study.worlds[0], study.seeds[0]
+    methods = {m.name: placed(m.loaded.to_json(), world.values, seed, study.here) for m in study.methods}
+    title = f"{study.config}: {world.ref}, seed {seed}"
+    episodes = drive_side_by_side(methods, where, title, say_so)
+    found = {name: episode.summary() for name, episode in episodes.items()}
+    if as_json:
+        print_json({"world": world.ref, "seed": seed, "methods": found})
+        return
+    typer.echo(title)
+    columns = ("sim_time_s", "path_length_m", "min_clearance_m")
+    lines = [(name, one["outcome"], *(one[column] for column in columns), one["reason"]) for name, one in found.items()]
+    print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
+
+
+def _reported(result: StudyResult, out: Path) -> StudyResult:
+    """The report beside the tables, and its files among the names."""
+    from dataclasses import replace
+
+    from navloom.study.report import FILES, PLOTS_MISSING, write_report
+
+    if not write_report(out, result.study.baseline).has_figures:
+        typer.echo(f"navloom: {PLOTS_MISSING}", err=True)
+    return replace(result, files=(*result.files, *FILES))
 
 
 def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:

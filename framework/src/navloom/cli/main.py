@@ -7,6 +7,7 @@ import sys
 import typer
 
 from navloom.cli import (
+    bench,
     compare,
     config,
     doctor,
@@ -71,6 +72,7 @@ app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
 app.command("paper")(paper.paper)
+app.command("bench")(bench.bench)
 app.command("graph")(graph.graph)
 app.add_typer(keys.app, name="keys")
 app.add_typer(export.app, name="export")

@@ -328,10 +328,10 @@ class GoalMachine:
 
     def _fail_plan(self, active: _Active, failure: PlanFailure, seen: Seen) -> None:
         """End the goal, but for a robot that has driven: what is in its way now may be gone from a cleared map."""
-        if active.has_driven and failure.kind not in REJECTING and active.recoveries < self.rules.max_recoveries:
+        if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", seen)
             return
-        outcome = "rejected" if failure.kind in REJECTING else "no_path"
+        outcome = "rejected" if failure.kind in REJECTING and not active.has_driven else "no_path"
         reason = failure.detail if failure.kind == outcome else f"{failure.kind}: {failure.detail}"
         self._finish(outcome, reason, seen, failure.place)
 

@@ -19,11 +19,13 @@ import numpy as np
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.schema import ROLE_TABLES
 from navloom.plugins import PluginError
+from navloom.plugins.registry import nearest
 from navloom.runtime.build import System, assemble
 from navloom.runtime.checks import check_task
 from navloom.study.journal import StudyFolder
 from navloom.study.methods import Method, compared, methods_of, toml_value
 from navloom.study.metrics import all_metrics
+from navloom.study.openloop import METHOD, OpenLoop, open_loop_of
 from navloom.study.pool import HANG_AFTER, cores, run_on_executor, run_on_processes
 from navloom.study.rows import EpisodeKey, Row, Task
 from navloom.study.worldset import CachedDiscovery, WorldCase, placed, worlds_of
@@ -47,6 +49,8 @@ class Study:
         dropped: By method, parameters of the config's that went with the plugin they belong to.
         versions: Of what an episode depends on.
         here: Folder that references in no file start from.
+        baseline: Name of the method the others are compared with.
+        open_loop: What else is driven once a world and seed, for its shadows; None for nothing.
     """
 
     config: str
@@ -59,6 +63,8 @@ class Study:
     dropped: dict[str, tuple[str, ...]]
     versions: dict[str, str]
     here: Path
+    baseline: str = ""
+    open_loop: OpenLoop | None = None
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -67,15 +73,25 @@ class Study:
             EpisodeKey(m.name, w.ref, seed) for m in self.methods for w in self.worlds for seed in self.seeds
         ]  # fmt: skip
 
+    @property
+    def open_loop_keys(self) -> list[EpisodeKey]:
+        """Every episode that is driven for its shadows."""
+        if self.open_loop is None:
+            return []
+        return [EpisodeKey(METHOD, w.ref, seed) for w in self.worlds for seed in self.seeds]
+
     def tasks(self) -> list[Task]:
         """Every episode for a worker, those of one world together."""
         given = {method.name: method.loaded.to_json() for method in self.methods}
         token = hashlib.sha256(json.dumps(self.request(), sort_keys=True).encode()).hexdigest()
+        drives = [(method.name, given[method.name], False) for method in self.methods]
+        if self.open_loop is not None:
+            drives.append((METHOD, self.open_loop.loaded.to_json(), True))
         return [
-            Task(token, EpisodeKey(m.name, w.ref, seed), given[m.name], w.values, str(self.here), self.metrics)
+            Task(token, EpisodeKey(name, w.ref, seed), config, w.values, str(self.here), self.metrics, is_open)
             for w in self.worlds
             for seed in self.seeds
-            for m in self.methods
+            for name, config, is_open in drives
         ]
 
     def request(self) -> dict[str, Any]:
@@ -101,6 +117,7 @@ class Study:
             "held_equal": self.held_equal,
             "differs": self.differs,
             "versions": self.versions,
+            **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
         }  # fmt: skip
 
 
@@ -115,6 +132,7 @@ class StudyResult:
         lost: Workers that died or were killed in this call.
         wall: Wall time of this call, s.
         files: Names of what the folder holds.
+        open_loop: Rows of the episodes driven for their shadows.
     """
 
     study: Study
@@ -123,6 +141,7 @@ class StudyResult:
     lost: int
     wall: float
     files: tuple[str, ...] = ()
+    open_loop: tuple[Row, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """By method: episodes, outcomes, and the mean of each metric over the episodes it is defined for."""
@@ -141,6 +160,7 @@ class StudyResult:
     def notes(self) -> list[str]:
         """What went wrong beside episodes: metrics that broke, and on how many episodes."""
         counts = Counter(note for row in self.rows for note in row.notes)
+        counts.update(f"open loop failed: {row.reason}" for row in self.open_loop if row.outcome == "error")
         return [f"{note} ({count} episodes)" for note, count in sorted(counts.items())]
 
 
@@ -151,6 +171,8 @@ def plan_study(
     seeds: Sequence[int] = (),
     changes: Sequence[str] = (),
     say: Callable[[str], None] = lambda text: None,
+    baseline: str = "",
+    open_loop: bool = False,
 ) -> Study:
     """Check a request before anything runs.
 
@@ -161,6 +183,8 @@ def plan_study(
         seeds: Default the config's own.
         changes: `PATH=VALUE` each, for all methods.
         say: Told what is being checked.
+        baseline: Name of a method; default the first.
+        open_loop: Whether to drive the baseline once more a world and seed, with the other methods in shadow.
 
     Raises:
         ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
@@ -168,6 +192,8 @@ def plan_study(
     base = load_config(config, changes)
     discovery = CachedDiscovery(base.config.plugins.blocked)
     methods = methods_of(config, vary, changes, discovery)
+    baseline = _baseline(baseline, methods)
+    beside = open_loop_of(methods, baseline) if open_loop else None
     say("reading worlds")
     cases = worlds_of(base, worlds, discovery)
     here, single = Path.cwd(), len(methods) == len(cases) == 1
@@ -176,6 +202,8 @@ def plan_study(
     say("checking worlds")
     for case in cases[1:]:
         _checked(methods[0], case, discovery, here, single)
+    if beside is not None:
+        _checked(Method(METHOD, (), beside.loaded), cases[0], discovery, here, single)
     equal, different = compared(systems)
     return Study(
         config,
@@ -188,7 +216,16 @@ def plan_study(
         {method.name: method.loaded.dropped for method in methods},
         _versions(systems, discovery),
         here,
+        baseline,
+        beside,
     )
+
+
+def _baseline(name: str, methods: Sequence[Method]) -> str:
+    names = [method.name for method in methods]
+    if name and name not in names:
+        raise ConfigError(f"--baseline {name}: no such method{nearest(name, names)}")
+    return name or names[0]
 
 
 def _checked(method: Method, case: WorldCase, discovery: CachedDiscovery, here: Path, single: bool) -> System:
@@ -257,8 +294,10 @@ def run_study(
             count = min(jobs or cores(), len(todo))
             lost = run_on_processes(todo, on_row, count, idle=clock.tell, hang_after=hang_after)
         rows = [folder.rows[key] for key in study.keys]
-        files = folder.finish(rows, study.metrics, _timings(rows, perf_counter() - started, jobs or cores()))
-    return StudyResult(study, tuple(rows), before, lost, perf_counter() - started, tuple(files))
+        beside = [folder.rows[key] for key in study.open_loop_keys]
+        timings = _timings(rows, perf_counter() - started, jobs or cores())
+        files = folder.finish(rows, study.metrics, timings, beside)
+    return StudyResult(study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside))
 
 
 class _Clock:

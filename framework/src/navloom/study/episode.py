@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import IO, Any
 
 import numpy as np
@@ -20,17 +20,24 @@ from navloom.runtime.executor import lockstep_of
 from navloom.runtime.lockstep import Observer, RunLog
 from navloom.runtime.trace import TraceWriter
 from navloom.study.recorder import Recorder
+from navloom.study.shadows import Disagreement, ShadowWatch
 
 __all__ = ["Episode", "run_episode"]
 
 
 @dataclass(eq=False)
 class Episode:
-    """A finished run: what ran, what it left, and what was collected beside it."""
+    """A finished run: what ran, what it left, and what was collected beside it.
+
+    Attributes:
+        system, log, recorder: As their classes say.
+        shadows: What alternatives in shadow said; empty for a live run, where nobody compares them.
+    """
 
     system: System
     log: RunLog
     recorder: Recorder
+    shadows: list[Disagreement] = field(default_factory=list)
 
     @property
     def result(self) -> GoalResult:
@@ -70,6 +77,7 @@ class Episode:
             "planner_ms": _median_ms(log.step_ns["planner"]),
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
+            "shadows": [one.summary() for one in self.shadows],
         }
 
     def _optimal_length(self) -> float | None:
@@ -108,13 +116,14 @@ def run_episode(
     system = assemble(loaded, discovery)
     check_task(system)
     make_plugins(system, say)
-    recorder = Recorder()
-    executor = lockstep_of(system, [recorder, *observers], TraceWriter(trace))
+    recorder, watch = Recorder(), ShadowWatch.of(system)
+    beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
+    executor = lockstep_of(system, beside, TraceWriter(trace))
     run = loaded.config.run
-    ticks = math.ceil(round(run.stop_after / run.period, 6)) + 2
-    tell = None if progress is None else (lambda tick: progress(tick * run.period, run.stop_after))
+    ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+    tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
     log = executor.run(ticks, tell)
-    return Episode(system, log, recorder)
+    return Episode(system, log, recorder, [] if watch is None else watch.finish())
 
 
 def _median_ms(steps: Sequence[int]) -> float | None:

@@ -7,22 +7,24 @@ import fcntl
 import io
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
 from navloom.config import ConfigError
 from navloom.study.rows import EpisodeKey, Row
+from navloom.study.tracks import FOLDER, file_of
 
-__all__ = ["StudyFolder", "table_of"]
+__all__ = ["StudyFolder", "open_loop_table", "table_of"]
 
 SHOWN = 3
 """Differences that a refusal names."""
 
 
 class StudyFolder:
-    """Keeps `study.json`, `journal.jsonl`, `episodes.csv` and `timing.json`; without a folder nothing is written.
+    """Keeps `study.json`, `journal.jsonl`, `trails/`, `episodes.csv` and `timing.json`; without a folder nothing.
 
     Args:
         folder: Where, or None.
@@ -56,18 +58,28 @@ class StudyFolder:
 
     def keep(self, row: Row) -> None:
         """Take an episode that has ended: it is in the journal when this returns."""
-        self.rows[row.key] = row
-        if self._journal is not None:
+        self.rows[row.key] = replace(row, track=b"")
+        if self._journal is not None and self.folder is not None:
+            if row.track:
+                (self.folder / FOLDER).mkdir(exist_ok=True)
+                _write(self.folder / FOLDER / file_of(row.key), row.track)
             self._journal.write(json.dumps(row.to_json(), ensure_ascii=False).encode() + b"\n")
             self._journal.flush()
 
-    def finish(self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any]) -> list[str]:
+    def finish(
+        self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any], open_loop: Sequence[Row] = ()
+    ) -> list[str]:
         """Write the tables of a whole study, each at once. Gives the names of all files that are there now."""
         if self.folder is None:
             return []
         _write(self.folder / "timing.json", json.dumps(timing, indent=1) + "\n")
         _write(self.folder / "episodes.csv", table_of(rows, metrics))
-        return ["episodes.csv", "study.json", "timing.json", "journal.jsonl"]
+        names = ["episodes.csv", "study.json", "timing.json", "journal.jsonl"]
+        if open_loop:
+            names_of = self.request["open_loop"]["shadows"]
+            _write(self.folder / "open_loop.csv", open_loop_table(open_loop, names_of))
+            names.append("open_loop.csv")
+        return [*names, FOLDER] if (self.folder / FOLDER).is_dir() else names
 
     def _open(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -132,6 +144,31 @@ def table_of(rows: Sequence[Row], metrics: Sequence[str]) -> str:
     return text.getvalue()
 
 
+def open_loop_table(rows: Sequence[Row], methods: Mapping[str, str]) -> str:
+    """Open-loop rows as CSV, one line a shadow, world, seed and quantity; `methods` by the instance standing for it."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([
+        "method", "role", "world", "seed", "outcome", "ticks", "unanswered", "differing_share", "first_differing_s",
+        "driving_ticks", "driving_differing_share", "quantity", "rms", "max", "driving_rms", "driving_max",
+        "trace_sha256",
+    ])  # fmt: skip
+    for row in rows:
+        for one in row.shadows:
+            told = [methods[one["instance"]], one["role"], row.key.world, row.key.seed, row.outcome, one["ticks"]]
+            told += [one["unanswered"], _number(one["differing_share"]), _number(one["first_differing_s"])]
+            drove = one["driving"] or {"ticks": "", "differing_share": None, "differences": {}}
+            told += [drove["ticks"], _number(drove["differing_share"])]
+            for name, found in (one["differences"] or {"": {}}).items():
+                sizes = [of.get(size) for of in (found, drove["differences"].get(name, {})) for size in ("rms", "max")]
+                writer.writerow([*told, name, *map(_number, sizes), row.trace_sha256])
+    return text.getvalue()
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.12g}"
+
+
 def _differences(before: Any, now: Any, place: str = "") -> list[str]:
     """Where two requests differ: place, what it was, what it is."""
     if isinstance(before, dict) and isinstance(now, dict):
@@ -153,8 +190,8 @@ def _brief(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "…"
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: str | bytes) -> None:
     """Write a file whole or not at all."""
     draft = path.with_name(f".{path.name}.part")
-    draft.write_text(text, "utf-8")
+    draft.write_bytes(content.encode() if isinstance(content, str) else content)
     os.replace(draft, path)

@@ -116,8 +116,13 @@ class Canvas:
         return self.image.resize(size, Image.Resampling.LANCZOS)
 
 
-def draw_map_update(update: MapUpdate) -> Image.Image:
-    """A map alone: its cells grey, its segments black, the origin of the map frame marked."""
+def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image:
+    """A map alone: its cells grey or black, its segments black, the origin of the map frame marked.
+
+    Args:
+        update: The map.
+        way: (n, 2) where the robot went meanwhile, m, map frame; None where it stood.
+    """
     grid = update.grid
     rows, cols = grid.cells.shape
     corners = np.array([(0, 0), (cols, 0), (cols, rows), (0, rows)], dtype=np.float64) * grid.resolution
@@ -125,9 +130,12 @@ def draw_map_update(update: MapUpdate) -> Image.Image:
     (x0, y0), (x1, y1) = outline.min(axis=0), outline.max(axis=0)
     canvas = Canvas((float(x0), float(y0), float(x1), float(y1)))
     _draw_map(canvas, update)
+    if way is not None:
+        canvas.line(way, VERMILION, 2.5)
     canvas.disc(0.0, 0.0, 0.01 * (x1 - x0), GREEN, BLACK)
     canvas.frame()
-    canvas.legend([("segments", BLACK), ("occupied cells", CELLS), ("sensor", GREEN)])
+    cells = [("segments", BLACK), ("occupied cells", CELLS)] if len(update.segments) else [("occupied cells", BLACK)]
+    canvas.legend([*cells, ("sensor", GREEN)] if way is None else [*cells, ("start", GREEN), ("driven", VERMILION)])
     return canvas.finished()
 
 

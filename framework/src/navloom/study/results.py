@@ -10,12 +10,15 @@ from typing import IO, Any
 
 from navloom.config import ConfigError
 from navloom.study.episode import Episode
+from navloom.study.shadows import shadow_table
 
 __all__ = ["ResultFolder"]
 
+WRITTEN = ("trace.bin", "result.json", "run.png", "shadows.csv")
+
 
 class ResultFolder:
-    """Keeps result.json, trace.bin, run.png and the map, each written beside its place and then moved there.
+    """Keeps result.json, trace.bin, run.png, the map and, of shadows, shadows.csv, each moved there when it is whole.
 
     Without a folder nothing is written. A run that fails leaves an existing folder as it was.
     """
@@ -48,7 +51,9 @@ class ResultFolder:
         self.trace.close()
         self._draft("result.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
         draw_run(episode).save(self._draft("run.png"), format="PNG")
-        for name in ("trace.bin", "result.json", "run.png"):
+        if episode.shadows:
+            self._draft("shadows.csv").write_bytes(shadow_table(episode.shadows).encode())
+        for name in WRITTEN[: None if episode.shadows else -1]:
             os.replace(self._draft(name), self.folder / name)
             self.names.append(name)
         if episode.recorder.map is not None:
@@ -63,7 +68,7 @@ class ResultFolder:
         if self.folder is None or self.trace is None:
             return
         self.trace.close()
-        for name in ("trace.bin", "result.json", "run.png"):
+        for name in WRITTEN:
             self._draft(name).unlink(missing_ok=True)
         if self._made and not any(self.folder.iterdir()):
             self.folder.rmdir()

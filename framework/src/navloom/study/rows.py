@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from navloom.plugins import PluginError
 from navloom.plugins.registry import nearest
-from navloom.study.episode import run_episode
+from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import Metric, all_metrics, timing
+from navloom.study.tracks import encoded
 from navloom.study.trail import Trail, lost_trail, optimal_of, trail_of
 from navloom.study.worldset import CachedDiscovery, placed
 
@@ -42,6 +43,7 @@ class Task:
         values: What the world changes, of `WorldCase`.
         here: Folder that references which are in no file start from.
         metrics: Names, in the order of the table.
+        is_open_loop: The config's alternatives run in shadow; what counts is what they say, not how it drives.
     """
 
     study: str
@@ -50,6 +52,7 @@ class Task:
     values: dict[str, Any]
     here: str
     metrics: tuple[str, ...]
+    is_open_loop: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,8 @@ class Row:
         trace_sha256: Of the trace, empty where there is none.
         timing: Wall times, µs and s: not reproducible, and not in the table.
         notes: Metrics that broke.
+        shadows: Of an open-loop episode, what each alternative in shadow came to.
+        track: File of the way driven, for `trails/`; not in the journal.
     """
 
     key: EpisodeKey
@@ -72,17 +77,22 @@ class Row:
     trace_sha256: str
     timing: dict[str, float | bool] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    shadows: tuple[dict[str, Any], ...] = ()
+    track: bytes = field(default=b"", compare=False, repr=False)
 
     def to_json(self) -> dict[str, Any]:
         """For the journal."""
-        return {**vars(self.key), **{name: value for name, value in vars(self).items() if name != "key"}}
+        told = {name: value for name, value in vars(self).items() if name not in ("key", "track")}
+        if not self.shadows:
+            del told["shadows"]
+        return {**vars(self.key), **told}
 
     @classmethod
     def from_json(cls, given: Mapping[str, Any]) -> Row:
         """From the journal. Raises KeyError or TypeError for anything else."""
         rest = {name: given[name] for name in ("outcome", "reason", "metrics", "trace_sha256", "timing")}
         key = EpisodeKey(given["method"], given["world"], given["seed"])
-        return cls(key, **rest, notes=tuple(given["notes"]))
+        return cls(key, **rest, notes=tuple(given["notes"]), shadows=tuple(given.get("shadows", ())))
 
 
 def episode_row(task: Task, progress: Progress = lambda: None) -> Row:
@@ -101,9 +111,18 @@ def episode_row(task: Task, progress: Progress = lambda: None) -> Row:
         )
         progress()
         trail = trail_of(episode)
+        row = _row(task, trail, episode.log.trace_sha256, perf_counter() - started)
+        return _with_track(row, trail, episode)
     except (Exception, SystemExit) as error:
         return lost_row(task, f"{type(error).__name__}: {error}", perf_counter() - started)
-    return _row(task, trail, episode.log.trace_sha256, perf_counter() - started)
+
+
+def _with_track(row: Row, trail: Trail, episode: Episode) -> Row:
+    """The row with what is drawn of it."""
+    goal, shadows = episode.system.goal, episode.shadows
+    place = None if goal is None else (goal.x, goal.y)
+    track = encoded(trail, place, episode.system.goal_tolerance, shadows)
+    return replace(row, shadows=tuple(one.summary() for one in shadows), track=track)
 
 
 def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
@@ -143,7 +162,7 @@ def _optimal(loaded: Any, discovery: CachedDiscovery) -> float | None:
 def _row(task: Task, trail: Trail, trace: str, spent: float) -> Row:
     found: dict[str, float | None] = {}
     notes: list[str] = []
-    for metric in _metrics(task):
+    for metric in () if task.is_open_loop else _metrics(task):
         found[metric.name] = _measured(metric, trail, notes)
     return Row(
         task.key, trail.outcome, _one_line(trail.reason), found, trace, {**timing(trail), "wall_s": spent}, tuple(notes)

@@ -130,7 +130,7 @@ def trail_of(episode: Episode) -> Trail:
         period=config.run.period,
         optimal=optimal_of(system),
         goal_distance=None if goal is None else math.hypot(goal.x - end[0], goal.y - end[1]),
-        limit=config.run.stop_after,
+        limit=system.time_limit,
         max_linear=system.robot.max_linear,
         max_deceleration=system.robot.max_deceleration,
         reaction=config.gate.stop_deadline,

@@ -1,4 +1,4 @@
-"""Small worlds to try a method in: an empty floor, a corridor, a doorway, a trap, and random posts."""
+"""Small worlds to try a method in: an empty floor, corridors, doorways, a trap, and random posts."""
 
 from __future__ import annotations
 
@@ -10,13 +10,20 @@ import numpy as np
 from navloom.geometry.world import Box, Cylinder, Place, World
 from navloom.worlds.errors import WorldError
 
-__all__ = ["clutter_world", "corridor", "doorway", "empty", "u_trap"]
+__all__ = ["clutter_world", "corridor", "crossing_person", "door_world", "doorway", "empty", "u_trap"]
 
 _UP = 0.5 * math.pi
 
 _POSTS, _POST_RADIUS, _GAP = 20, 0.1, 1.6
 _FIELD = (-6.0, 1.0, 6.0, 13.0)
 _TRIES = 5_000
+_DOORS = (0.8, 4.0)
+_ROOM = (
+    Box("left wall", (-4.2, -4.0), (-2.0, 8.0)),
+    Box("right wall", (4.0, 4.2), (-2.0, 8.0)),
+    Box("rear wall", (-4.2, 4.2), (-2.2, -2.0)),
+    Box("front wall", (-4.2, 4.2), (8.0, 8.2)),
+)
 
 
 def empty() -> World:
@@ -33,14 +40,67 @@ def corridor() -> World:
 def doorway() -> World:
     """A wall right across a room, with a door of 1.2 m that is 2 m beside the straight way."""
     walls = (
-        Box("left wall", (-4.2, -4.0), (-2.0, 8.0)),
-        Box("right wall", (4.0, 4.2), (-2.0, 8.0)),
-        Box("rear wall", (-4.2, 4.2), (-2.2, -2.0)),
-        Box("front wall", (-4.2, 4.2), (8.0, 8.2)),
+        *_ROOM,
         Box("door wall left", (-4.0, 1.4), (3.0, 3.2)),
         Box("door wall right", (2.6, 4.0), (3.0, 3.2)),
     )
     return World("doorway", walls, start=Place(0.0, 0.0, _UP), goal=Place(0.0, 6.0), bounds=(-4.2, -2.2, 4.2, 8.2))
+
+
+def crossing_person() -> World:
+    """A corridor 4 m wide and 13 m long that a person crosses to and fro at 0.4 m/s, resting 5 s at each side.
+
+    The person never gives way, but walks no faster than a robot may drive. It sets out so that who comes straight on at
+    0.4 m/s sees it cross about 2 m ahead: somebody who walks into a robot's side tells nothing about the robot.
+    """
+    walls = (Box("left wall", (-2.2, -2.0), (-2.0, 11.0)), Box("right wall", (2.0, 2.2), (-2.0, 11.0)))
+    rest, walk, side = 5.0, 7.5, 1.5
+    left, right, y = -side, side, 4.5
+    crossing = (
+        (0.0, left, y), (rest, left, y), (rest + walk, right, y), (2.0 * rest + walk, right, y),
+        (2.0 * (rest + walk), left, y),
+    )  # fmt: skip
+    person = Cylinder("person", left, y, 0.25, (0.0, 1.8), waypoints=crossing, loops=True)
+    return World(
+        "crossing_person",
+        (*walls, person),
+        start=Place(0.0, 0.0, _UP),
+        goal=Place(0.0, 9.0),
+        bounds=(-2.4, -2.0, 2.4, 11.0),
+    )
+
+
+def door_world(argument: str, base: Path) -> World:
+    """A wall right across a room that nobody has mapped, with a door 1 m beside the straight way.
+
+    The wall appears when the first sweep has ended; robots without a sweep find it there from the start. On a map it
+    would be the planner's business, and no avoider would have to find the door.
+
+    Args:
+        argument: Width of the door, m, from 0.8 to 4.
+        base: Not used: the world is made, not read.
+
+    Raises:
+        WorldError: The width is no such number.
+    """
+    try:
+        width = float(argument)
+    except ValueError:
+        width = math.nan
+    if not _DOORS[0] <= width <= _DOORS[1]:
+        raise WorldError(f"door:{argument}: expected a width from {_DOORS[0]:g} to {_DOORS[1]:g} m, as in door:2.0")
+    left, right = 1.0 - 0.5 * width, 1.0 + 0.5 * width
+    wall = (
+        Box("door wall left", (-4.0, left), (3.0, 3.2), appears_after_sweep=True),
+        Box("door wall right", (right, 4.0), (3.0, 3.2), appears_after_sweep=True),
+    )
+    return World(
+        f"door:{argument}",
+        (*_ROOM, *wall),
+        start=Place(0.0, 0.0, _UP),
+        goal=Place(0.0, 6.0),
+        bounds=(-4.2, -2.2, 4.2, 8.2),
+    )
 
 
 def u_trap() -> World:

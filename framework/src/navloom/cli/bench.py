@@ -1,0 +1,61 @@
+"""`navloom bench`: this machine's figures beside the peers installed."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any
+
+import typer
+
+__all__ = ["bench"]
+
+
+def bench(
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="NAME", help="loop, planner, rays, codec, bus or barn; repeats."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Small inputs: shows that it works, not how fast.")] = False,
+    barn: Annotated[
+        str | None, typer.Option(metavar="F.npz#N", help="A BARN world, for `barn`; without #N the file's first.")
+    ] = None,
+    irsim: Annotated[
+        str, typer.Option(metavar="PYTHON", help="Interpreter that has ir-sim; default: this one.", show_default=False)
+    ] = sys.executable,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Measure this machine and, in turns with it, the peers installed. Exit 1: an entry asked for has no figures."""
+    from navloom.cli.output import print_json
+    from navloom.study.bench import bench as measure
+
+    found = measure(only or (), quick, barn, irsim, lambda text: print(f"navloom: {text}", file=sys.stderr, flush=True))
+    if as_json:
+        print_json(found)
+    else:
+        _print(found)
+    raise typer.Exit(1 if set(found["left_out"]) - {"barn"} or (barn and "barn" in found["left_out"]) else 0)
+
+
+def _print(found: dict[str, Any]) -> None:
+    from navloom.cli.output import print_table
+
+    at = found["machine"]
+    busy = "; it is busy: trust ratios, not durations" if at["load"] > 0.5 * at["cpus"] else ""
+    typer.echo(f"{at['cpu']}, {at['cpus']} CPUs, Python {at['python']}, load {at['load']}{busy}")
+    if found["quick"]:
+        typer.echo("--quick: these figures show that it works, not how fast it is")
+    columns = ("", "ours", "theirs", "unit", "times as fast", "quartiles", "beside")
+    print_table(columns, [_entries(row) for row in found["rows"]])
+    notes: dict[str, list[str]] = {}
+    for row in found["rows"]:
+        notes.setdefault(row["note"], []).append(row["name"])
+    for note, names in notes.items():
+        typer.echo(f"{'; '.join(dict.fromkeys(names))}: {note}")
+    for name, why in found["left_out"].items():
+        typer.echo(f"left out: {name}: {why}")
+
+
+def _entries(row: dict[str, Any]) -> tuple[Any, ...]:
+    spread = None if row["low"] is None else f"{row['low']:.3g} to {row['high']:.3g}"
+    ratio = None if row["ratio"] is None else f"{row['ratio']:.3g}"
+    return row["name"], row["ours"], row["theirs"], row["unit"], ratio, spread, row["peer"]

@@ -1,0 +1,30 @@
+"""`navloom report`: the report of a study, made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["report"]
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished study: the --out of compare.")],
+    baseline: Annotated[
+        str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the names of the files as one JSON object.")] = False,
+) -> None:
+    """Make the report of a study: report.html, report.md, summary.csv and differences.csv in its folder."""
+    from navloom.cli.output import print_json
+    from navloom.study.report import FILES, PLOTS_MISSING, write_report
+
+    made = write_report(folder, baseline)
+    if as_json:
+        print_json({"out": str(folder), "files": list(FILES), "has_figures": made.has_figures})
+        return
+    if not made.has_figures:
+        typer.echo(f"navloom: {PLOTS_MISSING}", err=True)
+    typer.echo(f"written to {folder}: {', '.join(FILES)}")

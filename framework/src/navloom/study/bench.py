@@ -1,0 +1,109 @@
+"""`navloom bench`: this machine's figures beside the peers installed."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from navloom.config import ConfigError
+from navloom.plugins import PluginError
+from navloom.study.bench_pairs import Effort, PeerError, Row
+from navloom.worlds.errors import did_you_mean
+
+__all__ = ["NAMES", "bench", "machine"]
+
+Entry = Callable[[Effort, Callable[[str], None]], Iterator[Row]]
+NAMES = ("loop", "planner", "rays", "codec", "bus", "barn")
+"""Of the entries, in their order."""
+ROUNDS, QUICK_ROUNDS = 9, 2
+DISTRIBUTIONS = ("navloom", "numpy", "numba", "eclipse-zenoh", "mujoco", "networkx", "pyastar2d")
+
+
+def bench(
+    only: Sequence[str] = (),
+    quick: bool = False,
+    barn: str | None = None,
+    irsim: str = sys.executable,
+    say: Callable[[str], None] = lambda text: None,
+) -> dict[str, Any]:
+    """Measure.
+
+    Args:
+        only: Names of entries; none: all.
+        quick: Small inputs and short blocks: it shows that all works, its figures are worth little.
+        barn: `F.npz#17`, or `F.npz` for its first world; without it the entry `barn` is left out.
+        irsim: Interpreter that may have ir-sim.
+        say: Is told what is being measured.
+
+    Returns:
+        `machine`; `quick`; `rows`, each with the fields of `Row`; `left_out`, by name of an entry, why.
+
+    Raises:
+        ConfigError: An entry does not exist, or `barn` is asked for without a file; WorldError: that is no BARN file.
+    """
+    entries = _entries(only, barn, irsim)
+    effort = Effort(QUICK_ROUNDS if quick else ROUNDS, quick)
+    rows: list[dict[str, Any]] = []
+    left_out: dict[str, str] = {}
+    if "barn" not in entries and not only:
+        left_out["barn"] = "it needs a file of the BARN data set: --barn F.npz"
+    for name, entry in entries.items():
+        try:
+            for row in entry(effort, say):
+                rows.append(asdict(row))
+        except (PeerError, PluginError) as error:
+            left_out[name] = str(error)
+    return {"machine": machine(), "quick": quick, "rows": rows, "left_out": left_out}
+
+
+def _entries(only: Sequence[str], barn: str | None, irsim: str) -> dict[str, Entry]:
+    """What is to be measured, in the fixed order."""
+    for name in only:
+        if name not in NAMES:
+            raise ConfigError(f"--only {name}: there is no such entry; {did_you_mean(name, NAMES)}")
+    if "barn" in only and barn is None:
+        raise ConfigError("--only barn: it needs a file of the BARN data set, as in --barn barn_dev.npz#67")
+    from navloom.study import bench_barn, bench_bus, bench_entries
+
+    known: dict[str, Entry] = {
+        "loop": bench_entries.loop,
+        "planner": bench_entries.planner,
+        "rays": bench_entries.rays,
+        "codec": bench_entries.codec,
+        "bus": bench_bus.bus,
+    }
+    if barn is not None:
+        reference = bench_barn.reference_of(barn, Path.cwd())
+        known["barn"] = lambda effort, say: bench_barn.barn(effort, say, reference, irsim)
+    return {name: entry for name, entry in known.items() if not only or name in only}
+
+
+def machine() -> dict[str, Any]:
+    """What the figures depend on."""
+    versions = {}
+    for name in DISTRIBUTIONS:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return {
+        "cpu": _cpu(),
+        "cpus": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1),
+        "python": platform.python_version(),
+        "versions": versions,
+    }
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())

@@ -1,0 +1,214 @@
+"""Round trips between two processes of one host: what a node does, beside bare bytes over Zenoh in the same run.
+
+`python -m navloom.study.bench_bus PART FOLDER` is one of the two, `ping` or `echo`; each holds an end of both peers.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from navloom.messages import Envelope, Message
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.links import Link, peer_link, settings
+from navloom.runtime.mailbox import Mailbox
+from navloom.runtime.quality import quality_of
+from navloom.runtime.switchboard import Switchboard
+from navloom.runtime.zenoh_bus import Bus
+from navloom.study.bench_pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module
+from navloom.study.bench_samples import samples, wire_size
+
+__all__ = ["OurEnd", "RawEnd", "bus"]
+
+KEYS = KeySpace("bench", "r1")
+RAW = {"callback": "zenoh, raw bytes", "thread": "zenoh, raw bytes, answered on a thread"}
+"""Name of the robot whose keys a raw peer uses, which is how it answers; and what it is called."""
+THERE, BACK = ("platform", "there"), ("platform", "back")
+"""Role and instance of the two streams."""
+DATA = "data"
+PATIENCE = 2.0
+"""s to wait for an answer; then the trip counts as lost."""
+NOTE = "wall clock; ours makes, encodes and decodes messages on a node's thread, Zenoh passes bytes that are there"
+SWITCH = 0.0005
+"""s between switches of Python threads, as in the live runtime, for both peers."""
+
+
+def bus(effort: Effort, say: Callable[[str], None]) -> Iterator[Row]:
+    """Round trips of 64 B and 110 KB. Raises PeerError where an end does not start."""
+    with tempfile.TemporaryDirectory(prefix="nlb") as top, ExitStack() as stack:
+        ends = []
+        for part in ("echo", "ping"):
+            command = [sys.executable, "-m", "navloom.study.bench_bus", part, top]
+            ends.append(stack.enter_context(Child(f"bus {part}", command, Path(top))))
+        trips = effort.size(40, 3)
+
+        def block(peer: str, name: str) -> Block:
+            def trip() -> float:
+                spent = sorted(trip_ns for trip_ns in ends[1].ask([peer, name, trips]) if trip_ns is not None)
+                if not spent:
+                    raise PeerError(f"bus: every one of {trips} trips of {peer} was lost")
+                return float(spent[len(spent) // 2]) * 1e-9
+
+            return trip
+
+        for name in samples():
+            say(f"bus: {name}")
+            for how, called in RAW.items():
+                theirs = Peer(called, block(how, name))
+                yield paired(f"bus round trip {name}", "µs", block("ours", name), theirs, effort.rounds, NOTE)
+
+
+class OurEnd:
+    """One node's streams as the live runtime makes them: an outlet, an inlet and a mailbox.
+
+    Args:
+        bus: The session.
+        gives, takes: Role and instance of the streams it publishes and hears.
+    """
+
+    def __init__(self, bus: Bus, gives: tuple[str, str], takes: tuple[str, str]) -> None:
+        board = Switchboard(bus, KEYS, lossless=False)
+        self._mailbox = Mailbox()
+        self._outlet = board.outlet(gives, DATA)
+        self._inlet = board.inlet(takes, DATA, self._mailbox, 4)
+        self._seen = 0
+        board.connect()
+
+    def give(self, message: Message) -> None:
+        """Publish."""
+        self._outlet.publish(message, 1, 0, 0, 0)
+
+    def take(self, timeout: float) -> list[tuple[Message, Envelope]]:
+        """What comes in within s, decoded."""
+        self._seen = self._mailbox.wait(self._seen, timeout)
+        return list(self._inlet.take())
+
+    def trip(self, message: Message) -> int | None:
+        """ns until another of its type is back; None where none came."""
+        self.take(0.0)  # an answer that came too late
+        began = time.perf_counter_ns()
+        self.give(message)
+        back = self.take(PATIENCE)
+        spent = time.perf_counter_ns() - began
+        return spent if back and type(back[-1][0]) is type(message) else None
+
+
+class RawEnd:
+    """Zenoh as its own documentation has it: bytes out, with the quality ours have, and a callback that copies them in.
+
+    Args:
+        link: How to join.
+        gives, takes: Role and instance of the streams.
+        answers: Whoever sends is answered: "no", in the "callback", or on a "thread" of its own, as a node must.
+    """
+
+    def __init__(self, link: Link, gives: tuple[str, str], takes: tuple[str, str], answers: str) -> None:
+        zenoh = peer_module("zenoh", "eclipse-zenoh")
+        keys = KeySpace(link.realm, link.robot)
+        self._waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._answer)
+        self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings(link))))
+        self._publishers = {
+            size: self._session.declare_publisher(
+                keys.port(*gives, DATA),
+                congestion_control=getattr(zenoh.CongestionControl, quality_of(kind).congestion.upper()),
+                priority=getattr(zenoh.Priority, quality_of(kind).priority.upper()),
+            )
+            for size, kind in ((wire_size(message), type(message)) for message in samples().values())
+        }
+        take = self._put if answers == "callback" else self._waiting.put
+        handler = zenoh.handlers.Callback(lambda sample: take(sample.payload.to_bytes()), indirect=False)
+        self._held = self._session.declare_subscriber(keys.port(*takes, DATA), handler)
+        if answers == "thread":
+            self._thread.start()
+
+    def trip(self, data: bytes) -> int | None:
+        """ns until as many bytes are back; None where none came."""
+        while not self._waiting.empty():
+            self._waiting.get()
+        began = time.perf_counter_ns()
+        self._put(data)
+        try:
+            got = self._waiting.get(timeout=PATIENCE)
+        except queue.Empty:
+            return None
+        spent = time.perf_counter_ns() - began
+        return spent if len(got) == len(data) else None
+
+    def close(self) -> None:
+        """Leave the network: an open session hangs the process at its end."""
+        if self._thread.is_alive():
+            self._waiting.put(b"")
+            self._thread.join()
+        self._session.close()
+
+    def _answer(self) -> None:
+        while data := self._waiting.get():
+            self._put(data)
+
+    def _put(self, data: bytes) -> None:
+        self._publishers[len(data)].put(data)
+
+
+def serve(part: str, folder: str) -> None:
+    """One end of both peers, until standard input ends."""
+    sys.setswitchinterval(SWITCH)
+    gives, takes = (BACK, THERE) if part == "echo" else (THERE, BACK)
+    with ExitStack() as stack:
+        ours = OurEnd(stack.enter_context(Bus(_link(folder, part, "r1"))), gives, takes)
+        raw = {}
+        for how in RAW:
+            raw[how] = RawEnd(_link(folder, part, how), gives, takes, how if part == "echo" else "no")
+            stack.callback(raw[how].close)
+        if part == "echo":
+            _answer_until_the_end(ours)
+        else:
+            _make_trips(ours, raw)
+
+
+def _link(folder: str, part: str, robot: str) -> Link:
+    """As `up` links two processes of one host."""
+    sockets = {name: f"unixsock-stream/{folder}/{name}-{robot}" for name in ("echo", "ping")}
+    return peer_link(sockets[part], sockets.values(), KEYS.realm, robot)
+
+
+def _answer_until_the_end(ours: OurEnd) -> None:
+    """Answer each message with another of its type and size, on a thread of its own, as a node does."""
+    answers = {type(message): message for message in samples().values()}
+    ending = threading.Event()
+
+    def work() -> None:
+        while not ending.is_set():
+            for message, _ in ours.take(0.1):
+                ours.give(answers[type(message)])
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    print('"ready"', flush=True)
+    sys.stdin.read()
+    ending.set()
+    thread.join()
+
+
+def _make_trips(ours: OurEnd, raw: dict[str, RawEnd]) -> None:
+    messages = samples()
+    sizes = {name: wire_size(message) for name, message in messages.items()}
+    print('"ready"', flush=True)
+    for line in sys.stdin:
+        peer, name, count = json.loads(line)
+        found: list[Any] = []
+        for _ in range(count):
+            found.append(ours.trip(messages[name]) if peer == "ours" else raw[peer].trip(bytes(sizes[name])))
+        print(json.dumps(found), flush=True)
+
+
+if __name__ == "__main__":
+    serve(*sys.argv[1:])

@@ -1,0 +1,171 @@
+"""One self-contained HTML page: no script, no file beside it, good on a screen and on A4."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+__all__ = ["Section", "code", "figure", "heading", "listing", "page", "paragraph", "picture", "table"]
+
+STYLE = """
+:root { --ink: #1a1a1a; --soft: #5c5c5c; --line: #d4d4d4; --wash: #f4f6f8; --mark: #0072b2; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; padding: 2rem 1.25rem 4rem; max-width: 62rem; color: var(--ink); background: #fff;
+  font: 15px/1.5 "DejaVu Sans", "Segoe UI", "Helvetica Neue", Arial, sans-serif; }
+h1 { font-size: 1.6rem; line-height: 1.25; margin: 0 0 .4rem; }
+h2 { font-size: 1.2rem; margin: 2.4rem 0 .6rem; padding-top: .6rem; border-top: 2px solid var(--ink); }
+h3 { font-size: 1rem; margin: 1.4rem 0 .4rem; }
+p, ul, ol { margin: .5rem 0; }
+nav ul { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; font-size: .9rem; }
+a { color: var(--mark); }
+code { font: .86em/1.45 "DejaVu Sans Mono", Menlo, Consolas, monospace; overflow-wrap: anywhere; }
+pre { background: var(--wash); border-left: 3px solid var(--mark); padding: .5rem .75rem; margin: .4rem 0;
+  white-space: pre-wrap; overflow-wrap: anywhere; }
+.scroll { overflow-x: auto; margin: .7rem 0 1.1rem; }
+table { border-collapse: collapse; font-size: .82rem; line-height: 1.35; font-variant-numeric: tabular-nums; }
+caption { text-align: left; color: var(--soft); padding: 0 0 .35rem; font-size: .95em; }
+th, td { padding: .25rem .55rem; text-align: right; vertical-align: top; border-bottom: 1px solid var(--line); }
+th { border-bottom: 1.5px solid var(--ink); font-weight: 600; white-space: pre-line; }
+tbody th { border-bottom: 1px solid var(--line); font-weight: 400; }
+th.text, td.text, tbody th { text-align: left; }
+td { white-space: nowrap; }
+td.text { white-space: normal; overflow-wrap: break-word; }
+.detail { display: block; color: var(--soft); font-size: .88em; white-space: nowrap; }
+tr.marked { background: #fff6e0; }
+figure { margin: 1rem 0 1.4rem; }
+figure svg, figure img { max-width: 100%; height: auto; display: block; }
+figcaption { color: var(--soft); font-size: .86rem; margin-top: .35rem; max-width: 50rem; }
+.note { background: #fff6e0; border-left: 3px solid #e69f00; padding: .5rem .75rem; margin: .8rem 0; }
+@page { size: A4; margin: 14mm 13mm; }
+@media print {
+  body { font-size: 9.5pt; max-width: none; padding: 0; }
+  .scroll { overflow: visible; }
+  table { font-size: 7.4pt; }
+  th, td { padding: 2px 4px; }
+  h2 { break-after: avoid; } h3 { break-after: avoid; }
+  figure, tr, pre, .note, .whole { break-inside: avoid; }
+  h3 + p, h3 + .scroll, tbody tr:nth-child(-n+2) { break-before: avoid; }
+  thead { display: table-header-group; }
+  a { color: inherit; text-decoration: none; }
+  nav { display: none; }
+}
+"""
+SHORT = 14
+"""Rows up to which a table is not cut in print; longer ones have their heads on each page."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page.
+
+    Attributes:
+        title: Its heading; also its anchor.
+        body: HTML, as the functions of this module give it.
+    """
+
+    title: str
+    body: str
+
+
+def page(title: str, sections: Sequence[Section], lead: str = "") -> str:
+    """The page.
+
+    Args:
+        title: As text.
+        sections: In order; a list of them stands at the top, on screens only.
+        lead: HTML above the first section.
+    """
+    anchors = [f"s{number}" for number in range(1, len(sections) + 1)]
+    links = "".join(
+        f'<li><a href="#{anchor}">{escape(section.title)}</a></li>'
+        for anchor, section in zip(anchors, sections, strict=True)
+    )
+    parts = "".join(
+        f'<section>\n<h2 id="{anchor}">{escape(section.title)}</h2>\n{section.body}\n</section>\n'
+        for anchor, section in zip(anchors, sections, strict=True)
+    )
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<h1>{escape(title)}</h1>\n{lead}\n<nav><ul>{links}</ul></nav>\n{parts}</body>\n</html>\n"
+    )
+
+
+def heading(text: str) -> str:
+    """A heading within a section."""
+    return f"<h3>{escape(text)}</h3>\n"
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """Text as a paragraph; kind "note" makes it stand out."""
+    return f'<p class="{kind}">{escape(text)}</p>\n' if kind else f"<p>{escape(text)}</p>\n"
+
+
+def code(text: str) -> str:
+    """A command or a listing, wrapped where it is wide."""
+    return f"<pre><code>{escape(text)}</code></pre>\n"
+
+
+def listing(entries: Sequence[str]) -> str:
+    """Texts as a list of points."""
+    return "<ul>\n" + "".join(f"<li>{escape(entry)}</li>\n" for entry in entries) + "</ul>\n"
+
+
+def table(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    caption: str = "",
+    text: Sequence[int] = (0,),
+    marked: Sequence[int] = (),
+    code: Sequence[int] = (),
+) -> str:
+    """A table.
+
+    Args:
+        columns: Heads; line breaks in them are kept.
+        rows: As many cells each. A cell's lines after the first are shown small below it.
+        caption: Above it.
+        text: Columns aligned left, of texts; all others hold numbers.
+        marked: Rows that stand out.
+        code: Columns of what is typed.
+    """
+    heads = "".join(f'<th scope="col"{_kind(k in text)}>{escape(name)}</th>' for k, name in enumerate(columns))
+    body = "".join(
+        ('<tr class="marked">' if number in marked else "<tr>")
+        + "".join(f"<td{_kind(k in text)}>{_cell(cell, k in code)}</td>" for k, cell in enumerate(row))
+        + "</tr>\n"
+        for number, row in enumerate(rows)
+    )
+    above = f"<caption>{escape(caption)}</caption>\n" if caption else ""
+    kind = "scroll whole" if len(rows) <= SHORT else "scroll"
+    return (
+        f'<div class="{kind}"><table>\n{above}<thead><tr>{heads}</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n'
+    )
+
+
+def _kind(is_text: bool) -> str:
+    return ' class="text"' if is_text else ""
+
+
+def _cell(text: str, is_code: bool) -> str:
+    first, *more = text.split("\n")
+    told = f"<code>{escape(first)}</code>" if is_code else escape(first)
+    return told + "".join(f'<span class="detail">{escape(line)}</span>' for line in more)
+
+
+def figure(svg: str, caption: str) -> str:
+    """A drawing, of `plotting.svg_of`, with its caption below."""
+    told = escape(caption)
+    return f'<figure role="img" aria-label="{told}">\n{svg}\n<figcaption>{told}</figcaption></figure>\n'
+
+
+def picture(png: bytes, caption: str, width_mm: float) -> str:
+    """A PNG file with its caption below, `width_mm` wide, or as wide as there is room."""
+    held = base64.b64encode(png).decode("ascii")
+    return (
+        f'<figure><img src="data:image/png;base64,{held}" alt="{escape(caption)}" style="width:{width_mm:g}mm">\n'
+        f"<figcaption>{escape(caption)}</figcaption></figure>\n"
+    )

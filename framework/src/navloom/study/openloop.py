@@ -1,0 +1,81 @@
+"""Methods on the same inputs: the baseline drives, and the others that differ in one role run beside it in shadow."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from navloom.config import ConfigError, Loaded
+from navloom.config.schema import ROLE_TABLES, Config
+from navloom.study.methods import Method
+
+__all__ = ["METHOD", "OpenLoop", "open_loop_of"]
+
+METHOD = "(open loop)"
+"""Stands for a method in the keys of open-loop episodes: no method can be named so."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """What is driven and what runs beside it.
+
+    Attributes:
+        baseline: Name of the method that drives.
+        shadows: Method by name of the instance that stands for it.
+        left_out: By method, why it cannot run beside the baseline.
+        loaded: The config.
+    """
+
+    baseline: str
+    shadows: dict[str, str]
+    left_out: dict[str, str]
+    loaded: Loaded
+
+    def request(self) -> dict[str, Any]:
+        """For `study.json`."""
+        return {"baseline": self.baseline, "shadows": self.shadows, "left_out": self.left_out}
+
+
+def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
+    """The baseline's config with the others in shadow.
+
+    Raises:
+        ConfigError: No method differs from the baseline in one role only.
+    """
+    base = next(method for method in methods if method.name == baseline)
+    tree = base.loaded.config.model_dump(mode="json", exclude_unset=True)
+    tables, shadows, left_out = list(tree.get("alternative", [])), {}, {}
+    taken = {(table["role"], table.get("name") or table["plugin"]) for table in tables}
+    for number, method in enumerate(methods):
+        if method is base:
+            continue
+        differs = _differing(base.loaded.config, method.loaded.config)
+        role = differs[0]
+        if len(differs) > 1 or role not in ROLE_TABLES or role == "platform":
+            left_out[method.name] = (
+                f"differs in {', '.join(differs)}: only one role other than platform can be shadowed"
+            )
+            continue
+        name = method.name if re.fullmatch(r"[A-Za-z0-9_-]+", method.name) else f"method_{number}"
+        if (role, name) in taken or name in shadows or name == tree[role].get("name", tree[role].get("plugin")):
+            name = f"shadow_{number}"
+        table = method.loaded.config.role_table(role).model_dump(mode="json", exclude_unset=True)
+        tables.append({**table, "role": role, "name": name, "shadow": True})
+        shadows[name] = method.name
+    if not shadows:
+        why = "; ".join(f"{name} {reason}" for name, reason in left_out.items()) or "there is one method only"
+        raise ConfigError(
+            f"--open-loop: nothing can run beside {baseline}: {why}; vary one role, as in avoider=vff,vfh"
+        )
+    config = Config.model_validate({**tree, "alternative": tables})
+    return OpenLoop(baseline, shadows, left_out, replace(base.loaded, config=config))
+
+
+def _differing(ours: Config, theirs: Config) -> list[str]:
+    """Tables in which two methods differ, alternatives aside."""
+    mine, other = ours.model_dump(mode="json"), theirs.model_dump(mode="json")
+    return [place for place in mine if place not in ("alternative", "live") and mine[place] != other[place]] or [
+        "nothing"
+    ]

@@ -1,0 +1,181 @@
+"""The reproduction of Hoang et al. 2013 as one page: numbers, figures, errata, and how it was made."""
+
+from __future__ import annotations
+
+import platform
+import re
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from navloom.study import html
+from navloom.study.paper_cloud import hits_by_box
+from navloom.study.paper_errata import Errata, Variant, length_of
+from navloom.study.paper_law import BAND
+from navloom.study.paper_numbers import Number
+from navloom.study.paper_plates import Plate, Reproduction
+
+__all__ = ["page_of"]
+
+PAPER = (
+    "T. T. Hoang, D. T. Hiep, P. M. Duong, N. T. T. Van, B. G. Duong, T. Q. Vinh: Proposal of Algorithms for "
+    "Navigation and Obstacles Avoidance of Autonomous Mobile Robot. ICIEA 2013, arXiv 1611.09436."
+)
+
+
+SECTIONS = (
+    ("Figures 6 and 7: what the laser sees", ("figure-06", "figure-07")),
+    ("Figures 8 and 9: map and plan", ("figure-08", "figure-09")),
+    ("Figure 10: tracking", ("figure-10",)),
+    ("Figure 11: the unexpected obstacle", ("figure-11a", "figure-11b")),
+)
+EXPECTED = {"girder A": 230, "girder B": 177, "floor": 772, "no return": 1801}
+"""Rays of the sweep without noise by what they meet, of the study beforehand."""
+
+
+def page_of(made: Reproduction, drawings: Sequence[tuple[Plate, str]]) -> str:
+    """The page.
+
+    Args:
+        made: What was run.
+        drawings: Each figure with its SVG.
+    """
+    figures = {plate.stem: html.figure(_fitting(svg), f"{plate.title} {plate.caption}") for plate, svg in drawings}
+    sections = [html.Section("The numbers", _numbers(made.numbers))]
+    for title, stems in SECTIONS:
+        parts = [figures[stem] for stem in stems if stem in figures]
+        sections.append(html.Section(title, _beside(parts)))
+    sections += _errata_sections(made, figures)
+    sections.append(html.Section("How this was made", _provenance(made)))
+    return html.page("The experiment of Hoang et al. 2013, reproduced", sections, _lead(made))
+
+
+def _fitting(svg: str) -> str:
+    """A drawing as wide as the place it stands in."""
+    return re.sub(r'(<svg[^>]*?) width="[^"]*" height="[^"]*"', r'\1 width="100%"', svg, count=1)
+
+
+def _beside(parts: Sequence[str]) -> str:
+    """Parts of about a column's width next to each other, where there is room."""
+    cells = "".join(f'<div style="flex:1 1 86mm;max-width:120mm">{part}</div>' for part in parts)
+    return f'<div style="display:flex;flex-wrap:wrap;gap:0 1.2rem;align-items:flex-start">{cells}</div>\n'
+
+
+def _lead(made: Reproduction) -> str:
+    run, free = made.run.episode.summary(), made.free.episode.summary()
+    return html.paragraph(PAPER) + html.listing(
+        [
+            f"The plan: {length_of(made.run)}. The paper's robot took gate B.",
+            f"Without an obstacle the robot {_end(free)}, cross-track error {_cm(free['cross_track_rms_m'])} cm rms.",
+            f"With the unexpected obstacle O it {_end(run)}, with {run['collisions']} contacts and "
+            f"{run['min_clearance_m']:.2f} m of clearance.",
+            "The paper's text survives, its figures do not: where it gives no number the table says so, and the sizes "
+            "of the room and the place of O are ours.",
+        ]
+    )
+
+
+def _cm(metres: float) -> str:
+    return f"{100.0 * metres:.1f}"
+
+
+def _end(summary: dict[str, Any]) -> str:
+    if summary["outcome"] == "succeeded":
+        return f"arrives at D after {summary['sim_time_s']:.1f} s"
+    return f"does not arrive: {summary['outcome']}, {summary['reason']}"
+
+
+def _numbers(numbers: Sequence[Number]) -> str:
+    rows = [(n.what, n.paper, n.ours, n.section, n.note) for n in numbers]
+    return html.table(("value", "paper", "ours", "section", "note"), rows, text=range(5))
+
+
+def _errata_sections(made: Reproduction, figures: dict[str, str]) -> list[html.Section]:
+    errata = made.errata
+    return [
+        html.Section(
+            "What the errata change: order of the filters, and geometry",
+            _beside([figures["errata-order"], figures["errata-geometry"]]) + _pixel_table(errata),
+        ),
+        html.Section("What the errata change: the grid", _beside([figures["errata-grid"], _grid_table(errata)])),
+        html.Section(
+            "What the errata change: gain k3",
+            _beside([figures["errata-gain"], _law_table(errata) + _gain_table(errata.gains)]),
+        ),
+        html.Section("Checked against a study made beforehand", _beside([_way_table(errata), _hit_table(errata)])),
+    ]
+
+
+def _pixel_table(errata: Errata) -> str:
+    rows = []
+    groups = (("order", errata.orders), ("Fig. 7", (errata.union,)), ("pitched laser", errata.geometries))
+    for what, variants in groups:
+        for variant in variants:
+            assert variant.drive.map is not None
+            counts = {count.name: count.value for count in variant.drive.map.counts}
+            numbers = (f"{counts[name]:,}" for name in ("kept", "floor", "too_high", "below_floor"))
+            rows.append((f"{what}: {variant.name}", *numbers, length_of(variant.drive)))
+    return html.table(
+        ("reading", "kept", "floor", "too high", "below the floor", "plan"),
+        rows,
+        "Pixels of the sweep without noise by what the mapper made of them, and the plan",
+        text=(0, 5),
+    )
+
+
+def _grid_table(errata: Errata) -> str:
+    rows = [(variant.name, length_of(variant.drive)) for variant in errata.grids]
+    return html.table(("cells, rule, growth", "plan"), rows, "Plans on the map without noise", text=(0, 1))
+
+
+def _law_table(errata: Errata) -> str:
+    rows = [(found.law.name, _seconds(found.settled), _seconds(found.law.stated)) for found in errata.laws]
+    caption = f"Last time at which the position error was {_cm(BAND)} cm or more; expected by a study made beforehand"
+    return html.table(("law", "ours, s", "expected, s"), rows, caption)
+
+
+def _seconds(value: float | None) -> str:
+    return "more than 60" if value is None or value > 60.0 else f"{value:.1f}"
+
+
+def _gain_table(gains: Sequence[Variant]) -> str:
+    rows = []
+    for variant in gains:
+        found = variant.drive.episode.summary()
+        errors = _cm(found["cross_track_rms_m"]), _cm(found["cross_track_max_m"])
+        rows.append((variant.name, *errors, f"{found['sim_time_s']:.1f}", found["outcome"]))
+    return html.table(
+        ("k3, 1/s", "rms, cm", "most, cm", "time, s", "outcome"),
+        rows,
+        "Cross-track error of the drive of Fig. 10 by k3. It begins with an error of heading, which a larger k3 "
+        "removes sooner, before it becomes one to the side",
+        text=(4,),
+    )
+
+
+def _way_table(errata: Errata) -> str:
+    variants = (*errata.ways, errata.orders[1])
+    rows = [(variant.name, variant.stated, length_of(variant.drive)) for variant in variants]
+    caption = "Plans on the map without noise, before pruning"
+    return html.table(("room", "expected", "ours"), rows, caption, text=(0, 1, 2))
+
+
+def _hit_table(errata: Errata) -> str:
+    hits = hits_by_box(errata.quiet, errata.ways[0].drive.world)
+    rows = [(name, f"{expected:,}", f"{hits[name]:,}") for name, expected in EXPECTED.items()]
+    return html.table(("what a ray meets", "expected", "ours"), rows, "Of 9,494 rays of the sweep without noise")
+
+
+def _provenance(made: Reproduction) -> str:
+    summary = made.run.episode.summary()
+    entries = [
+        f"Config paper, seed {summary['seed']}, SHA-256 {summary['config_sha256']}",
+        f"Trace of the run with O, SHA-256 {summary['trace_sha256']}",
+        f"navloom {version('navloom')}, numpy {np.__version__}, matplotlib {version('matplotlib')}, "
+        f"Python {platform.python_version()}",
+        "Nothing here depends on the wall clock: the same command on one type of CPU and with one set of versions "
+        "gives the same bytes.",
+    ]
+    return html.listing(entries) + html.code(f"navloom paper --seed {summary['seed']}")

@@ -1,0 +1,189 @@
+"""What alternatives that run in shadow would have said, compared tick by tick with the instance in charge."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.dataflow.differences import differences, is_differing
+from navloom.messages import Envelope, HandOver, Message, StepRecord
+
+if TYPE_CHECKING:
+    from navloom.runtime.build import System
+
+__all__ = ["COMPARED", "Disagreement", "ShadowWatch", "shadow_table"]
+
+COMPARED: dict[str, tuple[str, ...]] = {
+    "localizer": ("pose",),
+    "mapper": ("map",),
+    "planner": ("path", "failure"),
+    "controller": ("command",),
+    "avoider": ("command",),
+    "recovery": ("command",),
+}
+"""By role, the ports that are its answer."""
+
+
+@dataclass(eq=False)
+class Disagreement:
+    """One instance in shadow against whoever was in charge.
+
+    Attributes:
+        role, instance: Which.
+        against: Instances in charge, in the order they were.
+        times: s, run clock, of each tick compared, by when the answers were made.
+        ticks: Their numbers.
+        values: By name, the difference of each tick (`dataflow.differences`); NaN where it is not defined.
+        differing: Of each tick, whether any difference is beyond its tolerance.
+        driving: Of each tick of an avoider, whether the avoider in charge drove.
+        unanswered: Ticks in which only one of the two gave an answer.
+    """
+
+    role: str
+    instance: str
+    against: list[str] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    ticks: list[int] = field(default_factory=list)
+    values: dict[str, list[float]] = field(default_factory=dict)
+    differing: list[bool] = field(default_factory=list)
+    driving: list[bool] = field(default_factory=list)
+    unanswered: int = 0
+
+    def add(self, tick: int, time: float, against: str, found: Mapping[str, float], driving: bool = False) -> None:
+        """One tick more."""
+        if against not in self.against:
+            self.against.append(against)
+        before = len(self.ticks)
+        self.ticks.append(tick)
+        self.times.append(time)
+        self.differing.append(is_differing(dict(found)))
+        self.driving.append(driving)
+        for name in [*self.values, *(name for name in found if name not in self.values)]:
+            self.values.setdefault(name, [math.nan] * before).append(found.get(name, math.nan))
+
+    def summary(self) -> dict[str, Any]:
+        """For `run --json`: ticks compared, the share that differ, and the RMS and greatest of each difference.
+
+        `driving` says the same of the ticks in which the avoider in charge drove; None for other roles.
+        """
+        drove = np.array(self.driving, dtype=np.bool_)
+        first = self.differing.index(True) if True in self.differing else None
+        return {
+            "role": self.role,
+            "instance": self.instance,
+            "against": list(self.against),
+            "ticks": len(self.ticks),
+            "unanswered": self.unanswered,
+            "differing_share": _share(np.array(self.differing, dtype=np.bool_)),
+            "first_differing_tick": None if first is None else self.ticks[first],
+            "first_differing_s": None if first is None else self.times[first],
+            "differences": self._sizes(np.ones_like(drove)),
+            "driving": None if self.role != "avoider" else {
+                "ticks": int(drove.sum()),
+                "differing_share": _share(np.array(self.differing, dtype=np.bool_)[drove]),
+                "differences": self._sizes(drove),
+            },
+        }  # fmt: skip
+
+    def _sizes(self, these: NDArray[np.bool_]) -> dict[str, dict[str, float]]:
+        """RMS and greatest of each difference over some ticks."""
+        found = {}
+        for name, values in self.values.items():
+            known = np.abs(np.array(values, dtype=np.float64))[these]
+            known = known[~np.isnan(known)]
+            if known.size:
+                found[name] = {"rms": math.sqrt(float((known**2).mean())), "max": float(known.max())}
+        return found
+
+
+def _share(flags: NDArray[np.bool_]) -> float | None:
+    return float(flags.mean()) if flags.size else None
+
+
+class ShadowWatch:
+    """An observer that compares answers made in the same tick, whenever each of them is published.
+
+    Args:
+        shadows: By role, the instances that run beside the one in charge.
+        horizon: Ticks after which an answer that has not come will not come: the longest `latency`.
+    """
+
+    wants_steps = False
+
+    def __init__(self, shadows: Mapping[str, tuple[str, ...]], horizon: int = 0) -> None:
+        self.wants: frozenset[tuple[str, str]] | None = frozenset(
+            (role, port)
+            for role in shadows
+            for port in (*COMPARED[role], *(("handover",) if role == "avoider" else ()))
+        )
+        self.horizon = horizon
+        self.found = {(role, name): Disagreement(role, name) for role, names in shadows.items() for name in names}
+        self._open: dict[str, dict[int, dict[str, tuple[bool, Message, Envelope]]]] = {role: {} for role in shadows}
+        self._driving: dict[int, bool] = {}
+
+    @classmethod
+    def of(cls, system: System) -> ShadowWatch | None:
+        """The watch over a system's alternatives in shadow; None where there are none."""
+        period = system.config.run.period
+        shadows: dict[str, tuple[str, ...]] = {}
+        for table in system.config.alternative:
+            if table.shadow and table.role in COMPARED:
+                shadows[table.role] = (*shadows.get(table.role, ()), table.instance)
+        delays = [part.table.latency for part in system.parts.values()]
+        return cls(shadows, math.ceil(round(max(delays, default=0.0) / period, 6))) if shadows else None
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        """An answer: keep it until all others of its tick are there, or can no longer come."""
+        if isinstance(message, HandOver):
+            if active:
+                self._driving[at.tick] = message.engaged
+            return
+        open_ticks = self._open[role]
+        for tick in [tick for tick in open_ticks if tick < at.tick - self.horizon]:
+            self._close(role, tick)
+        open_ticks.setdefault(at.tick, {})[instance] = (active, message, at)
+
+    def on_step(self, record: StepRecord) -> None:
+        """Not asked for."""
+
+    def finish(self) -> list[Disagreement]:
+        """Compare what is left, and give what was found, by role and instance in the order of the config."""
+        for role, open_ticks in self._open.items():
+            for tick in sorted(open_ticks):
+                self._close(role, tick)
+        return list(self.found.values())
+
+    def _close(self, role: str, tick: int) -> None:
+        answers = self._open[role].pop(tick)
+        drove = self._driving.pop(tick, False) if role == "avoider" else False
+        ours = next(((name, *answer[1:]) for name, answer in answers.items() if answer[0]), None)
+        names = [name for name, answer in answers.items() if not answer[0]]
+        # An instance that was swapped out goes on in shadow, one that was swapped in is no shadow any more.
+        for name in [*names, *(n for r, n in self.found if r == role and n not in answers)]:
+            seen = self.found.setdefault((role, name), Disagreement(role, name))
+            if ours is None or name not in answers:
+                seen.unanswered += 1
+                continue
+            against, message, at = ours
+            found = differences(role, message, answers[name][1])
+            seen.add(tick, at.stamp_ns * 1e-9, against, found, drove)
+
+
+def shadow_table(found: list[Disagreement]) -> str:
+    """Every difference of every tick as CSV, one a line: numbers to 9 digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["time_s", "tick", "role", "instance", "quantity", "difference", "differs"])
+    for one in found:
+        for name, values in one.values.items():
+            for time, tick, value, differs in zip(one.times, one.ticks, values, one.differing, strict=True):
+                if not math.isnan(value):
+                    writer.writerow([f"{time:.9g}", tick, one.role, one.instance, name, f"{value:.9g}", int(differs)])
+    return text.getvalue()

@@ -1,0 +1,424 @@
+"""`navloom paper`: what it finds, held against other ways to compute it, and that it is the same each time."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from navloom.cli import main, paper
+from navloom.messages import Path as Plan
+from navloom.study import paper as study
+from navloom.study.paper_cloud import CLASSES, hits_by_box, on_box
+from navloom.study.paper_errata import grown, length_of, off_the_walls
+from navloom.study.paper_figures import cells_of
+from navloom.study.paper_law import LAWS
+from navloom.study.paper_numbers import Number
+from navloom.study.paper_plates import Reproduction, plates_of
+from navloom.study.paper_report import page_of
+from navloom.study.paper_runs import Drive, box, crossing, gates_of
+from navloom.worlds.paper import paper_gates
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(scope="module")
+def made() -> Reproduction:
+    """Everything that the command runs, once."""
+    return study.reproduce()
+
+
+@pytest.fixture(scope="module")
+def files(made: Reproduction) -> dict[str, bytes]:
+    """Everything that it writes."""
+    return study.files_of(made)
+
+
+def row(made: Reproduction, what: str) -> Number:
+    return next(number for number in made.numbers if number.what == what)
+
+
+# --- numbers ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("what", "ours"),
+    [
+        ("frames of a sweep", "94"),
+        ("pitch, °", "-5.00 to 19.74"),  # -5 + 93 * 0.266
+        ("pixels of the 3D image", "9,494"),
+        ("nearest floor that is seen, m", "4.589 slant, 4.572 level"),  # 0.4 / sin 5°, 0.4 / tan 5°
+        ("pixels pressed for Fig. 7", "7,693"),  # 9494 - 1801
+        ("gate taken", "B"),
+        ("length of the plan, m", "10.29"),
+        ("way through corridor C, m", "15.66"),
+        ("most ω, °/s", "25.0"),
+    ],
+)
+def test_a_number_of_the_table(made: Reproduction, what: str, ours: str) -> None:
+    assert row(made, what).ours == ours
+
+
+def test_every_row_names_a_section_and_says_so_where_the_paper_has_no_number(made: Reproduction) -> None:
+    sections = re.compile(r"I|II\.[AB]|III\.[ABC]|IV\.[ABCD]")
+    assert [number for number in made.numbers if not sections.fullmatch(number.section)] == []
+    silent = {number.what for number in made.numbers if number.paper == "not stated"}
+    assert {"length of the plan, m", "k1, k3, 1/s", "obstacle O, m"} <= silent
+    assert not silent & {"cell, cm", "gate taken", "frames of a sweep"}
+
+
+def test_errors_in_the_table_are_those_of_the_run(made: Reproduction) -> None:
+    off = 100.0 * np.abs(made.free.errors[:, 2])
+    shown = row(made, "cross-track error, cm").ours
+    rms, most = (float(value) for value in re.findall(r"[\d.]+", shown)[:2])
+    # e2 is the distance to the re-projected reference across the robot, not the path: it differs by cos e3.
+    assert most == pytest.approx(off.max(), abs=0.5) and 0.0 < rms < most
+
+
+# --- the 3D image and the map ----------------------------------------------------------------------------------------
+
+
+def test_pixels_are_classed_as_the_mapper_counts_them(made: Reproduction) -> None:
+    assert made.run.map is not None
+    mapper = {count.name: count.value for count in made.run.map.counts}
+    ours = made.cloud.counts
+    names = {"no_return": "no return", "too_high": "overhead", "not_minimum": "behind", "kept": "kept"}
+    assert {name: mapper[name] for name in names} == {name: ours[theirs] for name, theirs in names.items()}
+    assert mapper["floor"] + mapper["below_floor"] == ours["floor"]
+    assert sum(ours.values()) == 94 * 101 and len(ours) == len(CLASSES)
+
+
+def test_what_the_rays_meet_is_what_the_study_beforehand_found(made: Reproduction) -> None:
+    hits = hits_by_box(made.errata.quiet, paper_gates())
+    assert {name: hits[name] for name in ("girder A", "girder B", "floor", "no return")} == {
+        "girder A": 230,
+        "girder B": 177,
+        "floor": 772,
+        "no return": 1801,
+    }
+    assert sum(hits.values()) == 9494
+
+
+def test_eq_1_overstates_heights_by_one_over_sin_beta(made: Reproduction) -> None:
+    true, read = made.errata.clouds
+    girder = on_box(true, box(paper_gates(), "girder B"))
+    sine = np.broadcast_to(np.cos(made.errata.geometries[0].drive.sweep.bearings), girder.shape)[girder]
+    above = true.points[girder][:, 2] - 0.4
+    assert read.points[girder][:, 2] - 0.4 == pytest.approx(above / sine, abs=1e-12)
+    assert 0.8 < sine.min() < 0.85  # 55° is the outermost bearing that sees it
+
+
+def test_read_as_it_is_every_kept_pixel_lies_on_a_wall(made: Reproduction) -> None:
+    true, read = (off_the_walls(cloud.of("kept"), paper_gates()) for cloud in made.errata.clouds)
+    assert true.max() < 1e-9
+    assert 0.02 < read.max() < 0.1
+
+
+def test_distance_from_the_walls_by_hand() -> None:
+    points = np.array([[0.0, 5.0, 0.0], [0.0, 5.25, 0.0], [-5.0, 4.0, 0.0]])  # before, within, beyond the left wall
+    assert off_the_walls(points, paper_gates()) == pytest.approx([0.2, 0.05, 0.6])
+
+
+# --- plans -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", range(4), ids=["as described", "A open", "B blocked", "B and C blocked"])
+def test_a_way_is_the_one_the_study_beforehand_found(made: Reproduction, number: int) -> None:
+    variant = made.errata.ways[number]
+    assert length_of(variant.drive) == variant.stated
+
+
+def test_no_shorter_way_is_in_the_grid(made: Reproduction) -> None:
+    """Costs are lowered over all cells at once until none falls: no search, no queue (Bellman & Ford)."""
+    plan = made.run.path
+    assert plan is not None and plan.traversable is not None
+    free = np.pad(plan.traversable.cells == 0, 1)
+    origin = np.array([plan.traversable.origin.y, plan.traversable.origin.x])
+    start, goal = (tuple(np.floor((np.array([y, 0.0]) - origin) / 0.4).astype(int) + 1) for y in (0.0, 7.6))
+    cost = np.full(free.shape, math.inf)
+    cost[start] = 0.0
+    before = cost + 1.0
+    while (cost < before).any():
+        before = cost.copy()
+        for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+            cuts_no_corner = free & np.roll(free, dr, 0) & np.roll(free, dc, 1) & np.roll(free, (dr, dc), (0, 1))
+            step = np.roll(cost, (dr, dc), (0, 1)) + 0.4 * math.hypot(dr, dc)
+            cost = np.where(cuts_no_corner, np.minimum(cost, step), cost)
+    assert plan.length == pytest.approx(cost[goal])
+
+
+def test_what_fig_9_shows_as_grown_is_the_map_grown_by_two_cells(made: Reproduction) -> None:
+    assert made.run.map is not None and made.run.path is not None and made.run.path.traversable is not None
+    grid = made.run.path.traversable
+    assert (grown(cells_of(made.run.map.grid, grid), 2) == (grid.cells > 0)).all()
+
+
+def test_growth_is_a_square() -> None:
+    cells = np.zeros((7, 7), dtype=np.bool_)
+    cells[3, 3] = True
+    assert grown(cells, 2).sum() == 25 and grown(cells, 0).sum() == 1
+
+
+@pytest.mark.parametrize(("x", "letter"), [(0.0, "A"), (2.0, "B"), (5.0, "C"), (-3.0, "-"), (4.0, "-")])
+def test_which_gate_a_plan_takes(x: float, letter: str) -> None:
+    plan = Plan(1, np.array([[0.0, 0.0], [x, 5.0], [x, 6.0], [0.0, 7.6]]), 9.0, None)
+    assert crossing(plan, paper_gates()) == letter
+
+
+def test_a_plan_that_ends_before_the_wall_takes_no_gate() -> None:
+    assert crossing(Plan(1, np.array([[0.0, 0.0], [0.0, 3.0]]), 3.0, None), paper_gates()) == "-"
+
+
+def test_gates_are_as_wide_as_the_room_leaves_them() -> None:
+    assert [(gate.name, gate.left, gate.right) for gate in gates_of(paper_gates())] == [
+        ("A", -1.4, 1.0),
+        ("B", 1.4, 3.8),
+        ("C", 4.2, 6.8),
+    ]
+
+
+def test_the_printed_order_keeps_nothing_and_goes_through_the_girder(made: Reproduction) -> None:
+    first, printed = made.errata.orders
+    assert printed.drive.map is not None and len(printed.drive.map.segments) == 0
+    assert (length_of(first.drive), length_of(printed.drive)) == ("10.29 m, gate B", "7.60 m, gate A")
+
+
+def test_the_printed_slope_test_closes_the_room_or_opens_gate_a(made: Reproduction) -> None:
+    plans = {variant.name: length_of(variant.drive) for variant in made.errata.grids}
+    assert plans["0.40 m, the printed test, grown by 2 cells"] == "no path"
+    assert plans["0.40 m, the printed test, not grown"].endswith("gate A")
+    assert plans["0.40 m, distance to the line, grown by 2 cells"] == "10.29 m, gate B"
+    assert len(plans) == 12
+
+
+def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "paper.md").read_text("utf-8")
+    first, printed = made.errata.orders
+    plans = {variant.name: length_of(variant.drive) for variant in made.errata.grids}
+    bare = plans["0.40 m, the printed test, not grown"].replace(", gate", " through gate")
+    third = plans["0.267 m, distance to the line, grown by 2 cells"].replace(", gate", " through gate")
+    away = 100.0 * off_the_walls(made.errata.clouds[1].of("kept"), paper_gates()).max()
+    settled = {found.law.params.get("k3"): found.settled for found in made.errata.laws[:5]}
+    assert printed.drive.path is not None and first.drive.path is not None
+    for words in (
+        f"0 bearings mapped; the plan goes {printed.drive.path.length:.2f} m straight through girder A",
+        f"101 of 101 bearings; {first.drive.path.length:.2f} m through gate B",
+        f"walls up to {away:.1f} cm off; the same plan",
+        f"not grown: {bare} |",
+        f"| {third} | 40 cm",
+        f"settles in {settled[0.6]:.1f} s from 0.3 m beside a line, k3 = 2 in {settled[2.0]:.1f} s",
+    ):
+        assert words in page, words
+
+
+# --- drives ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", range(len(LAWS)), ids=[law.name for law in LAWS])
+def test_a_law_settles_when_the_study_beforehand_said(made: Reproduction, number: int) -> None:
+    found = made.errata.laws[number]
+    if found.law.stated is None:
+        assert found.settled is None
+    else:
+        assert found.settled == pytest.approx(found.law.stated, abs=0.1)
+
+
+def test_at_the_critical_gain_the_error_goes_as_a_double_pole_says(made: Reproduction) -> None:
+    (found,) = (found for found in made.errata.laws if found.law.params.get("k3") == 0.6)
+    linear = 0.3 * (1.0 + 0.3 * found.times) * np.exp(-0.3 * found.times)
+    # The law is linear for small errors only: from 0.3 m on it stays within 3 cm of what its poles say.
+    assert np.abs(found.lateral - linear).max() < 0.03
+    assert found.lateral[0] == pytest.approx(0.3)
+
+
+def test_who_drives_adds_up_to_the_way_driven(made: Reproduction) -> None:
+    run = made.run
+    parts = [*run.driven_by("controller"), *run.driven_by("avoider")]
+    length = sum(float(np.hypot(*np.diff(part, axis=0).T).sum()) for part in parts)
+    assert length == pytest.approx(run.episode.recorder.path_length, abs=0.03)
+    assert len(run.driven_by("avoider")) == 1 and made.free.driven_by("avoider") == []
+
+
+def test_the_moment_of_decision_is_the_first_turn_away_from_a_blocked_target(made: Reproduction) -> None:
+    choice = made.run.choice
+    assert choice is not None
+    shown = choice.diagnostics
+    assert shown.chosen is not None
+    assert abs(math.remainder(shown.chosen - choice.to_target, math.tau)) > math.radians(5.0)
+    sector = int(choice.to_target % math.tau / (math.tau / 72))
+    assert shown.histogram[sector] > shown.threshold
+    assert shown.histogram[int(shown.chosen % math.tau / (math.tau / 72))] <= shown.threshold
+    assert math.dist((choice.pose.x, choice.pose.y), (1.2, 2.6)) < 2.0  # O is what blocks it
+    since, until = (float(value) for value in re.findall(r"[\d.]+", row(made, "Improved VFH drives, s").ours))
+    assert since <= choice.time < until
+
+
+def test_both_drives_count_as_reproduced(made: Reproduction) -> None:
+    assert study.is_reproduced(made)
+    facts = study.facts_of(made)
+    assert facts["with_obstacle"]["collisions"] == 0 and facts["without_obstacle"]["gate"] == "B"
+    assert [entry["plan_length_m"] is None for entry in facts["errata"]["ways"]] == [False, False, False, True]
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_each_figure_is_there_as_png_of_one_column_and_as_svg(made: Reproduction, files: dict[str, bytes]) -> None:
+    stems = [plate.stem for plate in plates_of(made)]
+    assert len(stems) == study.FIGURES
+    pictures = [f"{stem}.{kind}" for stem in stems for kind in ("png", "svg")]
+    assert sorted(files) == sorted([*pictures, "report.html", "numbers.json"])
+    for stem in stems:
+        png, svg = files[f"{stem}.png"], files[f"{stem}.svg"].decode()
+        assert int.from_bytes(png[16:20], "big") == int(88.0 / 25.4 * 300.0)
+        assert svg.startswith("<svg") and svg.rstrip().endswith("</svg>")
+
+
+def test_the_page_holds_every_figure_and_number_and_needs_nothing_else(
+    made: Reproduction, files: dict[str, bytes]
+) -> None:
+    page = files["report.html"].decode()
+    assert page.count("<svg") == study.FIGURES
+    for number in made.numbers:
+        assert number.what.replace("'", "&#x27;") in page
+    for plate in plates_of(made):
+        assert plate.title in page
+    assert re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page) == []
+
+
+def test_numbers_json_is_what_json_prints(made: Reproduction, files: dict[str, bytes]) -> None:
+    assert json.loads(files["numbers.json"]) == json.loads(json.dumps(study.facts_of(made)))
+
+
+def test_a_figure_and_the_page_are_the_same_bytes_when_made_again(made: Reproduction, files: dict[str, bytes]) -> None:
+    plates = [plate for plate in plates_of(made) if plate.stem in ("figure-08", "errata-order")]
+    for plate in plates:
+        svg, png = study.drawn(plate)
+        assert svg.encode() == files[f"{plate.stem}.svg"]
+        assert png == files[f"{plate.stem}.png"]
+    drawings = [(plate, files[f"{plate.stem}.svg"].decode()) for plate in plates_of(made)]
+    assert page_of(made, drawings).encode() == files["report.html"]
+
+
+@pytest.mark.slow
+def test_another_process_makes_the_same_bytes(files: dict[str, bytes], tmp_path: Path) -> None:
+    words = ["-c", "from navloom.cli import main; main()", "paper", "--out", str(tmp_path / "again")]
+    environment = {**os.environ, "PYTHONHASHSEED": "12345"}
+    subprocess.run([sys.executable, *words], check=True, capture_output=True, env=environment)
+    again = {path.name: path.read_bytes() for path in (tmp_path / "again").iterdir()}
+    assert sorted(again) == sorted(files)
+    assert [name for name in files if again[name] != files[name]] == []
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    """The command in an empty folder: gives exit code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["navloom", "paper", *words])
+        with pytest.raises(SystemExit) as caught:
+            main()
+        said = capsys.readouterr()
+        return int(caught.value.code or 0), said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def done(monkeypatch: pytest.MonkeyPatch, made: Reproduction, files: dict[str, bytes]) -> list[int | None]:
+    """The command finds everything run and drawn; the seeds that it asked for."""
+    seeds: list[int | None] = []
+
+    def reproduce(seed: int | None, say: Callable[[str], None]) -> Reproduction:
+        seeds.append(seed)
+        return made
+
+    monkeypatch.setattr(study, "reproduce", reproduce)
+    monkeypatch.setattr(study, "files_of", lambda made, say: files)
+    return seeds
+
+
+def test_without_a_name_the_folder_is_navloom_paper(
+    navloom: Run, done: list[int | None], files: dict[str, bytes]
+) -> None:
+    code, said, _ = navloom()
+    assert code == 0 and done == [None]
+    assert "length of the plan, m" in said and "kept in navloom-paper: report.html" in said
+    kept = {path.name: path.read_bytes() for path in paper.DEFAULT.iterdir()}
+    assert kept == files
+
+
+def test_the_default_folder_is_never_overwritten(navloom: Run, done: list[int | None]) -> None:
+    paper.DEFAULT.mkdir()
+    code, _, errors = navloom()
+    assert code == 2 and done == []
+    assert errors == "navloom: navloom-paper: exists already; name another folder, or this one, with --out DIR\n"
+
+
+def test_json_is_one_object_with_folder_files_and_numbers(navloom: Run, done: list[int | None]) -> None:
+    code, said, errors = navloom("--out", "here", "--seed", "3", "--json")
+    found = json.loads(said)
+    assert code == 0 and errors == "" and done == [3]
+    assert found["out"] == "here" and "figure-09.svg" in found["files"]
+    assert {"what": "gate taken", "paper": "B", "ours": "B", "section": "IV.B", "note": ""} in found["numbers"]
+
+
+def test_a_file_in_place_of_the_folder_is_refused_before_anything_runs(navloom: Run, done: list[int | None]) -> None:
+    Path("here").write_text("mine", "utf-8")
+    code, _, errors = navloom("--out", "here")
+    assert code == 2 and done == [] and errors == "navloom: --out here: is a file; name a folder\n"
+
+
+def test_a_folder_within_a_file_is_refused(navloom: Run, done: list[int | None]) -> None:
+    Path("here").write_text("mine", "utf-8")
+    code, _, errors = navloom("--out", "here/there")
+    assert code == 2 and "--out here/there: cannot be written: " in errors
+
+
+def test_without_matplotlib_it_says_what_to_install(
+    navloom: Run, done: list[int | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    code, _, errors = navloom()
+    assert code == 2 and done == [] and not paper.DEFAULT.exists()
+    assert errors.startswith("navloom: ") and "navloom[plots]" in errors and errors.count("\n") == 1
+
+
+def test_an_experiment_that_came_to_nothing_is_exit_1(navloom: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = study.drive
+
+    def blocked(*overrides: str, seed: int | None = None) -> Drive:
+        return real("world.ref=paper_gates_blocked_bc", seed=seed)
+
+    monkeypatch.setattr(study, "drive", blocked)
+    code, _, errors = navloom()
+    assert code == 1 and not paper.DEFAULT.exists()
+    assert "the experiment in world paper_gates_blocked_bc came to nothing that can be drawn: no_path, " in errors
+
+
+def test_a_drive_that_ends_otherwise_is_exit_1_and_its_report_is_kept(
+    navloom: Run, done: list[int | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study, "is_reproduced", lambda made: False)
+    code, _, _ = navloom("--out", "here")
+    assert code == 1 and Path("here/report.html").exists()
+
+
+def test_it_says_as_many_steps_as_it_announces(made: Reproduction, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("navloom.study.paper_errata.drive", lambda *settings, seed=None: made.run)
+    monkeypatch.setattr("navloom.study.paper_errata.settle", lambda law, discovery: made.errata.laws[0])
+    monkeypatch.setattr(study, "drive", lambda *settings, seed=None: made.run)
+    study.reproduce(say=said.append)
+    assert len(said) + study.FIGURES == study.steps()

@@ -339,6 +339,7 @@ def test_after_a_clear_it_waits_for_what_the_mapper_says_then() -> None:
 def test_a_goal_that_was_driven_at_is_not_rejected_any_more() -> None:
     machine, wall = driving(replace(FREELY, max_recoveries=0)), walled_map(2.1, 3.0)
     drives(machine, 2.1, map=wall)
-    out = machine.step(seen(2.2, map=wall, trajectory=straight(2), reference=reference(2, 3.0),
-                            answer=PlanFailure(3, "outside_map", Point2D(0.0, 0.0), "the start is outside")))  # fmt: skip
+    outside = PlanFailure(3, "outside_map", Point2D(0.0, 0.0), "the start is outside")
+    given = {"map": wall, "trajectory": straight(2), "reference": reference(2, 3.0)}
+    out = machine.step(seen(2.2, answer=outside, **given))
     assert result(out) == ("no_path", "outside_map: the start is outside")

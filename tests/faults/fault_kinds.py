@@ -322,17 +322,10 @@ def _free(instance: str, way: str, share: str) -> Callable[[Rig], None]:
     return free
 
 
-def _plan_for_ever(rig: Rig) -> None:
-    rig.tell("faulty_astar", "hang")
-    rig.driver.anew.set()
-
-
 STUCK = [
     Fault("shadow avoider sleeps for ever", _tell("shadow_vfh", "hang"), _free("shadow_vfh", "hang", "drive"),
           stops=False, watch=0.5, look=ages),
     Fault("shadow mapper sleeps for ever", _tell("shadow_map", "hang"), _free("shadow_map", "hang", "think"),
-          stops=False, watch=0.5, look=ages),
-    Fault("planner sleeps for ever", _plan_for_ever, _free("faulty_astar", "hang", "think"),
           stops=False, watch=0.5, look=ages),
 ]  # fmt: skip
 SHADOWS = """

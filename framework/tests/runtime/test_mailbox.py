@@ -85,3 +85,11 @@ def test_a_message_of_another_stream_or_of_another_kind_is_malformed() -> None:
     assert sequences(inlet) == [1]
     assert inlet.counts.malformed == 2
     assert inlet.counts.complaint == f"Contact came by {KEY}, which carries StepReport"
+
+
+def test_what_derives_from_the_future_is_refused_and_does_not_hide_what_comes_after() -> None:
+    inlet = Inlet(KEY, Mailbox(), 8, lambda cause_ns: (10_000_000_000 - cause_ns) * 1e-9)
+    for cause in (9.9, 15.0, 10.0, 10.4):
+        inlet.give((Contact(False), Envelope(KEY, 1, 1, 0, round(cause * 1e9), 0)))
+    assert [at.cause_ns for _, at in inlet.take()] == [9_900_000_000, 10_000_000_000, 10_400_000_000]
+    assert inlet.counts.malformed == 1 and "in 5.0 s" in inlet.counts.complaint

@@ -232,6 +232,7 @@ def test_on_processes_it_is_the_same_table(
     assert trails(tmp_path) == trails(alone[1])
 
 
+@pytest.mark.slow
 def test_on_a_dask_cluster_it_is_the_same_table(alone: tuple[StudyResult, Path], study: Study, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     with (

@@ -134,6 +134,7 @@ def test_a_viewer_that_was_killed_is_found_again_and_shown_the_scene(server: Sta
     assert sink.dropped == 0
 
 
+@pytest.mark.slow
 def test_absent_frozen_and_killed_viewers_leave_the_file_whole(tmp_path: Path, server: Start) -> None:
     viewer = server()
     where = Where(tmp_path / "run.rrd", viewer.url)

@@ -108,6 +108,7 @@ def test_same_seed_gives_the_same_track():
     np.testing.assert_array_equal(cross_field(11).track, cross_field(11).track)
 
 
+@pytest.mark.slow
 def test_paper_literal_point_robot_touches_posts_where_the_default_does_not():
     """What enlargement, memory and arc check are for: the 0.8 m robot is not a point."""
     literal = ImprovedVfhParams(**paper_literal())

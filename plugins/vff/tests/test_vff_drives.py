@@ -37,6 +37,7 @@ def literal(**changed: object) -> list[str]:
     return [f"{key}={str(value).lower() if isinstance(value, bool) else repr(value)}" for key, value in values.items()]
 
 
+@pytest.mark.slow
 @BOTH_KINDS
 def test_a_few_fields_are_crossed(sensors: str) -> None:
     assert [field(seed, sensors=sensors).word for seed in (1, 2)] == ["reached"] * 2
@@ -85,6 +86,7 @@ def test_the_same_seed_gives_the_same_drive() -> None:
     np.testing.assert_array_equal(field(8).track, field(8).track)
 
 
+@pytest.mark.slow
 def test_the_printed_text_touches_posts_where_the_default_does_not() -> None:
     """It takes the robot for a point, does not slow for turns, and does not look where it drives."""
     assert [field(seed, params=literal()).word for seed in (0, 3)] == ["contact"] * 2

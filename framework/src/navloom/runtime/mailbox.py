@@ -113,6 +113,10 @@ class Mailbox:
             return self.news
 
 
+AHEAD = 0.5
+"""s that a message may be ahead of the platform's clock as known here: less is its way to this host."""
+
+
 class Inlet:
     """One stream into one node.
 
@@ -183,6 +187,11 @@ class Inlet:
                 self.arrived_ns = time.monotonic_ns()
             if self._age is not None:
                 age = self._age(item[1].cause_ns)
+                if age is not None and age < -AHEAD:
+                    # Kept, it would be the newest for as long as it is ahead, and in force when its time has come.
+                    self.counts.malformed += 1
+                    self.counts.complaint = f"it derives from what the platform will say in {-age:.1f} s"
+                    continue
                 if age is not None:
                     self.counts.ages.append(age)
             yield item

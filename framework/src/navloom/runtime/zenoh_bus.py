@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
@@ -21,6 +22,8 @@ if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messag
 __all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
 
 MEDIA = "application/x-navloom;"
+LOOK = 0.1
+"""s between two looks of a client at its router."""
 _CONGESTION = {
     "drop": zenoh.CongestionControl.DROP,
     "block": zenoh.CongestionControl.BLOCK,
@@ -82,7 +85,11 @@ class Question:
 class Publication:
     """A stream that this process publishes; readers within the process are served by reference, not by this."""
 
-    def __init__(self, publisher: Any) -> None:
+    def __init__(self) -> None:
+        self._publisher: Any = None
+
+    def lead_to(self, publisher: Any) -> None:
+        """Send by this publisher from now on."""
         self._publisher = publisher
 
     def put(self, data: bytes, label: str) -> None:
@@ -94,20 +101,27 @@ class Publication:
 class Bus:
     """One session on a robot's network. Use it in a `with` statement: an open session hangs the process at its end.
 
+    A client that lost its router joins anew, as another session with the same streams. Left to reconnect by itself, a
+    session was at times heard by nobody after a cable had been out for some seconds, though it heard others.
+
     Args:
         link: How to join.
         patience: s to try for, where the router is not there yet.
+
+    Attributes:
+        losses: How often it lost its router and joined anew.
 
     Raises:
         LinkError: A link that is refused; BusError: one that does not work.
     """
 
     def __init__(self, link: Link, patience: float = 3.0) -> None:
-        config = json.dumps(settings(link))
+        self._link = link
+        self._config = json.dumps(settings(link))
         limit = time.monotonic() + patience
         while True:
             try:
-                self._session = zenoh.open(zenoh.Config.from_json5(config))
+                self._session = zenoh.open(zenoh.Config.from_json5(self._config))
                 break
             except zenoh.ZError as error:
                 if link.mode != "client" or time.monotonic() > limit:
@@ -117,7 +131,13 @@ class Bus:
                 time.sleep(0.1)
         self._gather(link)
         self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))
+        self._declared: list[Callable[[], Any]] = []
         self._held: list[Any] = []
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self.losses = 0
+        if link.mode == "client":
+            threading.Thread(target=self._keep_joined, name="bus", daemon=True).start()
 
     def __enter__(self) -> Bus:
         return self
@@ -129,9 +149,39 @@ class Bus:
 
     def close(self) -> None:
         """Leave the network."""
+        self._closing.set()
+        with self._lock:
+            self._leave()
+
+    def _leave(self) -> None:
         self._held.clear()
         with contextlib.suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
+
+    def _keep_joined(self) -> None:
+        """Join anew whenever the router is lost."""
+        while not self._closing.wait(LOOK):
+            if not self.neighbours():
+                with self._lock:
+                    if not self._closing.is_set():
+                        self.losses += 1
+                        self._leave()
+                        self._join_anew()
+
+    def _join_anew(self) -> None:
+        while not self._closing.is_set():
+            try:
+                self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+                self._held = [declare() for declare in self._declared]
+                return
+            except zenoh.ZError:
+                self._closing.wait(LOOK)
+
+    def _declare(self, declare: Callable[[], Any]) -> None:
+        """Declare something now, and again in each session to come."""
+        with self._lock:
+            self._held.append(declare())
+            self._declared.append(declare)
 
     def _gather(self, link: Link) -> None:
         """Wait for neighbours that call this process, as those it calls itself are waited for by Zenoh."""
@@ -141,19 +191,28 @@ class Bus:
 
     def neighbours(self) -> int:
         """Processes this one is linked to."""
-        info = self._session.info
-        return len(list(info.peers_zid())) + len(list(info.routers_zid()))
+        try:
+            info = self._session.info
+            return len(list(info.peers_zid())) + len(list(info.routers_zid()))
+        except zenoh.ZError:
+            return 0
 
     def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
         """A stream to publish to; lossless waits where it would drop."""
         congestion = quality.off_host if self._off_host else quality.congestion
-        publisher = self._session.declare_publisher(
-            key,
-            congestion_control=_CONGESTION["block" if lossless else congestion],
-            priority=_PRIORITY[quality.priority],
-            allowed_destination=zenoh.Locality.REMOTE,
-        )
-        return Publication(publisher)
+        publication = Publication()
+
+        def declare() -> None:
+            publisher = self._session.declare_publisher(
+                key,
+                congestion_control=_CONGESTION["block" if lossless else congestion],
+                priority=_PRIORITY[quality.priority],
+                allowed_destination=zenoh.Locality.REMOTE,
+            )
+            publication.lead_to(publisher)
+
+        self._declare(declare)
+        return publication
 
     def subscribe(self, key_expr: str, receive: Receive) -> None:
         """Hear a stream, or several with `*`, for as long as the session lasts."""
@@ -164,25 +223,41 @@ class Bus:
             with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
                 receive(str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
 
-        self._held.append(self._session.declare_subscriber(key_expr, zenoh.handlers.Callback(take, indirect=False)))
+        def declare() -> Any:
+            return self._session.declare_subscriber(key_expr, zenoh.handlers.Callback(take, indirect=False))
+
+        self._declare(declare)
 
     def announce(self, key: str) -> None:
         """Show others that something is alive, until the session ends."""
-        self._held.append(self._session.liveliness().declare_token(key))
+        self._declare(lambda: self._session.liveliness().declare_token(key))
 
     def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
         """Be told who is alive, who comes and who goes."""
 
+        there: set[str] = set()
+
         def take(sample: Any) -> None:
             with contextlib.suppress(Exception):
-                change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+                key, has_come = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+                (there.add if has_come else there.discard)(key)
+                change(key, has_come)
 
-        handler = zenoh.handlers.Callback(take, indirect=False)
-        self._held.append(self._session.liveliness().declare_subscriber(key_expr, handler, history=True))
+        def declare() -> Any:
+            for key in sorted(there):  # lost with the session before; who is still there is told of again
+                there.discard(key)
+                change(key, False)
+            handler = zenoh.handlers.Callback(take, indirect=False)
+            return self._session.liveliness().declare_subscriber(key_expr, handler, history=True)
+
+        self._declare(declare)
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
         """Tokens that are there."""
-        replies = self._session.liveliness().get(key_expr, timeout=timeout)
+        try:
+            replies = self._session.liveliness().get(key_expr, timeout=timeout)
+        except zenoh.ZError:
+            return []
         return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
     def serve(self, key: str, take: Callable[[Question], None]) -> None:
@@ -192,20 +267,26 @@ class Bus:
             with contextlib.suppress(Exception):
                 take(Question(query))
 
-        handler = zenoh.handlers.Callback(pass_on, indirect=False)
-        self._held.append(self._session.declare_queryable(key, handler, complete=True))
+        def declare() -> Any:
+            handler = zenoh.handlers.Callback(pass_on, indirect=False)
+            return self._session.declare_queryable(key, handler, complete=True)
+
+        self._declare(declare)
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
         """Answers of all who serve a key, as they come, for at most this many s."""
-        replies = self._session.get(
-            key_expr,
-            payload=data,
-            timeout=timeout,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.INTERACTIVE_HIGH,
-        )
+        try:
+            replies = self._session.get(
+                key_expr,
+                payload=data,
+                timeout=timeout,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.INTERACTIVE_HIGH,
+            )
+        except zenoh.ZError:  # between two sessions nobody answers
+            return
         for reply in replies:
             if reply.ok is not None:
                 sample = reply.ok

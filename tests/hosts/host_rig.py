@@ -164,7 +164,7 @@ class Lab:
         self.hosts = {
             name: Host(
                 name, f"{self.prefix}-{name}", f"10.77.0.{number}", folder / name, 40_000 * (number - 1) * own_clocks,
-                {"PYTHONPATH": plugins},
+                {"PYTHONPATH": os.pathsep.join(filter(None, (plugins, os.environ.get("PYTHONPATH"))))},
             )
             for number, name in enumerate(names, 1)
         }  # fmt: skip

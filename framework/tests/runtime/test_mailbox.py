@@ -93,3 +93,9 @@ def test_what_derives_from_the_future_is_refused_and_does_not_hide_what_comes_af
         inlet.give((Contact(False), Envelope(KEY, 1, 1, 0, round(cause * 1e9), 0)))
     assert [at.cause_ns for _, at in inlet.take()] == [9_900_000_000, 10_000_000_000, 10_400_000_000]
     assert inlet.counts.malformed == 1 and "in 5.0 s" in inlet.counts.complaint
+
+
+def test_the_platforms_own_words_are_never_ahead_of_its_clock() -> None:
+    inlet = Inlet(KEY, Mailbox(), 8, lambda cause_ns: (10_000_000_000 - cause_ns) * 1e-9, tells_time=True)
+    inlet.give((Contact(False), Envelope(KEY, 1, 1, 0, 15_000_000_000, 0)))  # after a gap of 5 s
+    assert len(list(inlet.take())) == 1 and inlet.counts.malformed == 0

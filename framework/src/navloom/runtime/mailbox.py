@@ -125,6 +125,7 @@ class Inlet:
         mailbox: Of the node.
         limit: Messages that may wait; the oldest is dropped beyond. None for no limit.
         age: Age in s of something with this Platform stamp, where it is known.
+        tells_time: The platform's own: what that clock is known by is not held against it.
 
     Attributes:
         counts: What became of its messages.
@@ -132,9 +133,15 @@ class Inlet:
     """
 
     def __init__(
-        self, key: str, mailbox: Mailbox, limit: int | None, age: Callable[[int], float | None] | None = None
+        self,
+        key: str,
+        mailbox: Mailbox,
+        limit: int | None,
+        age: Callable[[int], float | None] | None = None,
+        tells_time: bool = False,
     ) -> None:
         self.key = key
+        self._tells_time = tells_time
         self.mailbox = mailbox
         self.counts = StreamCounts()
         self.arrived_ns = 0
@@ -187,7 +194,7 @@ class Inlet:
                 self.arrived_ns = time.monotonic_ns()
             if self._age is not None:
                 age = self._age(item[1].cause_ns)
-                if age is not None and age < -AHEAD:
+                if age is not None and age < -AHEAD and not self._tells_time:
                     # Kept, it would be the newest for as long as it is ahead, and in force when its time has come.
                     self.counts.malformed += 1
                     self.counts.complaint = f"it derives from what the platform will say in {-age:.1f} s"

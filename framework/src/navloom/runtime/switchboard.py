@@ -36,7 +36,7 @@ class Switchboard:
     def inlet(self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None) -> Inlet:
         """A reader of a stream; a lossless one has no limit."""
         key = self.keys.port(*source, port)
-        inlet = Inlet(key, mailbox, None if self.lossless else limit, self._age)
+        inlet = Inlet(key, mailbox, None if self.lossless else limit, self._age, source[0] == "platform")
         self._inlets.setdefault(key, []).append(inlet)
         self._kinds[key] = kind_of(source[0], port)
         return inlet

@@ -101,8 +101,7 @@ class Publication:
 class Bus:
     """One session on a robot's network. Use it in a `with` statement: an open session hangs the process at its end.
 
-    A client that lost its router joins anew, as another session with the same streams. Left to reconnect by itself, a
-    session was at times heard by nobody after a cable had been out for some seconds, though it heard others.
+    A client that lost its router joins anew, as another session with the same streams.
 
     Args:
         link: How to join.

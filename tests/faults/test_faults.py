@@ -14,7 +14,6 @@ SOON, EXIT = 1.5, 10.0
 CHOSEN = (
     "SIGKILL drive",
     "SIGSTOP safe, SIGCONT",
-    "faulty_tracker raises each tick",
     "faulty_tracker publishes NaN past the checks",
     "commands from the future",
     "10,000 malformed messages",

@@ -34,6 +34,7 @@ start = {{ x = 0.0, y = 0.0 }}
 REALMS = ("north", "south")
 
 
+@pytest.mark.slow
 def test_two_robots_reach_their_goals_and_neither_hears_the_others_commands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -158,6 +158,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             assert navigator.drive_to(float("nan"), 0.0).outcome == "rejected"
 
 
+@pytest.mark.slow
 def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Path) -> None:
     config = tmp_path / "beside.toml"
     config.write_text(BESIDE, "utf-8")

@@ -19,7 +19,7 @@ BOUNDS = {"fierro_lewis": 0.015, "kanayama": 0.005, "ramsete": 0.008, "pure_purs
 
 
 @EACH
-@pytest.mark.parametrize("path", ["circle", "figure_eight"])
+@pytest.mark.parametrize("path", ["circle", pytest.param("figure_eight", marks=pytest.mark.slow)])
 def test_the_goal_is_reached_along_the_path_with_wheels_too_large_and_too_near(tracker: str, path: str) -> None:
     """Both errors of 5 % make the robot turn 10.5 % more than it was told. It starts 0.3 m beside the path."""
     found = drive(tracker, path, radius_error=0.05, track_error=-0.05, beside=0.3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
@@ -13,7 +14,6 @@ from navloom.messages import (
     Command,
     Message,
     Path,
-    Point2D,
     PoseEstimate,
     PoseTrack,
     RangeScan,
@@ -213,7 +213,7 @@ class RecoveryNode:
         if estimate is None:
             return
         pose = estimate.pose
-        if not self._trail or _distance(pose, Point2D(*self._trail[-1][:2])) >= TRAIL_STEP:
+        if not self._trail or math.dist((pose.x, pose.y), self._trail[-1][:2]) >= TRAIL_STEP:
             self._trail.append((pose.x, pose.y, pose.heading))
 
 

@@ -22,7 +22,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from samples import encoded_size, samples
+from samples import samples, wire_size
 from trips import Driver, PeerError
 
 HERE = Path(__file__).resolve().parent
@@ -65,7 +65,7 @@ def start_zenoh(peer: str, folder: Path, driver: Driver, socket: Path, stack: Ex
 def start_dora(python: str, folder: Path, driver: Driver, socket: Path, stack: ExitStack) -> None:
     """Both nodes of the dataflow. Raises PeerError."""
     command = find_dora(python)
-    sizes = json.dumps({name: encoded_size(message) for name, message in samples().items()})
+    sizes = json.dumps({name: wire_size(message) for name, message in samples().items()})
 
     def node(part: str, source: str) -> dict[str, Any]:
         env = {"BENCH": part}
@@ -115,7 +115,7 @@ def measure(driver: Driver, peers: Sequence[str], name: str, rounds: int, trips:
             medians[peer].append(statistics.median(block) if block else float("inf"))
     return {
         "message": name,
-        "bytes": encoded_size(samples()[name]),
+        "bytes": wire_size(samples()[name]),
         "peers": {
             peer: {
                 "p50_us": round(statistics.median(times) / 1e3, 1),

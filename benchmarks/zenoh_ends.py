@@ -28,7 +28,7 @@ from navloom.runtime.links import Link, peer_link, settings
 from navloom.runtime.quality import quality_of
 from navloom.runtime.zenoh_bus import Bus
 from navloom.study.bench_bus import OurEnd
-from samples import BACK, THERE, encoded_size, samples
+from samples import BACK, THERE, samples, wire_size
 from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end
 
 KEYS = KeySpace("bench", "r1")
@@ -96,7 +96,7 @@ class RawEnd:
     def __init__(
         self, session: Any, gives: tuple[str, str], takes: tuple[str, str], take: Callable[[Any], Any]
     ) -> None:
-        self.sizes = {name: encoded_size(message) for name, message in samples().items()}
+        self.sizes = {name: wire_size(message) for name, message in samples().items()}
         self.payloads = {name: bytes(size) for name, size in self.sizes.items()}
         self.publishers = {
             name: session.declare_publisher(

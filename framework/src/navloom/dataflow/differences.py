@@ -25,6 +25,7 @@ from navloom.messages import (
     TrackingCommand,
     Twist2D,
 )
+from navloom.navigation.blocking import OCCUPIED_FROM
 
 __all__ = ["TOLERANCES", "UNITS", "differences", "is_differing"]
 
@@ -38,7 +39,6 @@ TOLERANCES = {
     "occupied": 0.01, "distance": 0.01, "angle": 0.01,
 }  # fmt: skip
 """What counts as the same, in the unit of each difference: less than a robot shows, more than arithmetic does."""
-OCCUPIED = 50
 
 
 def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
@@ -116,7 +116,7 @@ def _of_maps(ours: OccupancyGrid, theirs: OccupancyGrid) -> dict[str, float]:
 
 def _kinds(cells: NDArray[np.int8]) -> NDArray[np.int8]:
     """-1 unknown, 0 free, 1 occupied."""
-    return np.where(cells < 0, -1, cells >= OCCUPIED).astype(np.int8)
+    return np.where(cells < 0, -1, cells >= OCCUPIED_FROM).astype(np.int8)
 
 
 def _seen_from(ours: OccupancyGrid, theirs: OccupancyGrid) -> NDArray[np.int8]:

@@ -280,8 +280,7 @@ class GoalMachine:
         watch = self._replanning
         watch.look(seen.map, seen.trajectory, seen.reference)
         if active.plan_id == self._drive.path_id:
-            if watch.is_due(seen.time):
-                watch.asked(seen.time)
+            if watch.asks(seen.time):
                 self._request_plan(active, seen)
             return
         answer = seen.answer
@@ -362,12 +361,13 @@ class GoalMachine:
 
     def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
         held = seen.gate is not None and seen.gate.latched
-        if held or seen.reference is None:
+        reference = seen.reference
+        if held or reference is None:
             active.moved_at = seen.time
-        elif seen.reference.path_id == self._drive.path_id and active.best == math.inf:
-            active.best = seen.reference.remaining
-        elif seen.reference.path_id == self._drive.path_id and seen.reference.remaining < active.best - 0.05:
-            active.best, active.moved_at = seen.reference.remaining, seen.time
+        elif reference.path_id == self._drive.path_id and reference.remaining < active.best - 0.05:
+            if math.isfinite(active.best):  # the first look at a path is no progress on it
+                active.moved_at = seen.time
+            active.best = reference.remaining
         return seen.time - active.moved_at > self.rules.stuck_after
 
     def _recover(self, active: _Active, why: str, seen: Seen) -> None:

@@ -53,16 +53,15 @@ class Replanning:
         self._seen = (given, trajectory)
         self.blocked_at = first_blocked(trajectory.samples, reference.progress, self.rules.radius, given.grid)
 
-    def is_due(self, time: float) -> bool:
-        """Whether to ask for a path at a run time, s."""
-        if self.is_blocked and self._answered is not self._seen[0]:
-            self._answered = self._seen[0]  # one map is asked about once
-            return True
-        return self.rules.period > 0.0 and time - self._asked >= self.rules.period - 1e-9
-
-    def asked(self, time: float) -> None:
-        """A path was asked for at a run time, s."""
+    def asks(self, time: float) -> bool:
+        """Whether a path is to be asked for at a run time, s; where it is, it counts as asked for."""
+        blocked_anew = self.is_blocked and self._answered is not self._seen[0]  # one map is asked about once
+        if blocked_anew:
+            self._answered = self._seen[0]
+        elif not 0.0 < self.rules.period <= time - self._asked + 1e-9:
+            return False
         self._asked = time
+        return True
 
     def takes(self, path: Path, reference: Reference | None) -> bool:
         """Whether a path is better than what is left of the trajectory."""

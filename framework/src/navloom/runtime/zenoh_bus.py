@@ -115,12 +115,11 @@ class Bus:
     """
 
     def __init__(self, link: Link, patience: float = 3.0) -> None:
-        self._link = link
         self._config = json.dumps(settings(link))
         limit = time.monotonic() + patience
         while True:
             try:
-                self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+                self._open()
                 break
             except zenoh.ZError as error:
                 if link.mode != "client" or time.monotonic() > limit:
@@ -152,6 +151,9 @@ class Bus:
         with self._lock:
             self._leave()
 
+    def _open(self) -> None:
+        self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+
     def _leave(self) -> None:
         self._held.clear()
         with contextlib.suppress(zenoh.ZError):
@@ -170,7 +172,7 @@ class Bus:
     def _join_anew(self) -> None:
         while not self._closing.is_set():
             try:
-                self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+                self._open()
                 self._held = [declare() for declare in self._declared]
                 return
             except zenoh.ZError:

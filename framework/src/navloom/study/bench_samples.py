@@ -15,9 +15,13 @@ __all__ = ["ENVELOPE", "samples", "wire_size"]
 ENVELOPE = Envelope("bench/r1/platform/there/data", 1, 1, 0, 0, 0)
 
 
-def samples() -> dict[str, Message]:
-    """By size on the wire: a velocity command, and a sweep of 77 frames of 181 beams."""
-    random = np.random.default_rng(7)
+def samples(random: np.random.Generator | None = None) -> dict[str, Message]:
+    """By size on the wire: a velocity command, and a sweep of 77 frames of 181 beams.
+
+    Args:
+        random: Of the sweep's ranges; by default always the same ones.
+    """
+    random = np.random.default_rng(7) if random is None else random
     ranges, pitches = random.uniform(0.5, 30.0, (77, 181)), np.linspace(-0.7, 0.3, 77)
     times, bearings = np.linspace(0.0, 2.0, 77), np.linspace(-1.57, 1.57, 181)
     return {

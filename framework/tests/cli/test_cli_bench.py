@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom.cli import main
 from navloom.study import bench_barn
 from navloom.study.bench_entries import rooms
 from navloom.study.bench_irsim import scene_of
@@ -19,21 +18,6 @@ from scipy import ndimage
 
 Run = Callable[..., tuple[int, str, str]]
 ANSWERS = "import sys; print(7, flush=True); [print(int(line) * 2, flush=True) for line in sys.stdin]"
-
-
-@pytest.fixture
-def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """The command in this process: gives exit code, output and errors."""
-
-    def run(*words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["navloom", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        out, err = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return ended.value.code, out, err
-
-    return run
 
 
 @pytest.fixture
@@ -112,16 +96,16 @@ def test_the_rooms_are_connected_and_cluttered() -> None:
     ids=["unknown", "barn-without-file", "no-such-file"],
 )
 def test_what_cannot_be_measured_is_refused(
-    navloom: Run, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    in_process: Run, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, out, err = navloom("bench", *words)
+    code, out, err = in_process("bench", *words)
     assert (code, out) == (2, "")
     assert err.startswith("navloom: ") and message in err and len(err.splitlines()) == 1
 
 
-def test_json_holds_every_figure_and_the_machine(navloom: Run) -> None:
-    code, out, err = navloom("bench", "--quick", "--only", "codec", "--json")
+def test_json_holds_every_figure_and_the_machine(in_process: Run) -> None:
+    code, out, err = in_process("bench", "--quick", "--only", "codec", "--json")
     found = json.loads(out)
     assert (code, found["quick"], found["left_out"]) == (0, True, {})
     assert [row["name"] for row in found["rows"]] == ["encode 64 B", "decode 64 B", "encode 110 KB", "decode 110 KB"]
@@ -132,9 +116,9 @@ def test_json_holds_every_figure_and_the_machine(navloom: Run) -> None:
     assert "navloom: codec" in err
 
 
-def test_the_table_names_a_peer_that_is_missing(navloom: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_table_names_a_peer_that_is_missing(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)  # so that its import fails
-    code, out, _ = navloom("bench", "--quick", "--only", "rays")
+    code, out, _ = in_process("bench", "--quick", "--only", "rays")
     assert code == 0
     row = next(line for line in out.splitlines() if line.startswith("9494 rays, 50 boxes"))
     assert row.split()[5:] == ["-", "ms", "-", "-", "mujoco", "mj_multiRay"]
@@ -142,10 +126,10 @@ def test_the_table_names_a_peer_that_is_missing(navloom: Run, monkeypatch: pytes
 
 
 def test_an_entry_that_fails_is_left_out_and_the_exit_code_says_so(
-    navloom: Run, monkeypatch: pytest.MonkeyPatch
+    in_process: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "navloom_sensors_sim.casting", None)
-    code, out, _ = navloom("bench", "--quick", "--only", "rays")
+    code, out, _ = in_process("bench", "--quick", "--only", "rays")
     assert code == 1
     assert out.endswith("left out: rays: navloom-sensors-sim is not installed: pip install navloom-sensors-sim\n")
 

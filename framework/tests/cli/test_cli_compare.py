@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from navloom.cli import main
 from navloom.study import compare, report
 
 CONFIG = """
@@ -47,7 +46,7 @@ def config(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def navloom(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """The command with its episodes in this process: gives exit code, output and errors."""
     real = compare.run_study
 
@@ -58,15 +57,7 @@ def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     monkeypatch.setattr(compare, "run_study", in_thread)
     # Figures are tested where reports are; here they would cost seconds.
     monkeypatch.setattr(report, "find_spec", lambda name: None)
-
-    def run(*words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["navloom", "compare", *words])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        said = capsys.readouterr()
-        return int(caught.value.code or 0), said.out, said.err
-
-    return run
+    return lambda *words: in_process("compare", *words)
 
 
 def test_json_has_every_row_and_the_request(navloom: Run, config: str, tmp_path: Path) -> None:

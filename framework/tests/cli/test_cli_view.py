@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
 import pytest
-from navloom.cli import main
 from navloom.viewer import extra
 from navloom.viewer.program import Program
 
@@ -54,25 +52,6 @@ def config(tmp_path: Path) -> str:
     return str(path)
 
 
-@pytest.fixture
-def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """The command in this process: gives exit code, output and errors."""
-
-    def run(*words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["navloom", *words])
-        try:
-            main()
-        except SystemExit as ended:
-            code = ended.code
-        else:
-            code = 0
-        out, err = capsys.readouterr()
-        assert isinstance(code, int)
-        return code, out, err
-
-    return run
-
-
 def entities(path: Path) -> set[str]:
     """Entities of an .rrd file but for its layout, as the viewer's own program reads it."""
     binary = Path(str(import_module("rerun_cli").__file__)).parent / "rerun"
@@ -81,21 +60,21 @@ def entities(path: Path) -> set[str]:
     return {word for line in done.stdout.splitlines() for word in line.split() if word.startswith(ours)}
 
 
-def test_a_run_that_is_kept_for_the_viewer_has_the_same_trace(config: str, navloom: Run, tmp_path: Path) -> None:
-    code, out, _ = navloom("run", config, "--json")
+def test_a_run_that_is_kept_for_the_viewer_has_the_same_trace(config: str, in_process: Run, tmp_path: Path) -> None:
+    code, out, _ = in_process("run", config, "--json")
     file = tmp_path / "kept" / "run.rrd"
-    same, shown, err = navloom("run", config, "--json", "--rerun", str(file))
+    same, shown, err = in_process("run", config, "--json", "--rerun", str(file))
     assert (code, same) == (0, 0), err
     assert json.loads(shown)["trace_sha256"] == json.loads(out)["trace_sha256"]
     assert {"/run/r1/driven", "/run/r1/trajectory", "/run/forces/base/command", "/log/r1/goal"} <= entities(file)
 
 
 @pytest.mark.slow  # two child processes more
-def test_a_recording_shows_what_the_run_showed(config: str, navloom: Run, tmp_path: Path) -> None:
+def test_a_recording_shows_what_the_run_showed(config: str, in_process: Run, tmp_path: Path) -> None:
     file, recording, again = tmp_path / "run.rrd", tmp_path / "run.mcap", tmp_path / "again.rrd"
-    code, _, err = navloom("run", config, "--rerun", str(file), "--record", str(recording))
+    code, _, err = in_process("run", config, "--rerun", str(file), "--record", str(recording))
     assert code == 0, err
-    code, out, err = navloom("view", str(recording), "--rerun", str(again), "--json")
+    code, out, err = in_process("view", str(recording), "--rerun", str(again), "--json")
     assert (code, err) == (0, "")
     counts = json.loads(out)
     assert counts["is_complete"]
@@ -104,10 +83,10 @@ def test_a_recording_shows_what_the_run_showed(config: str, navloom: Run, tmp_pa
 
 
 @pytest.mark.slow  # a child process and two runs more
-def test_methods_side_by_side_end_in_one_file_and_one_table(config: str, navloom: Run, tmp_path: Path) -> None:
+def test_methods_side_by_side_end_in_one_file_and_one_table(config: str, in_process: Run, tmp_path: Path) -> None:
     file = tmp_path / "both.rrd"
     words = ("compare", config, "--vary", "controller=kanayama,pure_pursuit", "--rerun", str(file))
-    code, out, err = navloom(*words, "--json")
+    code, out, err = in_process(*words, "--json")
     assert code == 0, err
     found = json.loads(out)
     assert {name: one["outcome"] for name, one in found["methods"].items()} == dict.fromkeys(
@@ -117,12 +96,12 @@ def test_methods_side_by_side_end_in_one_file_and_one_table(config: str, navloom
 
 
 @pytest.mark.slow  # at the speed of the clock
-def test_methods_drive_side_by_side_for_a_viewer_that_runs(config: str, navloom: Run, tmp_path: Path) -> None:
+def test_methods_drive_side_by_side_for_a_viewer_that_runs(config: str, in_process: Run, tmp_path: Path) -> None:
     server = Program(options=("--serve-grpc",))
     try:
         file = tmp_path / "both.rrd"
         words = ("compare", config, "--vary", "controller=kanayama,pure_pursuit", "--rerun", str(file))
-        code, out, err = navloom(*words, "--viewer", server.url, "--json")
+        code, out, err = in_process(*words, "--viewer", server.url, "--json")
     finally:
         server.end()
     assert code == 0, err
@@ -134,7 +113,7 @@ def test_methods_drive_side_by_side_for_a_viewer_that_runs(config: str, navloom:
 
 @pytest.mark.parametrize("command", ["run", "view", "compare"])
 def test_without_the_extra_one_message_says_what_to_install(
-    command: str, config: str, navloom: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: str, config: str, in_process: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def missing(name: str) -> None:
         raise ImportError(name)
@@ -147,26 +126,26 @@ def test_without_the_extra_one_message_says_what_to_install(
         "view": ("view", str(file)),
         "compare": ("compare", config, "--vary", "controller=kanayama,pure_pursuit", "--view"),
     }[command]
-    code, out, err = navloom(*words)
+    code, out, err = in_process(*words)
     assert (code, out) == (2, "")
     assert err.splitlines()[-1] == (
         "navloom: the viewer needs the extra `view`: uv sync --group view, or pip install 'navloom[view]'"
     )
 
 
-def test_a_file_that_is_no_recording_is_refused(navloom: Run, tmp_path: Path) -> None:
-    code, _, err = navloom("view", str(tmp_path / "gone.mcap"))
+def test_a_file_that_is_no_recording_is_refused(in_process: Run, tmp_path: Path) -> None:
+    code, _, err = in_process("view", str(tmp_path / "gone.mcap"))
     assert code == 2
     why = "there is no such file; expected a recording, as `navloom record` writes it"
     assert err == f"navloom: {tmp_path}/gone.mcap: {why}\n"
     notes = tmp_path / "notes.mcap"
     notes.write_text("not a recording", "utf-8")
-    code, _, err = navloom("view", str(notes), "--rerun", str(tmp_path / "x.rrd"))
+    code, _, err = in_process("view", str(notes), "--rerun", str(tmp_path / "x.rrd"))
     assert code == 2
     assert "not a recording" in err
 
 
-def test_contradicting_options_are_refused(navloom: Run) -> None:
-    code, _, err = navloom("view", "--viewer", "127.0.0.1:9876", "--web")
+def test_contradicting_options_are_refused(in_process: Run) -> None:
+    code, _, err = in_process("view", "--viewer", "127.0.0.1:9876", "--web")
     assert code == 2
     assert err == "navloom: --viewer and --web: choose the viewer that runs, or a new one\n"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom.cli import main, paper
+from navloom.cli import paper
 from navloom.messages import Path as Plan
 from navloom.study import paper as study
 from navloom.study.paper_cloud import CLASSES, hits_by_box, on_box
@@ -321,18 +321,10 @@ def test_another_process_makes_the_same_bytes(files: dict[str, bytes], tmp_path:
 
 
 @pytest.fixture
-def navloom(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+def navloom(in_process: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
     """The command in an empty folder: gives exit code, output and errors."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["navloom", "paper", *words])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        said = capsys.readouterr()
-        return int(caught.value.code or 0), said.out, said.err
-
-    return run
+    return lambda *words: in_process("paper", *words)
 
 
 @pytest.fixture

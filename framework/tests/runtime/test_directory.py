@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import stat
+import threading
 from pathlib import Path
 
 import pytest
@@ -21,10 +23,13 @@ def running(robot: str, pid: int) -> Running:
     return Running("lab", robot, pid, ("unixsock-stream//x",), False, "paper", False)
 
 
-def made(robot: str, pid: int) -> RobotFolder:
+def made(robot: str, pid: int, is_up: bool = True) -> RobotFolder:
     place = RobotFolder("lab", robot)
     place.make()
+    assert place.lock()
     place.write(running(robot, pid))
+    if not is_up:
+        place.unlock()
     return place
 
 
@@ -38,12 +43,27 @@ def test_a_robot_is_found_while_its_process_lives() -> None:
 def test_one_whose_process_died_is_no_robot() -> None:
     child = os.fork()
     if child == 0:
+        made("r1", os.getpid())
         os._exit(0)
     os.waitpid(child, 0)
-    made("r1", child)
+    assert RobotFolder("lab", "r1").told() == running("r1", child)
     assert list(robots()) == []
     with pytest.raises(DirectoryError, match="no robot of this user is up on this host: start one with"):
         find_robot(None)
+
+
+def test_one_that_died_is_no_robot_though_another_process_has_its_number_now() -> None:
+    place = made("r1", os.getpid(), is_up=False)
+    assert place.told() == running("r1", os.getpid())
+    assert place.read() is None and list(robots()) == []
+
+
+def test_looking_whether_it_is_up_does_not_keep_a_robot_from_being_claimed() -> None:
+    place = made("r1", os.getpid(), is_up=False)
+    look = os.open(place.path / "lock", os.O_RDONLY)
+    fcntl.flock(look, fcntl.LOCK_SH)
+    threading.Timer(0.002, os.close, [look]).start()
+    assert place.lock()
 
 
 def test_several_need_a_name_and_a_wrong_one_is_answered_with_the_nearest() -> None:
@@ -62,7 +82,7 @@ def test_the_folder_is_for_this_user_alone(folder: Path) -> None:
 
 def test_a_robot_is_claimed_once() -> None:
     first, second = made("r1", 1), RobotFolder("lab", "r1")
-    assert first.lock() and not second.lock()
+    assert not second.lock()
     first.unlock()
     assert second.lock()
 

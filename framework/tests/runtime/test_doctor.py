@@ -166,10 +166,11 @@ def without(process: str, **changes: Any) -> list[dict[str, Any]]:
     return [node | changes for node in everyone() if node["process"] != process]
 
 
-def made(fates: dict[str, Fate], pid: int | None = None) -> RobotFolder:
-    folder = RobotFolder("lab", "r1")
+def made(fates: dict[str, Fate], pid: int | None = None, robot: str = "r1") -> RobotFolder:
+    folder = RobotFolder("lab", robot)
     folder.make()
-    folder.write(Running("lab", "r1", pid or os.getpid(), ("unixsock-stream//x",), False, "robot.toml", False))
+    assert folder.lock()
+    folder.write(Running("lab", robot, pid or os.getpid(), ("unixsock-stream//x",), False, "robot.toml", False))
     folder.write_fates(fates)
     return folder
 
@@ -306,10 +307,11 @@ def ended() -> int:
 
 
 def test_a_folder_of_a_robot_that_died_is_noted_and_that_of_one_that_lives_is_not(runtime: Path) -> None:
-    made({})
-    assert left_behind() == []
+    made({}).unlock()
     dead = ended()
     folder = made({}, pid=dead)
+    assert left_behind() == []
+    folder.unlock()
     found = only(left_behind())
     assert found.severity == "note"
     assert found.what == f"robot lab/r1 died without an end: its process {dead} is gone, its folder is not"
@@ -354,7 +356,7 @@ def test_a_process_that_somebody_stopped_is_told_from_one_that_runs(asleep: subp
 
 
 def test_where_no_robot_is_up_that_is_the_finding_and_what_is_left_is_noted() -> None:
-    made({}, pid=ended())
+    made({}, pid=ended()).unlock()
     found = diagnose()
     assert (found.robot, found.nodes, found.is_healthy) == ("", 0, False)
     assert [finding.severity for finding in found.findings] == ["problem", "note"]
@@ -372,9 +374,7 @@ def test_a_robot_that_is_not_up_by_that_name_is_a_finding() -> None:
 
 def test_of_several_robots_one_must_be_named() -> None:
     made({})
-    second = RobotFolder("lab", "r2")
-    second.make()
-    second.write(Running("lab", "r2", os.getpid(), ("unixsock-stream//x",), False, "robot.toml", False))
+    made({}, robot="r2")
     with pytest.raises(DirectoryError, match="several robots are up: lab/r1, lab/r2; choose one with --robot"):
         diagnose()
 

@@ -65,14 +65,15 @@ def share_by_hand(
     # A process started at the same moment has no socket yet: whatever it will be called is tried until it is there.
     possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
     link = peer_link(own, (*folder.sockets(), *possible), network.realm, network.robot)
-    if folder.read() is None:
+    is_first = folder.lock()
+    if is_first:
         folder.write(Running(network.realm, network.robot, os.getpid(), (own,), False, system.loaded.name, False))
     try:
         yield Share(name, sources, link, False, now)
     finally:
         with suppress(OSError):
             (folder.path / f"{name}.sock").unlink()
-        running = folder.read()
-        if running is not None and running.pid == os.getpid():
+        if is_first:
             with suppress(OSError):
                 (folder.path / "robot.json").unlink()
+            folder.unlock()

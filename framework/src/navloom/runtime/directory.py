@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ __all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtim
 
 LONGEST_SOCKET = 100
 """Characters of a socket's path that every system takes."""
+CLAIMS, LOOK = 3, 0.005
+"""Times a robot is claimed, and s between them: longer than a look at the lock lasts."""
 
 
 class DirectoryError(ValueError):
@@ -92,14 +95,16 @@ class RobotFolder:
 
     def lock(self) -> bool:
         """Claim the robot for this process; False where another has it."""
-        self._lock = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(self._lock)
-            self._lock = None
-            return False
-        return True
+        claim = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        for left in reversed(range(CLAIMS)):
+            with contextlib.suppress(OSError):
+                fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                self._lock = claim
+                return True
+            if left:
+                time.sleep(LOOK)  # somebody may only have looked whether it is claimed
+        os.close(claim)
+        return False
 
     def unlock(self) -> None:
         """Leave the robot to another process."""
@@ -128,14 +133,24 @@ class RobotFolder:
         part.replace(self.path / "robot.json")
 
     def read(self) -> Running | None:
-        """What runs here; None where nothing does any more."""
-        running = self.told()
+        """What runs here; None where nothing does any more.
+
+        The lock tells, since what runs a robot holds it for as long as it lives; its number may be another's by now.
+        """
+        return self.told() if self._is_claimed() else None
+
+    def _is_claimed(self) -> bool:
         try:
-            if running is not None:
-                os.kill(running.pid, 0)
+            look = os.open(self.path / "lock", os.O_RDONLY | os.O_CLOEXEC)
         except OSError:
-            return None
-        return running
+            return False
+        try:
+            fcntl.flock(look, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+        finally:
+            os.close(look)
+        return False
 
     def told(self) -> Running | None:
         """What was written here, whether it still runs or not."""

@@ -14,6 +14,9 @@ __all__ = ["EchoMemory", "warm_up"]
 
 Floats = NDArray[np.float64]
 
+_A_LITTLE_MORE = 1.0 + 1e-9
+"""So that rounding of a square loses no point that counts."""
+
 
 class EchoMemory:
     """Points where recent echoes may have come from, oldest overwritten first.
@@ -83,17 +86,29 @@ def _nearest(
     points: Floats, cursor: NDArray[np.int64], x: float, y: float, way: Floats, half_width: float, since: float
 ) -> float:
     best, reach = math.inf, 0.0
+    low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
     for k in range(way.shape[0]):
         reach = max(reach, math.hypot(way[k, 0] - x, way[k, 1] - y))
+        low_x, high_x = min(low_x, way[k, 0]), max(high_x, way[k, 0])
+        low_y, high_y = min(low_y, way[k, 1]), max(high_y, way[k, 1])
     reach += half_width
-    capacity = points.shape[0]
-    for age in range(1, cursor[1] + 1):
-        row = (cursor[0] - age) % capacity
+    low_x, high_x, low_y, high_y = low_x - half_width, high_x + half_width, low_y - half_width, high_y + half_width
+    near = _A_LITTLE_MORE * reach * reach
+    row = cursor[0]
+    for _ in range(cursor[1]):
+        row = row - 1 if row > 0 else points.shape[0] - 1
         if points[row, 2] < since:
             break
-        distance = math.hypot(points[row, 0] - x, points[row, 1] - y)
-        if distance < min(best, reach) and _is_within(points[row, 0], points[row, 1], way, half_width):
+        px, py = points[row, 0], points[row, 1]
+        # Most echoes are told from the few that count by what costs little.
+        if px < low_x or px > high_x or py < low_y or py > high_y:
+            continue
+        if (px - x) * (px - x) + (py - y) * (py - y) > near:
+            continue
+        distance = math.hypot(px - x, py - y)
+        if distance < min(best, reach) and _is_within(px, py, way, half_width):
             best = distance
+            near = _A_LITTLE_MORE * best * best
     return best
 
 

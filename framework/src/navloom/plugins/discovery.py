@@ -63,7 +63,8 @@ class Discovery:
 
     def names(self, role: str) -> list[str]:
         """Names of one role's plugins."""
-        return [info.name for info in self.infos() if info.role == role]
+        parts = (point.name.partition(".") for point in self._points)
+        return [name for owner, _, name in parts if owner == role]
 
     def role(self, role: str, name: str) -> type[Role]:
         """The class of one plugin.

@@ -29,8 +29,8 @@ def gap(points: Floats, edges: Floats) -> float:
     """Least distance, m, of points (k, 2) from the footprint; never more than the true one; negative inside."""
     if not len(points):
         return math.inf
-    outside = points @ edges[:, :2].T - edges[:, 2]
-    return float(outside.max(axis=1).min())
+    outside = edges[:, :2] @ points.T - edges[:, 2:]
+    return float(outside.max(axis=0).min())
 
 
 def margin_of(points: Floats, edges: Floats, wished: float) -> float:

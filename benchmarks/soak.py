@@ -1,10 +1,13 @@
 """A robot live for a long time: memory, missed deadlines and ages, while it drives to and fro.
 
     python benchmarks/soak.py --minutes 30 --rate 50 [--json]
+    python benchmarks/soak.py --minutes 10 --rate 20 --continuous --record drive.mcap
 
 Every process of the robot is sampled for its resident memory. Growth is counted from the end of the first tenth, when
 every buffer has filled, to the end: median of the last tenth against median of the second. A deadline is missed where
-the platform's tick began more than half a period late or was passed over.
+the platform's tick began more than half a period late or was passed over. With `--record` a recorder listens beside it:
+its share of a processor, what it dropped and how large its file is are told too. With `--continuous` the laser sweeps
+without end, so that a frame of it is on its way all the time.
 """
 
 from __future__ import annotations
@@ -39,6 +42,7 @@ plugin = "sensors_sim"
 name = "laser"
 kind = "pitched_laser"
 geometry = "paper"
+mode = "{mode}"
 
 [[sensor]]
 name = "sonars"
@@ -60,6 +64,20 @@ def resident(pid: int) -> float:
     raise ProcessLookupError(pid)
 
 
+def processor_time(pid: int) -> float:
+    """s of a processor a process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def recorder_of(supervisor: int) -> int:
+    """The process that `up --record` has started beside the robot."""
+    for child in Path(f"/proc/{supervisor}/task/{supervisor}/children").read_text("utf-8").split():
+        if b"record" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+            return int(child)
+    raise SystemExit("there is no recorder beside the robot")
+
+
 def drive_about(navigator: Navigator, ends: threading.Event, outcomes: dict[str, int]) -> None:
     """Goal after goal, until it is time."""
     number = 0
@@ -78,13 +96,15 @@ def growth(samples: list[float]) -> float:
     return statistics.median(samples[-tenth:]) / statistics.median(samples[tenth : 2 * tenth]) - 1.0
 
 
-def soak(minutes: float, rate: float, every: float) -> dict[str, Any]:
+def soak(given: argparse.Namespace) -> dict[str, Any]:
     """Run it and say what came of it."""
     with tempfile.TemporaryDirectory(prefix="nl") as folder:
         os.environ["NAVLOOM_RUNTIME_DIR"] = folder
         config = Path(folder) / "soak.toml"
-        config.write_text(CONFIG.format(period=1.0 / rate), "utf-8")
-        command = [sys.executable, "-c", "from navloom.cli import main; main()", "up", str(config)]
+        mode = "continuous" if given.continuous else "on_request"
+        config.write_text(CONFIG.format(period=1.0 / given.rate, mode=mode), "utf-8")
+        command = [sys.executable, "-m", "navloom", "up", str(config)]
+        command += ["--record", str(given.record)] if given.record else []
         up = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         assert up.stderr is not None
         stops: dict[str, int] = {}
@@ -102,27 +122,46 @@ def soak(minutes: float, rate: float, every: float) -> dict[str, Any]:
         try:
             if not ready.wait(120):
                 raise SystemExit("the robot did not come up")
-            return _watch(up.pid, minutes, rate, every, ends) | {"gate_stops": stops}
+            found = _watch(up.pid, given, ends) | {"gate_stops": stops}
         finally:
             ends.set()
             up.terminate()
             up.wait(30)
+        return found | ({"recording": recorded(given.record)} if given.record else {})
 
 
-def _watch(supervisor: int, minutes: float, rate: float, every: float, ends: threading.Event) -> dict[str, Any]:
+def recorded(path: Path) -> dict[str, Any]:
+    """What a file holds."""
+    from navloom.recording.reader import Recording
+
+    recording = Recording(path)
+    counts = recording.counts()
+    return {
+        "complete": recording.is_complete,
+        "bytes": path.stat().st_size,
+        "messages": counts["messages"],
+        **{name: sum(counts[name].values()) for name in ("dropped", "lost", "malformed")},
+    }
+
+
+def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) -> dict[str, Any]:
     outcomes: dict[str, int] = {}
     with Navigator() as navigator, Navigator() as driver:
         nodes = navigator.client.describe()
         pids = {node["process"]: node["pid"] for node in nodes} | {"up": supervisor}
+        pids |= {"recorder": recorder_of(supervisor)} if given.record else {}
         samples: dict[str, list[float]] = {name: [] for name in pids}
+        spent = {name: processor_time(pid) for name, pid in pids.items()}
         thread = threading.Thread(target=drive_about, args=(driver, ends, outcomes))
         thread.start()
         began = time.monotonic()
-        while time.monotonic() - began < 60 * minutes:
-            time.sleep(every)
+        while time.monotonic() - began < 60 * given.minutes:
+            time.sleep(given.every)
             for name, pid in pids.items():
                 samples[name].append(resident(pid))
             print(f"{(time.monotonic() - began) / 60:.1f} min, goals {outcomes}", file=sys.stderr, flush=True)
+        lasted = time.monotonic() - began
+        shares = {name: (processor_time(pid) - spent[name]) / lasted for name, pid in pids.items()}
         ends.set()
         after = navigator.client.describe()
         navigator.cancel()
@@ -130,8 +169,8 @@ def _watch(supervisor: int, minutes: float, rate: float, every: float, ends: thr
     platform = next(node for node in after if node["role"] == "platform")
     command = next(counts for key, counts in platform["streams"].items() if key.endswith("gate/main/command"))
     return {
-        "minutes": minutes,
-        "rate_hz": rate,
+        "minutes": given.minutes,
+        "rate_hz": given.rate,
         "goals": outcomes,
         "ticks": platform["ticks"],
         "missed_deadlines": platform["late_ticks"],
@@ -139,6 +178,7 @@ def _watch(supervisor: int, minutes: float, rate: float, every: float, ends: thr
         "platform_stops": platform["stops"],
         "command_age_s": {name: command[f"age_{name}_s"] for name in ("p50", "p99")},
         "memory_mb": {name: [round(found[0], 1), round(found[-1], 1)] for name, found in samples.items()},
+        "processor_share": {name: round(share, 4) for name, share in shares.items()},
         "memory_growth": {name: growth(found) for name, found in samples.items()},
         "same_processes": {n["process"]: n["pid"] for n in after} == {n["process"]: n["pid"] for n in nodes},
     }
@@ -150,9 +190,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--rate", type=float, default=50.0, help="Hz")
     parser.add_argument("--every", type=float, default=5.0, help="s between samples")
+    parser.add_argument("--continuous", action="store_true", help="the laser sweeps without end")
+    parser.add_argument("--record", type=Path, help="MCAP file")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    found = soak(given.minutes, given.rate, given.every)
+    found = soak(given)
     print(json.dumps(found, indent=None if given.json else 2))
 
 

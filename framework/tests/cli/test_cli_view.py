@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import signal
 import subprocess
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 from navloom.viewer import extra
 from navloom.viewer.program import Program
 
-pytest.importorskip("rerun", reason="the extra `view` is not installed")
+rerun = pytest.importorskip("rerun", reason="the extra `view` is not installed")
 CONFIG = """
 [run]
 stop_after = 20.0
@@ -109,6 +113,23 @@ def test_methods_drive_side_by_side_for_a_viewer_that_runs(config: str, in_proce
     assert "did not reach" not in err
     assert "were dropped" not in err
     assert {"/run/kanayama/driven", "/run/pure_pursuit/driven"} <= entities(file)
+
+
+@pytest.mark.slow
+def test_a_browser_is_served_until_the_command_that_is_told_ends_it(in_process: Run, tmp_path: Path) -> None:
+    kept = tmp_path / "kept.rrd"
+    rerun.RecordingStream("navloom").save(kept)
+    code, _, err = in_process("view", str(kept), "--web")
+    assert code == 0
+    found = re.search(r"the viewer is at (http://127.0.0.1:\d+)\?url=\S+ until `kill (\d+)`", err)
+    assert found is not None, err
+    pid = int(found[2])
+    try:
+        with urlopen(found[1], timeout=10.0) as page:
+            assert b"<canvas" in page.read()
+    finally:
+        os.kill(pid, signal.SIGTERM)
+    os.waitpid(pid, 0)
 
 
 @pytest.mark.parametrize("command", ["run", "view", "compare"])

@@ -161,8 +161,8 @@ class LiveRun:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
                 self._listen(robot)
-                self.say("up: every node is there")
                 with self.beside(robot):
+                    self.say("up: every node is there")  # and who attends it too: what is asked from now on is recorded
                     self._drive(robot, until_idle, look, ended)
         return self._episode() if self.log.results else None
 

@@ -102,10 +102,11 @@ class Program:
 
     @property
     def page(self) -> str | None:
-        """Address for a browser, where it serves one."""
+        """In words, where a browser finds it and what ends it; None of a window, which its user closes."""
         if self.web_port is None:
             return None
-        return f"http://{HOST}:{self.web_port}?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self.port}%2Fproxy"
+        address = f"http://{HOST}:{self.web_port}?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self.port}%2Fproxy"
+        return f"{address} until `kill {self.process.pid}`"
 
     def end(self) -> None:
         """Close it."""

@@ -8,8 +8,8 @@ import timeit
 import mujoco
 import numpy as np
 import pytest
-from navloom_sensors_sim.beams import cone_rays, read_cones, ring_mounts
-from navloom_sensors_sim.casting import cast_block
+from navloom_sensors_sim.beams import cone_rays, fan, fan_step, read_cones, ring_mounts
+from navloom_sensors_sim.casting import Obstacles, cast_block, cast_fan
 from navloom_sensors_sim.motion import STATE, drive_tick
 from navloom_sensors_sim.warming import warm_up
 
@@ -51,6 +51,27 @@ def test_a_sweep_of_rays_takes_less_than_half_of_mujocos_time(benchmark, mujoco_
     ratio = best(mujoco_cast(model, data, directions), 5) / best(cast, 5)
     benchmark.extra_info["times faster than mj_multiRay"] = round(ratio, 2)
     assert ratio > 2.0
+
+
+def test_a_planar_scan_among_posts_takes_less_than_a_quarter_of_every_ray_against_every_post(benchmark):
+    """361 beams over 270° and 300 posts within 5 m, as in the worlds of BARN."""
+    rng = np.random.default_rng(0)
+    posts = np.column_stack([rng.uniform(-5, 5, (300, 2)), np.full((300, 4), [0.075, 0.0, 1.0, 1.0])])
+    obstacles = Obstacles(np.zeros((0, 9)), posts, np.zeros((0, 0), np.float32), np.zeros(7))
+    bearings, step = fan(361, 1.5 * math.pi, 0.0), fan_step(361, 1.5 * math.pi)
+    origins = np.repeat([[0.0], [0.0], [0.3]], 361, axis=1)
+    beams = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(361)])
+    ranges, hits = np.empty(361), np.empty(361, np.int64)
+    warm_up()
+
+    def scan():
+        cast_fan(origins, beams, bearings[0], step, obstacles, 10.0, ranges, hits)
+
+    benchmark(scan)
+    every = best(lambda: cast_block(origins, beams, obstacles, False, 10.0, ranges, hits), 30)
+    ratio = every / best(scan, 100)
+    benchmark.extra_info["times faster than every ray against every post"] = round(ratio, 2)
+    assert ratio > 4.0
 
 
 def test_a_whole_tick_takes_less_than_mujoco_takes_for_its_sonars(benchmark, mujoco_world, footprint):

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_sensors_sim.casting import NOTHING, cast_block, to_map
+from navloom_sensors_sim.casting import NOTHING, cast_block, cast_fan, to_map
 from navloom_sensors_sim.incidence import cosine_of_incidence
 
-__all__ = ["cone_rays", "fan", "read_cones", "read_laser", "ring_mounts"]
+__all__ = ["cone_rays", "fan", "fan_step", "read_cones", "read_laser", "ring_mounts"]
 
 Floats = NDArray[np.float64]
 
@@ -22,9 +22,20 @@ _P3DX_BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0]
 
 def fan(count: int, field_of_view: float, heading: float) -> Floats:
     """(n,) bearings, rad, evenly over the field of view, right to left about `heading`; a full circle omits its end."""
-    full = field_of_view >= 2.0 * math.pi - 1e-9
-    spread = np.linspace(-0.5, 0.5, count, endpoint=not full) if count > 1 else np.zeros(1)
+    spread = np.linspace(-0.5, 0.5, count, endpoint=not _is_full_circle(field_of_view)) if count > 1 else np.zeros(1)
     return (heading + field_of_view * spread + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def fan_step(count: int, field_of_view: float) -> float:
+    """Bearing from each beam of a `fan` to the next, rad, > 0; a single beam is a turn away from itself."""
+    if count == 1:
+        return 2.0 * math.pi
+    # Kept off 0, which kernels divide by: over 10,000 beams that is 1e-8 rad.
+    return max(field_of_view / (count if _is_full_circle(field_of_view) else count - 1), 1e-12)
+
+
+def _is_full_circle(field_of_view: float) -> bool:
+    return field_of_view >= 2.0 * math.pi - 1e-9
 
 
 def ring_mounts(layout: str, footprint: Floats) -> tuple[Floats, Floats, bool]:
@@ -99,9 +110,10 @@ def read_laser(base, origins, directions, obstacles, options, normals, ranges): 
 
     Args:
         base: (3 or more,) true x, y, m, and heading, rad, of the base in the map frame.
-        origins, directions: (3, n) beams, base frame.
+        origins, directions: (3, n) beams, base frame: level, from one place, evenly spaced as by `fan`.
         obstacles: What can be hit.
-        options: (3,) lowest and highest range, m; standard deviation, m.
+        options: (5,) lowest and highest range, m; standard deviation, m; bearing of the first beam in the base frame
+            and from each beam to the next, rad, see `fan_step`.
         normals: (n,) standard normal draws.
         ranges: (n,) filled: m, +inf for no echo.
     """
@@ -109,7 +121,7 @@ def read_laser(base, origins, directions, obstacles, options, normals, ranges): 
     starts, ways, hits = np.empty((3, count)), np.empty((3, count)), np.empty(count, np.int64)
     to_map(base[0], base[1], base[2], origins, True, starts)
     to_map(base[0], base[1], base[2], directions, False, ways)
-    cast_block(starts, ways, obstacles, False, options[1], ranges, hits)
+    cast_fan(starts, ways, base[2] + options[3], options[4], obstacles, options[1], ranges, hits)
     for i in range(count):
         ranges[i] = _reading(ranges[i], options[2] * normals[i], options[0], options[1])
 

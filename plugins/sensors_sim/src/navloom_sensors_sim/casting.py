@@ -2,7 +2,8 @@
 
 Boxes and cylinders are cut by slabs, boxes outer and rays inner, over blocks of rays that stay in the L1 cache; the
 raster is walked cell by cell (Amanatides & Woo 1987), leaping over free space with the help of its distance field.
-A ray that starts inside an obstacle hits it at range 0.
+A ray that starts inside an obstacle hits it at range 0. Of the fan of a planar laser only the beams that `sectors` does
+not rule out are cut.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["FLOOR", "NOTHING", "Obstacles", "cast_block", "cast_rays", "to_map"]
+from navloom_sensors_sim.sectors import beam_spans
+
+__all__ = ["FLOOR", "NOTHING", "Obstacles", "cast_block", "cast_fan", "cast_rays", "to_map"]
 
 Floats = NDArray[np.float64]
 
@@ -92,25 +95,59 @@ def cast_block(origins, directions, obstacles, floor, reach, ranges, hits):  # t
         size = min(_BLOCK, count - start)
         _load(work, origins, directions, start, size, floor, reach)
         for k in range(boxes.shape[0]):
-            if boxes[k, 8] == 0.0:
-                continue
-            if boxes[k, 7] == 0.0 and boxes[k, 6] == 1.0:
-                _cut_straight_box(work, size, boxes, k)
-            else:
-                _cut_turned_box(work, size, boxes, k)
+            if boxes[k, 8] != 0.0:
+                _cut_box(work, 0, size, boxes, k)
         for k in range(cylinders.shape[0]):
             if cylinders[k, 5] != 0.0:
-                _cut_cylinder(work, size, cylinders, k, float(boxes.shape[0] + k))
-        if obstacles.gaps.size:
-            index = float(boxes.shape[0] + cylinders.shape[0])
-            for i in range(size):
-                t = _raster_hit(work, i, obstacles.gaps, obstacles.raster)
-                if t < work[_BEST + i]:
-                    work[_BEST + i] = t
-                    work[_HIT + i] = index
+                _cut_cylinder(work, 0, size, cylinders, k, float(boxes.shape[0] + k))
+        _finish(work, start, size, obstacles, ranges, hits)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cast_fan(origins, directions, first_bearing, step, obstacles, reach, ranges, hits):  # type: ignore[no-untyped-def]
+    """`cast_block`, bit for bit, for the level beams of a planar laser: each obstacle is cut by those that can meet it.
+
+    Args:
+        origins, directions: (3, n) level beams, map frame, from one place and evenly spaced counter-clockwise.
+        first_bearing, step: Bearing of beam 0 and from each beam to the next, rad, map frame; step > 0, and all
+            steps together are at most a turn.
+        obstacles: What can be hit; the floor is not.
+        reach: m.
+        ranges, hits: (n,) filled: m, +inf for no hit, and the index of what was hit.
+    """
+    count = origins.shape[1]
+    work = np.empty(10 * _BLOCK)
+    boxes, cylinders = obstacles.boxes, obstacles.cylinders
+    spans = np.empty((boxes.shape[0] + cylinders.shape[0], 4), np.int64)
+    beam_spans(origins[:, 0], first_bearing, step, count, reach, obstacles, spans)
+    for start in range(0, count, _BLOCK):
+        size = min(_BLOCK, count - start)
+        _load(work, origins, directions, start, size, False, reach)
+        for k in range(spans.shape[0]):
+            for side in range(0, 4, 2):
+                first, end = max(spans[k, side] - start, 0), min(spans[k, side + 1] - start, size)
+                if first >= end:
+                    continue
+                if k < boxes.shape[0]:
+                    _cut_box(work, first, end, boxes, k)
+                else:
+                    _cut_cylinder(work, first, end, cylinders, k - boxes.shape[0], float(k))
+        _finish(work, start, size, obstacles, ranges, hits)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _finish(work, start, size, obstacles, ranges, hits):  # type: ignore[no-untyped-def]
+    """Cuts the block's rays by the raster, if there is one, and writes out what they hit."""
+    if obstacles.gaps.size:
+        index = float(obstacles.boxes.shape[0] + obstacles.cylinders.shape[0])
         for i in range(size):
-            hits[start + i] = int(work[_HIT + i])
-            ranges[start + i] = work[_BEST + i] if hits[start + i] != NOTHING else np.inf
+            t = _raster_hit(work, i, obstacles.gaps, obstacles.raster)
+            if t < work[_BEST + i]:
+                work[_BEST + i] = t
+                work[_HIT + i] = index
+    for i in range(size):
+        hits[start + i] = int(work[_HIT + i])
+        ranges[start + i] = work[_BEST + i] if hits[start + i] != NOTHING else np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -145,14 +182,23 @@ def _keep_nearer(work, i, enter, leave, index):  # type: ignore[no-untyped-def]
     work[_HIT + i] = index if better else work[_HIT + i]
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cut_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
+    """One box against rays `first` to `end` - 1 of the block."""
+    if boxes[k, 7] == 0.0 and boxes[k, 6] == 1.0:
+        _cut_straight_box(work, first, end, boxes, k)
+    else:
+        _cut_turned_box(work, first, end, boxes, k)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cut_straight_box(work, size, boxes, k):  # type: ignore[no-untyped-def]
-    """One box without yaw against all rays of the block."""
+def _cut_straight_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
+    """One box without yaw against rays `first` to `end` - 1 of the block."""
     x0, x1 = boxes[k, 0] - boxes[k, 2], boxes[k, 0] + boxes[k, 2]
     y0, y1 = boxes[k, 1] - boxes[k, 3], boxes[k, 1] + boxes[k, 3]
     z0, z1 = boxes[k, 4], boxes[k, 5]
     index = float(k)
-    for i in range(size):
+    for i in range(first, end):
         enter, leave = _slab(x0 - work[_OX + i], x1 - work[_OX + i], work[_IX + i])
         near, far = _slab(y0 - work[_OY + i], y1 - work[_OY + i], work[_IY + i])
         enter, leave = (near if near > enter else enter), (far if far < leave else leave)
@@ -162,12 +208,12 @@ def _cut_straight_box(work, size, boxes, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cut_turned_box(work, size, boxes, k):  # type: ignore[no-untyped-def]
-    """One box with yaw against all rays of the block, in the box's own frame."""
+def _cut_turned_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
+    """One box with yaw against rays `first` to `end` - 1 of the block, in the box's own frame."""
     hx, hy, z0, z1, c, s = boxes[k, 2], boxes[k, 3], boxes[k, 4], boxes[k, 5], boxes[k, 6], boxes[k, 7]
     cx, cy = boxes[k, 0], boxes[k, 1]
     index = float(k)
-    for i in range(size):
+    for i in range(first, end):
         px, py = work[_OX + i] - cx, work[_OY + i] - cy
         dx = c * work[_DX + i] + s * work[_DY + i]
         dy = c * work[_DY + i] - s * work[_DX + i]
@@ -181,14 +227,14 @@ def _cut_turned_box(work, size, boxes, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cut_cylinder(work, size, cylinders, k, index):  # type: ignore[no-untyped-def]
-    """One cylinder with its end faces against all rays of the block.
+def _cut_cylinder(work, first, end, cylinders, k, index):  # type: ignore[no-untyped-def]
+    """One cylinder with its end faces against rays `first` to `end` - 1 of the block.
 
     The discriminant a r² - (o × d)² has no cancellation between far-away origins, unlike b² - a c. A vertical ray
     gets a tiny a: inside the circle its interval is then endless, outside it is empty.
     """
     cx, cy, radius, z0, z1 = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2], cylinders[k, 3], cylinders[k, 4]
-    for i in range(size):
+    for i in range(first, end):
         dx, dy = work[_DX + i], work[_DY + i]
         px, py = work[_OX + i] - cx, work[_OY + i] - cy
         a = dx * dx + dy * dy

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_sensors_sim.beams import cone_rays, fan, read_cones, read_laser, ring_mounts
+from navloom_sensors_sim.beams import cone_rays, fan, fan_step, read_cones, read_laser, ring_mounts
 from navloom_sensors_sim.casting import Obstacles
 
 if TYPE_CHECKING:
@@ -76,12 +76,14 @@ class LaserScanner:
     """A planar laser; all beams are taken at once, at the end of the tick."""
 
     def __init__(self, s: LaserSettings, footprint: Floats, rng: np.random.Generator, period: float) -> None:
-        bearings = fan(s.beams, math.radians(s.field_of_view_deg), math.radians(s.heading_deg))
+        field_of_view = math.radians(s.field_of_view_deg)
+        bearings = fan(s.beams, field_of_view, math.radians(s.heading_deg))
         count = len(bearings)
         self._rng, self._every, self._settings = rng, _ticks_between(s.rate_hz, period), s
         self._origins = np.repeat([[s.x], [s.y], [s.z]], count, axis=1)
         self._directions = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(count)])
-        self._options = np.array([s.range_min, s.range_max, s.sigma if s.noise else 0.0])
+        spread = (bearings[0], fan_step(s.beams, field_of_view))
+        self._options = np.array([s.range_min, s.range_max, s.sigma if s.noise else 0.0, *spread])
         self._bearings, self._zeros = freeze(bearings), freeze(np.zeros(count))
         self._places = freeze(self._origins[:2].T)
 

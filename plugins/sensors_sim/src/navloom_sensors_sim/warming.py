@@ -22,6 +22,6 @@ def warm_up() -> None:
     drive_tick(at, track, np.ones(8), np.ones(5), np.zeros(2), np.zeros(2), footprint, 1.0, obstacles)
     clearance_at(at[0], at[1], at[2], footprint, 1.0, obstacles)
     cast_block(rays, rays, obstacles, True, 1.0, ranges, np.empty(1, np.int64))
-    read_laser(at, rays, rays, obstacles, np.ones(3), np.zeros(1), ranges)
+    read_laser(at, rays, rays, obstacles, np.ones(5), np.zeros(1), ranges)
     read_cones(at, rays, rays, obstacles, np.ones(6), False, np.zeros(1), np.ones((1, 3)), ranges)
     read_frames(track, np.zeros(1), np.ones(3), rays[None], obstacles, np.ones(4), np.zeros((1, 1)), np.empty((1, 1)))

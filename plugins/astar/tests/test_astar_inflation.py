@@ -38,6 +38,17 @@ def test_a_square_reaches_as_many_cells_in_rows_as_in_columns(seed: int, shape: 
     assert (grow(occupied, square_reach(cells)) == windows.any(axis=(2, 3))).all()
 
 
+def test_obstacles_at_edges_and_corners_reach_as_far_as_others() -> None:
+    """One or two obstacles anywhere on a grid that is mostly free, the box round them at its edges or not."""
+    assert not grow(np.zeros((7, 9), dtype=np.bool_), disc_reach(2.6)).any()
+    for n in range(63):
+        for other in (n, 62 - n, 31):
+            occupied = np.zeros(63, dtype=np.bool_)
+            occupied[[n, other]] = True
+            occupied = occupied.reshape(7, 9)
+            assert (grow(occupied, disc_reach(2.6)) == too_near(occupied, 2.6)).all()
+
+
 def test_sizes_by_hand() -> None:
     occupied = np.zeros((9, 9), dtype=np.bool_)
     occupied[4, 4] = True

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from navloom_astar.inflation import disc_reach, grow
 from navloom_astar.search import Closed, GridSearch
-from navloom_theta_star.search import LazyThetaSearch, Taut, ThetaSearch
+from navloom_theta_star.search import LazyThetaSearch, Taut, ThetaSearch, _along, _at_least
 from numpy.typing import NDArray
 from theta_oracles import is_touched, shortest_at_all, shortest_over_centres
 
@@ -191,6 +191,15 @@ def test_on_dear_ground_no_way_costs_more_than_astars(search: type[ThetaSearch],
         assert way == on_cells
     else:
         assert way.length - 1e-9 <= way.cost <= on_cells.cost + 1e-6
+
+
+def test_poor_offers_are_told_by_a_bound_below_the_cost() -> None:
+    """On any ground, and so near to the cost that the offer of a cell's own parent is still seen to be no better."""
+    places, ground = np.random.default_rng(4).random((2000, 4)) * 300.0 + 1.0, np.zeros((302, 302), dtype=np.uint8)
+    ground[::3] = 8
+    for place in places.tolist():
+        bound, length = _at_least(*place), _along(None, *place)
+        assert length * (1.0 - 1e-12) < bound <= length <= _along(ground, *place)
 
 
 @both

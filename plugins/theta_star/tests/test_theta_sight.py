@@ -51,6 +51,19 @@ def test_it_agrees_with_exact_arithmetic_and_with_the_pruning_of_the_framework()
     assert 300 < seen < 900
 
 
+def test_rows_and_columns_are_alike() -> None:
+    """Mirrored on the diagonal, a steep segment is a level one: both are looked at along the other lanes."""
+    rng, seen = np.random.default_rng(3), 0
+    for _ in range(40):
+        wall = rng.random((14, 11)) < rng.choice([0.02, 0.1])
+        for x0, y0, x1, y1 in rng.random((50, 4)) * (11.0, 14.0, 11.0, 14.0):
+            sight = sees(wall, (x0, y0), (x1, y1))
+            assert sees(wall.T.copy(), (y0, x0), (y1, x1)) == sees(wall, (x1, y1), (x0, y0)) == sight
+            assert is_segment_free(~wall, 1.0, 0.0, 0.0, x0, y0, x1, y1) == sight
+            seen += sight
+    assert 600 < seen < 1800
+
+
 def test_between_neighbours_the_ground_costs_what_astar_says() -> None:
     """Half of the step in each cell: s (1 + (e + f) / 2)."""
     extra = np.array([[0, 8, 0], [0, 0, 24]], dtype=np.uint8)

@@ -39,7 +39,8 @@ class PlannerOnGrid(Planner):
         start, goal = (request.start.x, request.start.y), (request.goal.x, request.goal.y)
         answer = self._planner.plan(start, goal, given.map.segments, raster)
         if isinstance(answer, Found):
-            cells = np.where(answer.traversable, np.int8(0), np.int8(100))
+            cells = 100 * (~answer.traversable).view(np.int8)
+            cells.flags.writeable = False
             traversable = OccupancyGrid(cells, answer.grid.resolution, Pose2D(*answer.grid.origin))
             return Path(request.request_id, answer.points, answer.length, traversable)
         return PlanFailure(request.request_id, answer.kind, Point2D(*answer.place), answer.detail)

@@ -25,53 +25,27 @@ _EDGE = 1e-9
 """Places on the outer edge belong to the map, in cells."""
 
 
-@dataclass(frozen=True, eq=False)
-class RasterMap:
-    """A raster map as it comes in.
+class _Lattice:
+    """Cells on the map: `resolution` is their edge, m; `origin` x, y, m, and heading, rad, of the corner of (0, 0)."""
 
-    Attributes:
-        cells: (rows, columns) int8: 0 free to 100 occupied, -1 unknown; row 0 has the lowest y.
-        resolution: Edge of a cell, m.
-        origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0) in the map frame.
-    """
-
-    cells: NDArray[np.int8]
     resolution: float
     origin: tuple[float, float, float]
 
-
-@dataclass(frozen=True, eq=False)
-class PlanningGrid:
-    """What is searched.
-
-    Attributes:
-        occupied, unknown: (rows, columns); row 0 has the lowest y of the grid's frame.
-        resolution: Edge of a cell, m.
-        origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0) in the map frame.
-    """
-
-    occupied: Bools
-    unknown: Bools
-    resolution: float
-    origin: tuple[float, float, float]
+    def place(self, spot: Spot) -> Spot:
+        """A place, m, map frame, as column and row with fractions: cell (r, c) is c..c+1, r..r+1."""
+        x, y, heading = self.origin
+        cos, sin = math.cos(heading), math.sin(heading)
+        along, across = spot[0] - x, spot[1] - y
+        return (cos * along + sin * across) / self.resolution, (cos * across - sin * along) / self.resolution
 
     def places(self, points: Floats) -> Floats:
-        """Points (n, 2), m, map frame, as (n, 2) columns and rows with fractions: cell (r, c) is c..c+1, r..r+1."""
+        """The same of points (n, 2)."""
         x, y, heading = self.origin
         cos, sin = math.cos(heading), math.sin(heading)
         moved = points - (x, y)
         return np.stack([cos * moved[:, 0] + sin * moved[:, 1], cos * moved[:, 1] - sin * moved[:, 0]], axis=-1) / (
             self.resolution
         )
-
-    def cell_at(self, spot: Spot) -> Cell | None:
-        """The cell that holds a place, or None outside."""
-        inside = []
-        for value, count in zip(self.places(np.array([spot]))[0].tolist(), self.occupied.shape[::-1], strict=True):
-            if not -_EDGE <= value <= count + _EDGE or count == 0:
-                return None
-            inside.append(min(max(math.floor(value), 0), count - 1))
-        return inside[1], inside[0]
 
     def corner(self, row: int, column: int) -> Spot:
         """Lower left corner, m, map frame, of a cell, which may be outside."""
@@ -90,29 +64,71 @@ class PlanningGrid:
         return np.stack([x + cos * along - sin * across, y + sin * along + cos * across], axis=-1)
 
 
+@dataclass(frozen=True, eq=False)
+class RasterMap(_Lattice):
+    """A raster map as it comes in.
+
+    Attributes:
+        cells: (rows, columns) int8: 0 free to 100 occupied, -1 unknown; row 0 has the lowest y.
+        resolution: Edge of a cell, m.
+        origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0) in the map frame.
+    """
+
+    cells: NDArray[np.int8]
+    resolution: float
+    origin: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningGrid(_Lattice):
+    """What is searched.
+
+    Attributes:
+        occupied, unknown: (rows, columns); row 0 has the lowest y of the grid's frame.
+        resolution: Edge of a cell, m.
+        origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0) in the map frame.
+    """
+
+    occupied: Bools
+    unknown: Bools
+    resolution: float
+    origin: tuple[float, float, float]
+
+    def cell_at(self, spot: Spot) -> Cell | None:
+        """The cell that holds a place, or None outside."""
+        inside = []
+        for value, count in zip(self.place(spot), self.occupied.shape[::-1], strict=True):
+            if not -_EDGE <= value <= count + _EDGE or count == 0:
+                return None
+            inside.append(min(max(math.floor(value), 0), count - 1))
+        return inside[1], inside[0]
+
+
 def grid_of_cells(given: RasterMap, occupied_from: int) -> PlanningGrid:
     """A raster map's own cells, occupied from a value in percent."""
     return PlanningGrid(given.cells >= occupied_from, given.cells < 0, given.resolution, given.origin)
 
 
-def enlarged(given: RasterMap, include: tuple[Spot, ...], margin: float) -> RasterMap | None:
-    """A raster map that also holds some places, m, and a margin, m, round all; what is new is unknown.
+def enlarged(grid: PlanningGrid, include: tuple[Spot, ...], margin: float) -> PlanningGrid | None:
+    """A grid that also holds some places, m, and a margin, m, round all; what is new is unknown.
 
     None where that is more than `MAX_CELLS`.
     """
-    frame = PlanningGrid(given.cells >= 0, given.cells < 0, given.resolution, given.origin)
-    rows, columns = given.cells.shape
-    places = np.concatenate([frame.places(np.array(include, dtype=np.float64)), [(0.0, 0.0), (columns, rows)]])
-    reach = margin / given.resolution
+    rows, columns = grid.occupied.shape
+    places = np.array([grid.place(spot) for spot in include] + [(0.0, 0.0), (columns, rows)])
+    reach = margin / grid.resolution
     left, low = np.maximum(0.0, np.ceil(reach - places.min(axis=0)))
     right, high = np.maximum(0.0, np.ceil(places.max(axis=0) + reach - (columns, rows)))
     if not (rows + low + high) * (columns + left + right) <= MAX_CELLS:
         return None
     if not (left or right or low or high):
-        return given
-    cells = np.pad(given.cells, ((int(low), int(high)), (int(left), int(right))), constant_values=-1)
-    corner = frame.corner(-int(low), -int(left))
-    return RasterMap(cells, given.resolution, (*corner, given.origin[2]))
+        return grid
+    down, across = int(low), int(left)
+    shape = rows + down + int(high), columns + across + int(right)
+    old = slice(down, down + rows), slice(across, across + columns)
+    occupied, unknown = np.zeros(shape, dtype=np.bool_), np.ones(shape, dtype=np.bool_)
+    occupied[old], unknown[old] = grid.occupied, grid.unknown
+    return PlanningGrid(occupied, unknown, grid.resolution, (*grid.corner(-down, -across), grid.origin[2]))
 
 
 def grid_of_segments(
@@ -171,9 +187,8 @@ def _corners(given: RasterMap) -> Floats:
 def _unknown_on(given: RasterMap, grid: PlanningGrid) -> Bools:
     """(rows, columns) of the grid, True where its cell's centre is unknown on the map or outside of it."""
     index = np.indices(grid.occupied.shape).reshape(2, -1).T
-    seen = PlanningGrid(given.cells >= 0, given.cells < 0, given.resolution, given.origin)
-    places = np.floor(seen.places(grid.centres(index)) + _EDGE).astype(np.int64)
+    places = np.floor(given.places(grid.centres(index)) + _EDGE).astype(np.int64)
     inside = ((places >= 0) & (places < given.cells.shape[::-1])).all(axis=1)
     unknown = np.ones(len(index), dtype=np.bool_)
-    unknown[inside] = seen.unknown[places[inside, 1], places[inside, 0]]
+    unknown[inside] = given.cells[places[inside, 1], places[inside, 0]] < 0
     return unknown.reshape(grid.occupied.shape)

@@ -38,7 +38,7 @@ class JumpPointSearch(GridSearch):
 
     def __init__(self, shape: tuple[int, int]) -> None:
         super().__init__(shape)
-        self._parent = np.zeros(self._wall.size, dtype=np.int32)
+        self._parent = np.zeros(self.wall.size, dtype=np.int32)
 
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
@@ -47,12 +47,12 @@ class JumpPointSearch(GridSearch):
         if extra is not None:
             return super().shortest(free, start, goal, extra)
         self._check(free, start, goal, None)
-        np.logical_not(free, out=self._wall[1:-1, 1:-1])
+        np.logical_not(free, out=self.wall[1:-1, 1:-1])
         q, p = step_costs(free.size)
         self._renew(2 * (free.size + 2) * p)
         stride = self.shape[1] + 2
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
-        if not _search(self._wall, self._cost, self._arrival, self._parent, first, last, self._base, self._top, q, p):
+        if not _search(self.wall, self._cost, self._arrival, self._parent, first, last, self._base, self._top, q, p):
             return super().shortest(free, start, goal)
         cells, diagonal = _trace(self._arrival, self._parent, stride, first, last)
         straight = len(cells) - 1 - diagonal

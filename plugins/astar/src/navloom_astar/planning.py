@@ -168,12 +168,11 @@ class GridPlanner:
             if grid is None:
                 return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for cells of {use.cell:g} m")
         else:
-            if use.outside == "unknown":
-                larger = enlarged(given, (start, goal), use.margin)
-                if larger is None:
-                    return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for its cells")
-                given = larger
             grid = grid_of_cells(given, use.occupied_from)
+            if use.outside == "unknown":
+                grid = enlarged(grid, (start, goal), use.margin)
+                if grid is None:
+                    return OutsideMap(goal, f"the goal {_at(goal)} is too far from the map for its cells")
         occupied = grid.occupied | grid.unknown if use.unknown == "blocked" else grid.occupied
         ends = _ends(grid, start, goal)
         if isinstance(ends, Failure):
@@ -236,8 +235,8 @@ class GridPlanner:
         if self._search is None or self._search.shape != traversable.shape:
             self._search = self._make_search((traversable.shape[0], traversable.shape[1]))
         leave = ends[0] if len(way) == 1 else tuple(grid.centres(np.array(way[-1:]))[0].tolist())
-        first, last = map(tuple, grid.places(np.array([leave, ends[1]])).tolist())
-        answer = self._search.shortest(traversable, way[-1], goal, self._extra(grid, wide), (first, last))
+        places = grid.place(leave), grid.place(ends[1])
+        answer = self._search.shortest(traversable, way[-1], goal, self._extra(grid, wide), places)
         if isinstance(answer, Closed):
             x, y = grid.centres(np.array([answer.nearest]))[0].tolist()
             gap = math.dist((x, y), ends[1])
@@ -253,6 +252,8 @@ class GridPlanner:
 
     def _extra(self, grid: PlanningGrid, wide: Bools | None) -> NDArray[np.uint8] | None:
         """What the ground costs besides its length, in parts of `EXTRA_UNIT`; None where nothing does."""
+        if self.settings.unknown != "cost" and wide is None:
+            return None
         extra = np.zeros(grid.occupied.shape, dtype=np.uint8)
         if self.settings.unknown == "cost":
             extra[grid.unknown] = min(255, round(self.settings.unknown_cost * EXTRA_UNIT))

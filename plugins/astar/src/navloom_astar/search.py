@@ -126,6 +126,9 @@ class GridSearch:
     """A* on grids of one size. Its work arrays are used again and again, and no query clears them.
 
     Costs of a query lie below all costs of earlier ones, so old values read as "not yet reached".
+
+    Attributes:
+        wall, extra: (rows + 2, columns + 2) of the last query, with a border of walls; extra of the last with any.
     """
 
     _looks_ahead = True
@@ -134,12 +137,12 @@ class GridSearch:
         self.shape = shape
         padded = (shape[0] + 2, shape[1] + 2)
         size = padded[0] * padded[1]
-        self._wall = np.ones(padded, dtype=np.bool_)
-        self._extra = np.zeros(padded, dtype=np.uint8)
+        self.wall = np.ones(padded, dtype=np.bool_)
+        self.extra = np.zeros(padded, dtype=np.uint8)
         self._cost = np.zeros(size, dtype=np.int64)
-        self._arrival = np.zeros(size, dtype=np.uint8)
+        self._arrival = np.empty(size, dtype=np.uint8)
         # Each bucket is a circular list through its cells and, as its head, an element past the last cell.
-        self._before, self._after = np.zeros((2, size + _MOST_BUCKETS), dtype=np.int32)
+        self._before, self._after = np.empty((2, size + _MOST_BUCKETS), dtype=np.int32)
         self._base = self._top = 0
 
     def shortest(
@@ -161,10 +164,10 @@ class GridSearch:
             ValueError: A grid of another shape, or a start or goal that is outside or not free.
         """
         self._check(free, start, goal, extra)
-        np.logical_not(free, out=self._wall[1:-1, 1:-1])
+        np.logical_not(free, out=self.wall[1:-1, 1:-1])
         parts, factor = 1, 1
         if extra is not None:
-            self._extra[1:-1, 1:-1] = extra
+            self.extra[1:-1, 1:-1] = extra
             parts, factor = 2 * EXTRA_UNIT, 2 * EXTRA_UNIT + 2 * int(extra.max())
         q, p = step_costs(free.size * factor)
         self._renew(2 * (free.size + 2) * factor * p)
@@ -173,8 +176,8 @@ class GridSearch:
         shift = max(0, (parts * q // 5).bit_length() - 1)
         buckets = 1 << ((2 * factor * p >> shift) + 2).bit_length()
         ahead = (q * parts, (p - q) * parts) if self._looks_ahead else (0, 0)
-        weights = None if extra is None else self._extra.reshape(-1)
-        found = _search(self._wall, weights, self._cost, self._arrival, self._before, self._after, buckets, first, last,
+        weights = None if extra is None else self.extra.reshape(-1)
+        found = _search(self.wall, weights, self._cost, self._arrival, self._before, self._after, buckets, first, last,
                         self._base, self._top, q * parts, p * parts, q, p, *ahead, shift)  # fmt: skip
         if not found:
             return self._nearest(goal)
@@ -199,7 +202,7 @@ class GridSearch:
         self._base, self._top = self._base - span, self._base
 
     def _nearest(self, goal: Cell) -> Closed:
-        cost = self._cost.reshape(self._wall.shape)[1:-1, 1:-1]
+        cost = self._cost.reshape(self.wall.shape)[1:-1, 1:-1]
         rows, columns = np.nonzero(cost < self._top)
         distances = (rows - goal[0]) ** 2 + (columns - goal[1]) ** 2
         best = np.lexsort((columns, rows, cost[rows, columns], distances))[0]

@@ -38,6 +38,10 @@ _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 """Directions: even ones are straight, odd ones diagonal."""
 _SAME = 1e-9
 """Costs are different from this on, cells: equal ways must not reopen each other by their rounding."""
+_NOT_ABOVE = 1.0 - 1e-14
+"""Scales a root so that it is not above `math.hypot`, however both round; the difference is far below `_SAME`."""
+_NEW, _ASSUMED, _SURE = 0, 1, 2
+"""A cell that was not reached, one whose parent is taken to be in sight, and one whose parent is so or a neighbour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +62,17 @@ class Taut:
 
 
 class ThetaSearch:
-    """Theta* on grids of one size."""
+    """Theta* on grids of one size. Its work arrays are used again and again; each query clears what it touched."""
 
     _is_lazy = False
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
         self._on_cells = GridSearch(shape)
-        padded = (shape[0] + 2, shape[1] + 2)
-        self._wall = np.ones(padded, dtype=np.bool_)
-        self._extra = np.zeros(padded, dtype=np.uint8)
-        self._cost = np.zeros(padded[0] * padded[1])
-        self._parent = np.zeros(padded[0] * padded[1], dtype=np.int64)
-        self._known = np.zeros(padded[0] * padded[1], dtype=np.bool_)
+        size = self._on_cells.wall.size
+        self._cost = np.empty(size)
+        self._parent, self._reached = np.empty((2, size), dtype=np.int32)
+        self._state = np.zeros(size, dtype=np.uint8)
 
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
@@ -91,29 +93,19 @@ class ThetaSearch:
         on_cells = self._on_cells.shortest(free, start, goal, extra)
         if isinstance(on_cells, Closed):
             return on_cells
-        np.logical_not(free, out=self._wall[1:-1, 1:-1])
-        weights = None
-        if extra is not None:
-            self._extra[1:-1, 1:-1] = extra
-            weights = self._extra
-        self._cost.fill(np.inf)
-        self._known.fill(False)
+        wall, weights = self._on_cells.wall, None if extra is None else self._on_cells.extra
         stride = self.shape[1] + 2
         first, last = ((row + 1) * stride + column + 1 for row, column in (start, goal))
         centres = tuple((column + 0.5, row + 0.5) for row, column in (start, goal))
         places = np.array(centres if ends is None else ends) + 1.0
-        expanded = _search(self._wall, weights, self._cost, self._parent, self._known, first, last, places,
-                           self._is_lazy)  # fmt: skip
-        turns = [last]
-        while turns[-1] != first:
-            turns.append(int(self._parent[turns[-1]]))
-        cells = np.stack(np.divmod(np.array(turns[::-1], dtype=np.int64), stride), axis=-1) - 1
+        cells, expanded = _search(wall, weights, self._cost, self._parent, self._state, self._reached, first, last,
+                                  places, self._is_lazy)  # fmt: skip
         corners = np.concatenate([places[:1], cells[1:-1, ::-1] + 1.5, places[1:]])
         length = float(np.hypot(*np.diff(corners, axis=0).T).sum())
         cost = (
             length if weights is None else sum(ground_cost(weights, EXTRA_UNIT, *a, *b) for a, b in pairwise(corners))
         )
-        return Taut(cells, length, cost, int(expanded))
+        return Taut(cells, length, cost, expanded)
 
 
 class LazyThetaSearch(ThetaSearch):
@@ -129,7 +121,8 @@ def _place(cell, stride, start, goal, places):  # type: ignore[no-untyped-def]
         return places[0, 0], places[0, 1]
     if cell == goal:
         return places[1, 0], places[1, 1]
-    return cell % stride + 0.5, cell // stride + 0.5
+    row = np.int64(np.uint32(cell) // np.uint32(stride))
+    return cell - row * stride + 0.5, row + 0.5
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -141,13 +134,19 @@ def _along(extra, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _take_neighbour(cell, walls, extra, cost, parent, known, stride, start, goal, places):  # type: ignore[no-untyped-def]
-    """Make the best neighbour whose cost is known the parent of a cell, and the cell's own cost known."""
+def _at_least(x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """What `_along` is not below on any ground. `math.hypot` takes five times as long, and most offers are poor."""
+    return _NOT_ABOVE * math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _take_neighbour(cell, walls, extra, cost, parent, state, stride, start, goal, places):  # type: ignore[no-untyped-def]
+    """Make the best neighbour whose cost is sure the parent of a cell, and the cell's own cost sure."""
     x, y = _place(cell, stride, start, goal, places)
-    cost[cell], known[cell] = np.inf, True
+    cost[cell], state[cell] = np.inf, _SURE
     for k in range(8):
         other = cell + _ROW_STEP[k] * stride + _COLUMN_STEP[k]
-        if not known[other] or walls[cell + _ROW_STEP[k] * stride] or walls[cell + _COLUMN_STEP[k]]:
+        if state[other] != _SURE or walls[cell + _ROW_STEP[k] * stride] or walls[cell + _COLUMN_STEP[k]]:
             continue
         other_x, other_y = _place(other, stride, start, goal, places)
         reached = cost[other] + _along(extra, other_x, other_y, x, y)
@@ -156,53 +155,82 @@ def _take_neighbour(cell, walls, extra, cost, parent, known, stride, start, goal
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _search(wall, extra, cost, parent, known, start, goal, places, is_lazy):  # type: ignore[no-untyped-def]
-    """Fill `cost` and `parent` until the goal's, which can be reached, are final. Number of cells expanded.
+def _search(  # type: ignore[no-untyped-def]
+    wall, extra, cost, parent, state, reached_cells, start, goal, places, is_lazy
+):  # fmt: skip
+    """(n, 2) rows and columns of the way, without the border, to a goal that can be reached; number of cells expanded.
 
-    A cell's cost is known when its parent is sure to be in sight or a neighbour.
+    `state` is `_NEW` everywhere, before and after; `cost` and `parent` count where it is not. `reached_cells` lists
+    those cells.
     """
-    stride, walls = np.int64(wall.shape[1]), wall.reshape(-1)
+    stride, walls, count = np.int64(wall.shape[1]), wall.reshape(-1), 1
     goal_x, goal_y = places[1, 0], places[1, 1]
-    cost[start], parent[start], known[start] = 0.0, start, True
+    cost[start], parent[start], state[start], reached_cells[0] = 0.0, start, _SURE, start
     heap, expanded = [(0.0, 0.0, np.int64(start))], 0
     while heap:
         sofar, cell = heapq.heappop(heap)[1:]
         if sofar != cost[cell]:
             continue
         x, y = _place(cell, stride, start, goal, places)
-        origin = parent[cell]
+        origin = np.int64(parent[cell])
         from_x, from_y = _place(origin, stride, start, goal, places)
-        if not known[cell]:
+        if state[cell] != _SURE:
             if is_in_sight(wall, from_x, from_y, x, y):
-                known[cell] = True
+                state[cell] = _SURE
             else:
-                _take_neighbour(cell, walls, extra, cost, parent, known, stride, start, goal, places)
+                _take_neighbour(cell, walls, extra, cost, parent, state, stride, start, goal, places)
                 heapq.heappush(heap, (cost[cell] + math.hypot(x - goal_x, y - goal_y), cost[cell], cell))
                 continue
         if cell == goal:
             break
         expanded += 1
+        row = np.int64(np.uint32(cell) // np.uint32(stride))
+        column = cell - row * stride
         for k in range(8):
             down, across = _ROW_STEP[k] * stride, _COLUMN_STEP[k]
             other = cell + down + across
             if walls[other] or walls[cell + down] or walls[cell + across]:
                 continue
-            other_x, other_y = _place(other, stride, start, goal, places)
-            best, through, is_sure = cost[other] - _SAME, np.int64(-1), True
-            reached = cost[origin] + _along(extra, from_x, from_y, other_x, other_y)
-            if reached < best and origin != cell:
-                is_sure = not is_lazy or known[other]
-                if not is_sure or is_in_sight(wall, from_x, from_y, other_x, other_y):
-                    best, through = reached, origin
-            if through < 0 or extra is not None:
-                reached = cost[cell] + _along(extra, x, y, other_x, other_y)
+            other_x, other_y = column + _COLUMN_STEP[k] + 0.5, row + _ROW_STEP[k] + 0.5
+            if other == goal:
+                other_x, other_y = goal_x, goal_y
+            elif other == start:
+                other_x, other_y = places[0, 0], places[0, 1]
+            best, through, becomes = np.inf, np.int64(-1), _SURE
+            if state[other] != _NEW:
+                best = cost[other] - _SAME
+            if origin != cell and cost[origin] + _at_least(from_x, from_y, other_x, other_y) < best:
+                reached = cost[origin] + _along(extra, from_x, from_y, other_x, other_y)
                 if reached < best:
-                    best, through, is_sure = reached, cell, True
+                    becomes = _ASSUMED if is_lazy and state[other] != _SURE else _SURE
+                    if becomes == _ASSUMED or is_in_sight(wall, from_x, from_y, other_x, other_y):
+                        best, through = reached, origin
+            if (through < 0 or extra is not None) and sofar + _at_least(x, y, other_x, other_y) < best:
+                reached = sofar + _along(extra, x, y, other_x, other_y)
+                if reached < best:
+                    best, through, becomes = reached, cell, _SURE
             if through >= 0:
-                cost[other], parent[other], known[other] = best, through, is_sure
+                if state[other] == _NEW:
+                    reached_cells[count] = other
+                    count += 1
+                cost[other], parent[other], state[other] = best, through, becomes
                 ahead = math.hypot(other_x - goal_x, other_y - goal_y)
                 heapq.heappush(heap, (best + ahead, best, other))
-    return expanded
+    state[reached_cells[:count]] = _NEW
+    return _trace(parent, stride, start, goal), expanded
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _trace(parent, stride, start, goal):  # type: ignore[no-untyped-def]
+    """(n, 2) rows and columns of the turns of the way without the border, with its ends."""
+    count, cell = 1, goal
+    while cell != start:
+        count, cell = count + 1, np.int64(parent[cell])
+    way, cell = np.empty((count, 2), np.int64), goal
+    for n in range(count - 1, -1, -1):
+        way[n, 0], way[n, 1] = cell // stride - 1, cell % stride - 1
+        cell = np.int64(parent[cell])
+    return way
 
 
 def warm_up() -> None:

@@ -193,6 +193,7 @@ def test_an_incidence_below_the_bearing_step_is_an_input_error(sweep) -> None:
 
 def test_nothing_compiles_after_warm_up(sweep, paper_sweep) -> None:
     from navloom_ipabd import lines, pressure, raster
+    from navloom_ipabd import track as poses
 
     kernels = [
         pressure._press_columns,
@@ -200,6 +201,7 @@ def test_nothing_compiles_after_warm_up(sweep, paper_sweep) -> None:
         lines._extract,
         raster._stamp_segments,
         raster._stamp_seen,
+        poses.interpolate,
     ]
     Ipabd.warm_up()
     before = [len(kernel.signatures) for kernel in kernels]
@@ -207,7 +209,7 @@ def test_nothing_compiles_after_warm_up(sweep, paper_sweep) -> None:
     for mapper in (make(), make(raster="supercover"), make(filter_order="paper"), make(bin_width_deg=1.5)):
         mapper.update(given(sweep))
         mapper.update(given(message_of(paper_sweep.image, geometry="rigid_pitch"), poses=moving))
-    assert [len(kernel.signatures) for kernel in kernels] == before == [1] * 5
+    assert [len(kernel.signatures) for kernel in kernels] == before == [1] * 6
 
 
 @pytest.mark.parametrize("params", [{"cell": 0.0}, {"cel": 0.4}, {"incidence_deg": 95.0}, {"raster": "slope"}])

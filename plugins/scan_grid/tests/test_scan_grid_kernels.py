@@ -200,12 +200,21 @@ def test_a_grid_that_would_be_too_large_is_refused_and_left_alone() -> None:
     assert grid.bounds == before and grid.odds.shape == (before.rows, before.columns)
 
 
-def test_marks_begin_anew_before_they_overflow() -> None:
-    grid = grid_of()
-    grid._mark = 2**31 - 3
-    for _ in range(3):
-        grid.insert(np.array([beam(0.05, 0.05, 0.0, 0.5)]), LIMITS, WEIGHTS)
-    assert at(grid, 0.55, 0.05) == 3.0
+@pytest.mark.parametrize("hair", [-1e-13, 0.0, 1e-13], ids=["before", "on", "behind"])
+def test_a_beam_that_ends_on_the_grids_border_keeps_off_the_cells_of_other_rows(hair: float) -> None:
+    """What rounding puts into the cell beyond the border is in no cell of the grid, nor in a later scan's."""
+    grid = LogOddsGrid(CELL, 10, (0.0, 0.0, 0.99, 0.99))
+    for _ in range(2):
+        grid.insert(np.array([beam(0.55, 0.35, 0.0, 0.45 + hair)]), LIMITS, WEIGHTS)
+    assert {row for _, row in told(grid)} == {3}
+    assert {column for column, _ in told(grid)} >= {5, 6, 7, 8}
+    assert told(grid)[(5, 3)] == -1.0
+
+
+def test_a_beam_that_leaves_the_grid_is_left_out() -> None:
+    grid = LogOddsGrid(CELL, 10, (0.0, 0.0, 0.99, 0.99))
+    grid.insert(np.array([beam(0.55, 0.35, 0.0, 2.0), beam(0.55, 0.35, math.pi, 0.2)]), LIMITS, WEIGHTS)
+    assert told(grid) == {(5, 3): -0.5, (4, 3): -0.5, (3, 3): 1.0}
 
 
 def test_bounds_are_whole_chunks() -> None:

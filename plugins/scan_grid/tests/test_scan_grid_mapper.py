@@ -180,13 +180,13 @@ def test_an_empty_scan_changes_nothing() -> None:
 
 
 def test_nothing_compiles_after_warm_up() -> None:
-    compiled = [kernels.insert, kernels.render]
+    compiled = [kernels.place, kernels.insert, kernels.render]
     ScanGrid.warm_up()
     before = [len(kernel.signatures) for kernel in compiled]
     for mapper in (make(), make(levels="percent"), make(no_echo_clears=False)):
         mapper.update(given(0, scan(0, math.inf), scan(0, 2.0, half_angle=0.26)))
         mapper.update(given(30, scan(30, 7.0), x=3.0))
-    assert [len(kernel.signatures) for kernel in compiled] == before == [1] * 2
+    assert [len(kernel.signatures) for kernel in compiled] == before == [1] * 3
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_ipabd import lines, pressure, raster
+from navloom_ipabd import lines, pressure, raster, track
 from navloom_ipabd.raster import Cells, Extent, Lattice, RasterMethod
 from navloom_ipabd.rules import Filters
 from navloom_ipabd.segmentation import Segmentation, segment_starts
@@ -132,6 +132,7 @@ def _extent_of(shown: Outline, seen: Floats, anchor: tuple[float, float]) -> Ext
 
 def warm_up() -> None:
     """Compile every kernel of the package."""
+    track.warm_up()
     pressure.warm_up()
     lines.warm_up()
     raster.warm_up()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from navloom_ipabd.errors import TrackError
 
-__all__ = ["FrameMotion", "frame_motion", "poses_at", "standing"]
+__all__ = ["FrameMotion", "check_track", "frame_motion", "interpolate", "poses_at", "standing", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -55,19 +57,68 @@ def poses_at(offsets: Floats, track_offsets: Floats, track_poses: Floats, slack:
     Raises:
         TrackError: The track is empty, has the wrong shape, does not rise, or ends more than `slack` too early.
     """
+    check_track(float(offsets.min()), float(offsets.max()), track_offsets, track_poses, slack)
+    # Copies: messages are read-only, and a kernel is compiled anew for that.
+    given = (np.array(values, dtype=np.float64, order="C") for values in (offsets, track_offsets, track_poses))
+    poses: Floats = interpolate(*given)
+    return poses
+
+
+def check_track(first: float, last: float, track_offsets: Floats, track_poses: Floats, slack: float) -> None:
+    """See that a track covers a stretch of time.
+
+    Args:
+        first, last: The stretch, s after an epoch.
+        track_offsets, track_poses, slack: As of `poses_at`.
+
+    Raises:
+        TrackError: As of `poses_at`.
+    """
     if track_poses.shape != (track_offsets.size, 3) or track_offsets.size == 0:
         given = f"{track_offsets.size} stamps and poses of shape {track_poses.shape}"
         raise TrackError("track", given, "n >= 1 stamps and poses (n, 3)")
-    if not (np.isfinite(track_poses).all() and (np.diff(track_offsets) > 0.0).all()):
+    if not (np.isfinite(track_poses).all() and (track_offsets[1:] > track_offsets[:-1]).all()):
         raise TrackError("track", "stamps that do not rise or poses that are not finite", "rising stamps, finite poses")
-    early, late = track_offsets[0] - offsets.min(), offsets.max() - track_offsets[-1]
-    if early > slack or late > slack:
-        given = f"a track from {track_offsets[0]:.3f} to {track_offsets[-1]:.3f} s after the stamp"
-        wanted = f"one that covers {offsets.min():.3f} to {offsets.max():.3f} s, within {slack:g} s"
-        raise TrackError("track.stamps_ns", given, wanted)
-    headings = np.unwrap(track_poses[:, 2])
-    columns = (track_poses[:, 0], track_poses[:, 1], headings)
-    return np.column_stack([np.interp(offsets, track_offsets, column) for column in columns])
+    begin, end = float(track_offsets[0]), float(track_offsets[-1])
+    if begin - first > slack or last - end > slack:
+        given = f"a track from {begin:.3f} to {end:.3f} s after the stamp"
+        raise TrackError("track.stamps_ns", given, f"one that covers {first:.3f} to {last:.3f} s, within {slack:g} s")
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def interpolate(offsets, track_offsets, track_poses):  # type: ignore[no-untyped-def]
+    """`poses_at` for kernels, without its checks: to the bit what `np.interp` and `np.unwrap` give."""
+    last = track_offsets.size - 1
+    headings = _unwrapped(track_poses[:, 2])
+    poses = np.empty((offsets.size, 3))
+    before = 0
+    for i in range(offsets.size):
+        time = offsets[i]
+        while before > 0 and track_offsets[before] > time:
+            before -= 1
+        while before < last and track_offsets[before + 1] <= time:
+            before += 1
+        known, since = track_poses[before], time - track_offsets[before]
+        poses[i, 0], poses[i, 1], poses[i, 2] = known[0], known[1], headings[before]
+        if since > 0.0 and before < last:
+            after, span = track_poses[before + 1], track_offsets[before + 1] - track_offsets[before]
+            poses[i, 0] += (after[0] - known[0]) / span * since
+            poses[i, 1] += (after[1] - known[1]) / span * since
+            poses[i, 2] += (headings[before + 1] - headings[before]) / span * since
+    return poses
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unwrapped(angles):  # type: ignore[no-untyped-def]
+    """Angles, rad, each the short way round from the one before; half a turn keeps its sense."""
+    unwrapped, correction = angles.copy(), 0.0
+    for i in range(1, angles.size):
+        step = angles[i] - angles[i - 1]
+        if abs(step) >= math.pi:
+            short = (step + math.pi) % math.tau - math.pi
+            correction += (math.pi if short == -math.pi and step > 0.0 else short) - step
+        unwrapped[i] = angles[i] + correction
+    return unwrapped
 
 
 def frame_motion(
@@ -106,3 +157,8 @@ def frame_motion(
 def standing(frames: int, reference: tuple[float, float, float]) -> FrameMotion:
     """A sweep during which the robot stood at `reference` (x, y, m, heading, rad, map frame)."""
     return FrameMotion(np.zeros((frames, 2)), np.zeros(frames), reference)
+
+
+def warm_up() -> None:
+    """Compile the kernel of this module."""
+    poses_at(np.zeros(1), np.zeros(1), np.zeros((1, 3)), 0.0)

@@ -17,7 +17,6 @@ __all__ = ["MAX_CELLS", "Bounds", "LogOddsGrid"]
 Box = tuple[float, float, float, float]
 """Lowest x, y, highest x, y, m, map frame."""
 MAX_CELLS = 64_000_000
-_LAST_MARK = 2**31 - 2
 
 
 @dataclass(frozen=True)
@@ -44,6 +43,16 @@ class Bounds:
         column, row = (chunk * math.floor(math.floor(low / cell) / chunk) for low in box[:2])
         after_column, after_row = (chunk * (math.floor(math.floor(high / cell) / chunk) + 1) for high in box[2:])
         return cls(column, row, after_column - column, after_row - row).checked(cell)
+
+    def hold(self, box: Box, cell: float) -> bool:
+        """Whether every cell that a box touches is one of them."""
+        low_x, low_y, high_x, high_y = box
+        return (
+            math.floor(low_x / cell) >= self.column
+            and math.floor(low_y / cell) >= self.row
+            and math.floor(high_x / cell) < self.column + self.columns
+            and math.floor(high_y / cell) < self.row + self.rows
+        )
 
     def with_(self, other: Bounds, cell: float) -> Bounds:
         """The least bounds that hold both.
@@ -81,8 +90,7 @@ class LogOddsGrid:
         self.cell, self.chunk = cell, chunk
         self.bounds = Bounds.of(box, cell, chunk)
         self.odds = self._unknown()
-        self._marks = np.zeros(self.odds.shape, np.int32)
-        self._mark = 0
+        self._said = kernels.said_of(*self.odds.shape)
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -96,14 +104,14 @@ class LogOddsGrid:
             SettingError: It would be too large; it is left as it is.
         """
         old = self.bounds
-        new = old.with_(Bounds.of(box, self.cell, self.chunk), self.cell)
-        if new == old:
+        if old.hold(box, self.cell):
             return
+        new = old.with_(Bounds.of(box, self.cell, self.chunk), self.cell)
         self.bounds = new
         known, self.odds = self.odds, self._unknown()
         row, column = old.row - new.row, old.column - new.column
         self.odds[row : row + old.rows, column : column + old.columns] = known
-        self._marks, self._mark = np.zeros(self.odds.shape, np.int32), 0
+        self._said = kernels.said_of(*self.odds.shape)
 
     def forget(self, x: float, y: float, radius: float) -> None:
         """Make cells unknown whose centre is within a radius, m, of a place, m, map frame; of all, where infinite."""
@@ -114,10 +122,7 @@ class LogOddsGrid:
 
     def insert(self, placed: NDArray[np.float64], limits: tuple[float, float], weights: Weights) -> None:
         """Take one scan in; the grid must cover it. Arguments as of `kernels.insert`."""
-        if self._mark == _LAST_MARK:
-            self._marks[:], self._mark = 0, 0
-        self._mark += 1
-        kernels.insert(self.odds, self._marks, self._mark, *self.origin, self.cell, placed, limits, weights)
+        kernels.insert(self.odds, self._said, *self.origin, self.cell, placed, limits, weights)
 
     def render(self, occupied_from: float, is_ternary: bool) -> NDArray[np.int8]:
         """(rows, columns) int8 of the cells, see `kernels.render`."""

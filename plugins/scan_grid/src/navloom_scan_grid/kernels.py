@@ -1,4 +1,4 @@
-"""The passes over the grid: beams by integer traversal, cones cell by cell, and log odds to published values."""
+"""The passes over a scan and the grid: beams placed, cells they cross, cones cell by cell, values to publish."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from navloom_ipabd.track import interpolate
 from numba import njit
+from numpy.typing import NDArray
 
 from navloom_scan_grid.models import beam_spans, cone_log_odds, probability
 
-__all__ = ["Weights", "insert", "render"]
+__all__ = ["Weights", "insert", "place", "render", "said_of"]
+
+_PASSED, _HIT = 1, 2
+"""What a cell is told; 0 is nothing."""
+_WORD = 8
+"""Cells, a byte each, that are looked at together."""
 
 
 class Weights(NamedTuple):
@@ -37,41 +44,148 @@ class Weights(NamedTuple):
     no_echo_clears: bool
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def place(beams, times, track_offsets, track_poses, no_echo_from, limits, beyond):  # type: ignore[no-untyped-def]
+    """Beams in the map frame, the box they speak of, and what became of their readings.
+
+    Args:
+        beams: (n, 5) origin x, y, m; bearing, half angle, rad; reading, m; base frame.
+        times: (n,) when each was taken, s after an epoch; (1,) where all were taken at once.
+        track_offsets, track_poses: As of `track.interpolate`.
+        no_echo_from: A reading of this and more is no echo, m.
+        limits: Least reading and reach of the sensor, m.
+        beyond: A beam speaks of cells up to this far behind its reading, m.
+
+    Returns:
+        (n, 6) apex x, y, m; cosine and sine of the axis; reading, m, +inf for none; half angle, rad; map frame.
+        Lowest x, y, highest x, y, m, of the apexes and of the corners in which a cone's flanks meet the tangent at its
+        tip. Numbers of the readings: echoes, at the sensor's minimum, beyond the reach, none.
+    """
+    range_min, reach = limits
+    count, poses = beams.shape[0], interpolate(times, track_offsets, track_poses)
+    placed = np.empty((count, 6))
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    at_min, within, finite = 0, 0, 0
+    for i in range(count):
+        if i < poses.shape[0]:
+            base_x, base_y, heading = poses[i]
+            cos_t, sin_t = math.cos(heading), math.sin(heading)
+        origin_x, origin_y, bearing, half_angle, reading = beams[i]
+        if reading >= no_echo_from:
+            reading = np.inf
+        x, y = base_x + cos_t * origin_x - sin_t * origin_y, base_y + sin_t * origin_x + cos_t * origin_y
+        cos_a, sin_a = math.cos(heading + bearing), math.sin(heading + bearing)
+        placed[i, 0], placed[i, 1], placed[i, 2], placed[i, 3] = x, y, cos_a, sin_a
+        placed[i, 4], placed[i, 5] = reading, half_angle
+        far = min(reading, reach) + beyond
+        sideways = far * math.tan(half_angle) if half_angle != 0.0 else 0.0
+        tip_x, side_x, tip_y, side_y = x + far * cos_a, abs(sideways * sin_a), y + far * sin_a, abs(sideways * cos_a)
+        low_x, high_x = min(low_x, x, tip_x - side_x), max(high_x, x, tip_x + side_x)
+        low_y, high_y = min(low_y, y, tip_y - side_y), max(high_y, y, tip_y + side_y)
+        at_min, within, finite = (
+            at_min + (reading <= range_min),
+            within + (reading <= reach),
+            finite + (reading < np.inf),
+        )
+    return placed, (low_x, low_y, high_x, high_y), (within - at_min, at_min, finite - within, count - finite)
+
+
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _add(odds, row, column, value, lowest, highest):  # type: ignore[no-untyped-def]
-    """Add to a cell, within the limits; NaN is a cell nothing is known of."""
-    before = odds[row, column]
-    if before != before:
-        before = np.float32(0.0)
-    odds[row, column] = min(max(before + value, lowest), highest)
+def _added(before, value, lowest, highest):  # type: ignore[no-untyped-def]
+    """Log odds and more, within the limits; NaN is a cell nothing is known of."""
+    known = np.float64(before) if before == before else 0.0
+    odds = known + value
+    odds = lowest if odds < lowest else odds
+    return np.float32(highest if odds > highest else odds)
+
+
+def said_of(rows: int, columns: int) -> NDArray[np.uint64]:
+    """What `insert` needs beside a grid: a byte a cell, eight to a word, all 0, in a margin of one row and one word.
+
+    The margin takes what rounding puts into the cell beyond the grid's border, so that no step of a beam is tested.
+    """
+    return np.zeros((rows + 2, -(-columns // _WORD) + 2), np.uint64)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _walk(odds, marks, mark, x0, y0, x1, y1, value, lowest, highest):  # type: ignore[no-untyped-def]
-    """Add to all cells of a line that were not yet spoken of in this scan (Amanatides & Woo 1987).
+def _say(said, reached, shape, x0, y0, x1, y1, word):  # type: ignore[no-untyped-def]
+    """Write a word into all cells of a line (Amanatides & Woo 1987); a line that leaves the grid is left out.
 
     As many steps as there are cell borders between the ends, so that it stops in the cell of the far end whatever the
-    rounding. Ends in cells, with (0, 0) the corner of the grid.
+    rounding. Ends in cells, with (0, 0) the corner of the grid. `said` are the bytes of `said_of`, one after another;
+    `reached` are the least and the greatest row and column of all lines so far.
     """
-    rows, columns = odds.shape
     column, row = math.floor(x0), math.floor(y0)
     last_column, last_row = math.floor(x1), math.floor(y1)
-    right, up = (1 if x1 >= x0 else -1), (1 if y1 >= y0 else -1)
+    low_row, high_row = min(row, last_row), max(row, last_row)
+    low_column, high_column = min(column, last_column), max(column, last_column)
+    if low_row < -1 or low_column < -1 or high_row > shape[0] or high_column > shape[1]:
+        return
+    reached[0], reached[1] = min(reached[0], low_row), max(reached[1], high_row)
+    reached[2], reached[3] = min(reached[2], low_column), max(reached[3], high_column)
+    stride = said.size // (shape[0] + 2)
+    right, up = (1 if x1 >= x0 else -1), (stride if y1 >= y0 else -stride)
     dx, dy = abs(x1 - x0), abs(y1 - y0)
     # Shares of the line, times dx dy, at which it crosses the next border; products spare the divisions by zero.
     to_column = dy * (column + 1.0 - x0 if right > 0 else x0 - column)
     to_row = dx * (row + 1.0 - y0 if up > 0 else y0 - row)
-    left_columns, left_rows = abs(last_column - column), abs(last_row - row)
-    while True:
-        if 0 <= row < rows and 0 <= column < columns and marks[row, column] < mark:
-            marks[row, column] = mark
-            _add(odds, row, column, value, lowest, highest)
-        if left_columns > 0 and (left_rows == 0 or to_column < to_row):
-            column, to_column, left_columns = column + right, to_column + dy, left_columns - 1
-        elif left_rows > 0:
-            row, to_row, left_rows = row + up, to_row + dx, left_rows - 1
+    left_columns, left_rows = high_column - low_column, high_row - low_row
+    at = (row + 1) * stride + column + _WORD
+    said[at] = word
+    while left_columns > 0 and left_rows > 0:
+        if to_column < to_row:
+            at, to_column, left_columns = at + right, to_column + dy, left_columns - 1
         else:
-            return
+            at, to_row, left_rows = at + up, to_row + dx, left_rows - 1
+        said[at] = word
+    step = right if left_columns > 0 else up
+    for _ in range(left_columns + left_rows):
+        at += step
+        said[at] = word
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _say_beams(said, reached, shape, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
+    """Write what each cell is told by the beams of a scan: that one passed, or over it that one hit."""
+    range_min, reach = limits
+    for word in (_PASSED, _HIT):
+        for i in range(placed.shape[0]):
+            cos_axis, sin_axis, reading, half_angle = placed[i, 2], placed[i, 3], placed[i, 4], placed[i, 5]
+            if half_angle > 0.0 or (reading == np.inf and not weights.no_echo_clears):
+                continue
+            free, near, far = beam_spans(reading, range_min, reach, weights.thickness, weights.clear_margin)
+            begin, end = (0.0, free) if word == _PASSED else (near, far)
+            if end < begin or end == 0.0:
+                continue
+            x, y = (placed[i, 0] - corner_x) / cell, (placed[i, 1] - corner_y) / cell
+            begin, end = begin / cell, end / cell
+            _say(said, reached, shape, x + begin * cos_axis, y + begin * sin_axis, x + end * cos_axis,
+                 y + end * sin_axis, word)  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tell(odds, said, weights):  # type: ignore[no-untyped-def]
+    """Add what was said to the cells of a part of a row. Without a branch, so that several are done at once."""
+    for i in range(odds.size):
+        value = weights.hit if said[i] == _HIT else weights.passed
+        odds[i] = _added(odds[i], value, weights.lowest, weights.highest) if said[i] != 0 else odds[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tell_all(odds, words, said, reached, weights):  # type: ignore[no-untyped-def]
+    """Add what was said to the cells, row by row from the first to the last that was spoken of, and forget it."""
+    rows, columns = odds.shape
+    first_word, after_word = max(0, reached[2]) // _WORD + 1, min(columns - 1, reached[3]) // _WORD + 2
+    for row in range(max(0, reached[0]), min(rows - 1, reached[1]) + 1):
+        line, first, after = words[row + 1], first_word, after_word
+        while first < after and line[first] == 0:
+            first += 1
+        while after > first and line[after - 1] == 0:
+            after -= 1
+        if first < after:
+            begin, end = _WORD * (first - 1), min(_WORD * (after - 1), columns)
+            _tell(odds[row, begin:end], said[row + 1, begin + _WORD : end + _WORD], weights)
+            line[first:after] = 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -112,46 +226,30 @@ def _insert_cone(odds, x, y, cos_axis, sin_axis, reading, half_angle, cell, limi
                 if value > 0.0:
                     value *= math.exp(known_free - likeliest)
                 if value != 0.0:
-                    _add(odds, row, column, value, weights.lowest, weights.highest)
+                    odds[row, column] = _added(odds[row, column], value, weights.lowest, weights.highest)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def insert(odds, marks, mark, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
+def insert(odds, words, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
     """Take one scan into the grid.
 
     Of all beams of a scan a cell is told one thing once, and an echo counts before what saw through: neighbouring
-    beams are one look at the world, and near the sensor a cell is crossed by dozens. Cones of a ring look from
-    different places, and each is counted.
+    beams are one look at the world, and near the sensor a cell is crossed by dozens. So what beams say is first
+    written down, one over the other, and then told. Cones of a ring look from different places, and each is counted.
 
     Args:
-        odds: (rows, columns) float32 log odds, NaN for unknown, in place.
-        marks: (rows, columns) int32, for the work; all below `mark`.
-        mark: Larger than that of any scan before.
+        odds: (rows, columns) float32 log odds, NaN for unknown, in place; it must hold all that the scan speaks of.
+        words: As of `said_of`, for the work; as it was, but for the margin.
         corner_x, corner_y: Lower left corner of the grid, m, map frame.
         cell: Edge of a cell, m.
         placed: (n, 6) apex x, y, m; cosine and sine of the axis; reading, m; half angle, rad; map frame.
         limits: Least reading and reach of the sensor, m.
         weights: See there.
     """
-    range_min, reach = limits
-    count = placed.shape[0]
-    for is_free in (False, True):
-        for i in range(count):
-            x, y = (placed[i, 0] - corner_x) / cell, (placed[i, 1] - corner_y) / cell
-            cos_axis, sin_axis, reading, half_angle = placed[i, 2], placed[i, 3], placed[i, 4], placed[i, 5]
-            if half_angle > 0.0 or (reading == np.inf and not weights.no_echo_clears):
-                continue
-            free, near, far = beam_spans(reading, range_min, reach, weights.thickness, weights.clear_margin)
-            if is_free:
-                begin, end, value = 0.0, free, weights.passed
-            else:
-                begin, end, value = near, far, weights.hit
-            if end < begin or end == 0.0:
-                continue
-            begin, end = begin / cell, end / cell
-            _walk(odds, marks, mark, x + begin * cos_axis, y + begin * sin_axis, x + end * cos_axis,
-                  y + end * sin_axis, value, weights.lowest, weights.highest)  # fmt: skip
-    for i in range(count):
+    said, reached = words.view(np.uint8), np.array([odds.shape[0], -1, odds.shape[1], -1])
+    _say_beams(said.reshape(-1), reached, odds.shape, corner_x, corner_y, cell, placed, limits, weights)
+    _tell_all(odds, words, said, reached, weights)
+    for i in range(placed.shape[0]):
         if placed[i, 5] > 0.0 and (placed[i, 4] < np.inf or weights.no_echo_clears):
             x, y = (placed[i, 0] - corner_x) / cell, (placed[i, 1] - corner_y) / cell
             _insert_cone(odds, x, y, placed[i, 2], placed[i, 3], placed[i, 4], placed[i, 5], cell, limits, weights)

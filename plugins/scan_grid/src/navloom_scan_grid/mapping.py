@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from navloom_ipabd.track import poses_at
+from navloom_ipabd.track import check_track
 from numpy.typing import NDArray
 
+from navloom_scan_grid import kernels
 from navloom_scan_grid.grid import Box, LogOddsGrid
 from navloom_scan_grid.kernels import Weights
 from navloom_scan_grid.models import log_odds
 
-__all__ = ["COUNTS", "Beams", "MapSettings", "ScanMap", "beam_poses", "place", "warm_up"]
+__all__ = ["COUNTS", "Beams", "MapSettings", "Placed", "ScanMap", "place", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -77,13 +79,29 @@ class Beams:
         return self.stamp_ns + (round(1e9 * float(self.time_offsets.max())) if self.time_offsets.size else 0)
 
 
-def beam_poses(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, slack: float) -> Floats:
-    """Where base was when each beam was taken: (n, 3), or (1, 3) where all were taken at once; m, rad, map frame.
+class Placed(NamedTuple):
+    """A scan in the map frame.
+
+    Attributes:
+        beams: (n, 6) apex x, y, m; cosine and sine of the axis; reading, m, +inf for none; half angle, rad.
+        box: What it speaks of.
+        counts: What became of its readings, in the order of `COUNTS`.
+        limits: Least reading and reach, m.
+    """
+
+    beams: Floats
+    box: Box
+    counts: tuple[int, int, int, int]
+    limits: tuple[float, float]
+
+
+def place(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, settings: MapSettings) -> Placed:
+    """A scan in the map frame, each beam where base was when it was taken.
 
     Args:
         beams: The scan, not empty.
         stamps_ns, poses: (m,) and (m, 3) x, y, m, heading, rad, of base in the map frame.
-        slack: How far the track may miss the scan, s.
+        settings: Of which the weights' depths, the ranges and the track's slack are used.
 
     Raises:
         TrackError: The track is empty, does not rise or does not cover the scan.
@@ -91,33 +109,21 @@ def beam_poses(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, slack:
     offsets = beams.time_offsets
     first, last = float(offsets.min()), float(offsets.max())
     # A track holds minutes of poses, of which a scan needs those beside it.
-    low = max(0, int(np.searchsorted(stamps_ns, beams.stamp_ns + round(1e9 * first), "right")) - 1)
-    high = int(np.searchsorted(stamps_ns, beams.stamp_ns + round(1e9 * last), "left")) + 1
+    low = max(0, int(stamps_ns.searchsorted(beams.stamp_ns + round(1e9 * first), "right")) - 1)
+    high = int(stamps_ns.searchsorted(beams.stamp_ns + round(1e9 * last), "left")) + 1
     track_offsets = (stamps_ns[low:high] - beams.stamp_ns).astype(np.float64) * 1e-9
-    asked = np.array([first]) if first == last else offsets
-    return poses_at(asked, track_offsets, poses[low:high], slack)
-
-
-def place(beams: Beams, base_to_map: Floats, tolerance: float = 0.0) -> Floats:
-    """Beams in the map frame.
-
-    Args:
-        beams: In the base frame.
-        base_to_map: (n or 1, 3) x, y, m, heading, rad, of base at each beam.
-        tolerance: A reading this near to the sensor's maximum is no echo, m.
-
-    Returns:
-        (n, 6) apex x, y, m; cosine and sine of the axis; reading, m, +inf for none; half angle, rad.
-    """
-    x, y, heading = base_to_map.T
-    cos_t, sin_t = np.cos(heading), np.sin(heading)
-    placed = np.empty((beams.ranges.size, 6))
-    placed[:, 0] = x + cos_t * beams.origins[:, 0] - sin_t * beams.origins[:, 1]
-    placed[:, 1] = y + sin_t * beams.origins[:, 0] + cos_t * beams.origins[:, 1]
-    placed[:, 2], placed[:, 3] = np.cos(heading + beams.bearings), np.sin(heading + beams.bearings)
-    placed[:, 4] = np.where(beams.ranges >= beams.range_max - tolerance, np.inf, beams.ranges)
-    placed[:, 5] = beams.half_angles
-    return placed
+    track_poses = np.array(poses[low:high], dtype=np.float64, order="C")
+    check_track(first, last, track_offsets, track_poses, settings.track_slack)
+    # One array of its own instead of five of a message, which are read-only: a kernel is compiled anew for that.
+    table = np.empty((beams.ranges.size, 5))
+    table[:, :2], table[:, 2], table[:, 3] = beams.origins, beams.bearings, beams.half_angles
+    table[:, 4] = beams.ranges
+    times = np.array([first]) if first == last else np.array(offsets, dtype=np.float64, order="C")
+    limits = float(beams.range_min), float(min(beams.range_max, settings.max_range))
+    beyond = max(0.5 * settings.weights.thickness, settings.weights.depth)
+    no_echo_from = float(beams.range_max - settings.max_range_tolerance)
+    placed, box, counts = kernels.place(table, times, track_offsets, track_poses, no_echo_from, limits, beyond)
+    return Placed(placed, box, counts, limits)
 
 
 class ScanMap:
@@ -134,43 +140,22 @@ class ScanMap:
         self.counts: Counter[str] = Counter()
 
     def insert(self, beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats) -> None:
-        """Take one scan in, with the track of poses that covers it; as of `beam_poses`.
+        """Take one scan in, with the track of poses that covers it; as of `place`.
 
         Raises:
             DataError: The track does not cover it, or the map would be too large. The map is as before.
         """
         if beams.ranges.size == 0:
             return
-        use = self.settings
-        base_to_map = beam_poses(beams, stamps_ns, poses, use.track_slack)
-        placed = place(beams, base_to_map, use.max_range_tolerance)
-        reach = min(beams.range_max, use.max_range)
-        self.grid.cover(_box(placed, reach, max(0.5 * use.weights.thickness, use.weights.depth)))
-        self.grid.insert(placed, (beams.range_min, reach), use.weights)
-        self._count(placed[:, 4], beams.range_min, reach)
+        placed = place(beams, stamps_ns, poses, self.settings)
+        self.grid.cover(placed.box)
+        self.grid.insert(placed.beams, placed.limits, self.settings.weights)
+        for name, count in zip(COUNTS, placed.counts, strict=True):
+            self.counts[name] += count
 
     def cells(self) -> NDArray[np.int8]:
         """(rows, columns) int8 of the map as published."""
         return self.grid.render(self.settings.occupied_from, self.settings.is_ternary)
-
-    def _count(self, readings: Floats, range_min: float, reach: float) -> None:
-        at_min = int(np.count_nonzero(readings <= range_min))
-        within = int(np.count_nonzero(readings <= reach))
-        finite = int(np.count_nonzero(readings < np.inf))
-        for name, count in zip(COUNTS, (within - at_min, at_min, finite - within, readings.size - finite), strict=True):
-            self.counts[name] += count
-
-
-def _box(placed: Floats, reach: float, beyond: float) -> Box:
-    """What a scan speaks of: apexes, and the corners in which a cone's flanks meet the tangent at its tip."""
-    x, y, cos_a, sin_a, readings, half_angles = placed.T
-    far = np.minimum(readings, reach) + beyond
-    sideways = far * np.tan(half_angles)
-    along_x, along_y = x + far * cos_a, y + far * sin_a
-    side_x, side_y = sideways * sin_a, sideways * cos_a
-    xs = np.concatenate([x, along_x - side_x, along_x + side_x])
-    ys = np.concatenate([y, along_y - side_y, along_y + side_y])
-    return float(xs.min()), float(ys.min()), float(xs.max()), float(ys.max())
 
 
 def warm_up() -> None:

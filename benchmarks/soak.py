@@ -108,20 +108,23 @@ def soak(given: argparse.Namespace) -> dict[str, Any]:
         up = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         assert up.stderr is not None
         stops: dict[str, int] = {}
+        said = [""]
         ready, ends = threading.Event(), threading.Event()
 
         def listen() -> None:
             for line in up.stderr or ():
+                said.append(line.strip())
                 if "every node is there" in line:
                     ready.set()
                 _, found, reason = line.strip().partition("stopped: ")
                 if found and reason != "no_trajectory":
                     stops[reason] = stops.get(reason, 0) + 1
+            ready.set()
 
         threading.Thread(target=listen, daemon=True).start()
         try:
-            if not ready.wait(120):
-                raise SystemExit("the robot did not come up")
+            if not ready.wait(120) or not any("every node is there" in line for line in said):
+                raise SystemExit(f"the robot did not come up; it said last: {said[-1]}")
             found = _watch(up.pid, given, ends) | {"gate_stops": stops}
         finally:
             ends.set()

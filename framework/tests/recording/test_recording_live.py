@@ -15,11 +15,16 @@ from typer.testing import CliRunner
 pytestmark = pytest.mark.slow  # all processes of a robot, twice
 
 
-@pytest.mark.parametrize("kind", ["barrier", "live"])
-def test_a_live_recording_checks(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [("barrier", ("--barrier",)), ("live", ()), ("live", ("--set", "sensor.0.mode=continuous"))],
+    ids=["barrier", "free", "mapping from the first tick on"],
+)
+def test_a_live_recording_checks(
+    kind: str, options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "r"))
     out = tmp_path / "run.mcap"
-    options = ["--barrier"] if kind == "barrier" else []
     command = [sys.executable, "-m", "navloom", "up", "paper", *options, "--record", str(out), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert json.loads(done.stdout)["outcome"] == "succeeded", done.stderr

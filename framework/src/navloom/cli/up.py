@@ -123,12 +123,10 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
     raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
 
 
-def _beside(record: Path | None, say: Callable[[str], None]) -> Callable[[Any], Any]:
+def _beside(record: Path | None, say: Callable[[str], None]) -> Callable[[Any], Any] | None:
     """What is begun beside a robot once it is up: a recorder, where one is asked for."""
-    from contextlib import nullcontext
-
     if record is None:
-        return lambda robot: nullcontext()
+        return None
     from navloom.recording.beside import recorder_beside
 
     return lambda robot: recorder_beside(robot.keys.prefix, record, say)

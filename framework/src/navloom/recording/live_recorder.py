@@ -17,6 +17,7 @@ from navloom.recording.counting import Counts
 from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
 from navloom.runtime.client import Client, ClientError
+from navloom.runtime.keyspace import ATTENDANT, LINKED
 from navloom.runtime.quality import RETAINED
 
 __all__ = ["LiveRecorder", "ask_header"]
@@ -88,6 +89,8 @@ class LiveRecorder:
         for role, port in sorted(RETAINED):
             self._fetch(role, port)
         self._fetch("*", "parameters")
+        # Declared after what it reads, on the same links: who sees it can send to it.
+        self.client.bus.announce(self.client.keys.process(ATTENDANT, LINKED))
 
     def stop(self) -> None:
         """End the file. What has come in by now is in it."""

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "LARGEST", "STEP", "KeySpace"]
+__all__ = ["ALIVE", "ATTENDANT", "LARGEST", "LINKED", "STEP", "KeySpace"]
 
 ALIVE = "alive"
 """Where the liveliness tokens of an instance are."""
 STEP = "step"
 """Port of every node's step reports."""
+LINKED = "linked"
+"""Liveliness token of a process that has declared what it reads, under its key."""
+ATTENDANT = "attendant"
+"""Name under which who hears everything announces that it does; none of a process."""
 LARGEST = 64 * 2**20
 """Bytes of a message at most; a larger one is counted and not copied."""
 

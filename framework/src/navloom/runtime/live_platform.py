@@ -26,6 +26,7 @@ class LivePlatform(LiveRunner):
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: s after which a command has gone stale.
         start_ns: This host's monotonic clock at run clock 0.
+        may_begin: Asked before the first tick.
 
     Attributes:
         ticks, late: Ticks begun, and those begun more than half a period late or passed over.
@@ -40,12 +41,14 @@ class LivePlatform(LiveRunner):
         ends: Callable[[], bool],
         deadline: float,
         start_ns: int,
+        may_begin: Callable[[], bool] = lambda: True,
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, PlatformNode)
         self.platform = self.cell.node.plugin
         self.deadline_ns, self.start_ns = round(deadline * 1e9), start_ns
         self.period_ns = round(period * 1e9)
+        self._may_begin = may_begin
         self.ticks = self.late = self.stops = 0
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._taken: object = None
@@ -55,6 +58,8 @@ class LivePlatform(LiveRunner):
 
     def run(self) -> None:
         """Until the process ends; then the wheels stand."""
+        while not self._may_begin() and not self.ends():
+            time.sleep(CHECK)
         self._next = max(0, -(-self._now_ns() // self.period_ns))
         super().run()
         self._drive(STILL)

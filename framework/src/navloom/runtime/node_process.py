@@ -18,7 +18,7 @@ from navloom.runtime.build import System, changed_params, make_plugins, role_nod
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources, make_cell
 from navloom.runtime.executor import own_node
-from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.keyspace import ATTENDANT, LINKED, KeySpace
 from navloom.runtime.links import Link
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.live_gate import LiveGate
@@ -43,8 +43,8 @@ LONG = 30.0
 """s their step may take."""
 RECOLLECT = 0.5
 """s to ask for what must not be forgotten while some process does not answer."""
-LINKED = "linked"
-"""Liveliness token of a process that has declared what it reads, under its key."""
+ATTENDED = 20.0
+"""s from the robot's start in which its platform may wait for who attends it."""
 JOIN = 60.0
 """s to wait for the robot's router."""
 
@@ -59,6 +59,7 @@ class Share:
         link: How it joins the robot's network.
         barrier: Ticks are held together instead of running by the clock.
         start_ns: Platform host's monotonic clock at run clock 0.
+        attended: Somebody who hears everything comes beside the robot: the platform begins once it listens.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Share:
     link: Link
     barrier: bool = False
     start_ns: int = 0
+    attended: bool = False
 
 
 @dataclass(eq=False)
@@ -87,6 +89,7 @@ class NodeProcess:
     runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
     hung: str = ""
     life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
+    _heard: threading.Event = field(default_factory=threading.Event)
 
     def run(
         self,
@@ -128,6 +131,8 @@ class NodeProcess:
             presence = Presence(keys, set(nodes), self._came)
             live = {source: self._live_runner(cell, clock, presence) for source, cell in hosted.items()}
             self.runners = dict(live)
+            if self.share.attended and any(role == "platform" for role, _ in nodes):
+                bus.watch(keys.process(ATTENDANT, LINKED), lambda key, alive: self._heard.set())
             monitor = Monitor(self.system, board, clock, memory, self._wake, self.ending.is_set)
             fetching = threading.Thread(target=self._fetch, args=(board, presence), daemon=True)
             for source, runner in live.items():
@@ -207,10 +212,15 @@ class NodeProcess:
         role = hosted.cell.source[0]
         common = (hosted, clock, config.run.period, self.ending.is_set)
         if role == "platform":
-            return LivePlatform(*common, config.gate.stop_deadline, self.share.start_ns)
+            return LivePlatform(*common, config.gate.stop_deadline, self.share.start_ns, self._may_begin)
         if role == "gate":
             return LiveGate(*common, config.gate.stop_deadline, presence.is_alive)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
+
+    def _may_begin(self) -> bool:
+        """Whoever attends the robot hears it, or has had its time: a platform that comes back waits for nobody."""
+        late = time.monotonic_ns() - self.share.start_ns > ATTENDED * 1e9
+        return not self.share.attended or late or self._heard.is_set()
 
     def configure(self, source: Source, values: tuple[str, ...]) -> None:
         """Change an instance's parameters, all or none. Raises ConfigError for what does not fit."""

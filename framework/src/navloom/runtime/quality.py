@@ -89,7 +89,7 @@ _BY_TYPE: dict[type[Message], Quality] = {
     GateStatus: _WORD,
     GoalResult: _WORD,
     Parameters: _WORD,
-    RangeScan: _SENSOR,
+    RangeScan: Quality("drop", "data_high", "block_first"),  # not behind the parts of a sweep of 100 kB
     Sweep: _SENSOR,
     Path: _PLAN,
     PlanFailure: _PLAN,

@@ -39,16 +39,23 @@ class Robot:
         host: Share of the config's `[live.hosts]` to start; None for all of it.
         barrier: Ticks are held together, and no process is started again.
         say: Told what happens.
+        attended: A recorder comes beside it, and is to hear the first tick.
 
     Raises:
         DirectoryError: It is up already, or its folder cannot be used.
     """
 
     def __init__(
-        self, system: System, network: Network, host: str | None, barrier: bool, say: Callable[[str], None]
+        self,
+        system: System,
+        network: Network,
+        host: str | None,
+        barrier: bool,
+        say: Callable[[str], None],
+        attended: bool = False,
     ) -> None:
         config = system.config
-        self.system, self.network, self.barrier = system, network, barrier
+        self.system, self.network, self.barrier, self.attended = system, network, barrier, attended
         self.keys = KeySpace(config.robot.realm, config.robot.name)
         self.folder = RobotFolder(config.robot.realm, config.robot.name)
         self.started_ns = time.monotonic_ns()
@@ -69,7 +76,8 @@ class Robot:
         self.folder.clear()
         links = self.network.links(self.folder, list(self._shares))
         shares = [
-            Share(name, sources, links[name], self.barrier, self.started_ns) for name, sources in self._shares.items()
+            Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
+            for name, sources in self._shares.items()
         ]
         loaded = self.system.loaded
         tasks = [node_task(loaded, share) for share in shares]

@@ -47,6 +47,7 @@ START = 180.0
 """s a robot may take to come up: kernels may have to be compiled."""
 ASK_AGAIN = 2.0
 """s between looks at the goal's last words, in case they came while the network was down."""
+Beside = Callable[[Robot], AbstractContextManager[None]]
 QUIET = 1.0
 """s without a goal after which a run that was to end with its goals does."""
 
@@ -58,7 +59,7 @@ def run_barrier(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
     ends: Callable[[], bool] = lambda: False,
-    beside: Callable[[Robot], AbstractContextManager[None]] = lambda robot: nullcontext(),
+    beside: Beside | None = None,
 ) -> Episode:
     """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for `beside`.
 
@@ -74,7 +75,8 @@ def run_barrier(
     recorder, run = Recorder(), loaded.config.run
     with Robot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
         robot.wait_complete(START, ends=ends)
-        attending.enter_context(beside(robot))
+        if beside is not None:
+            attending.enter_context(beside(robot))
 
         def check() -> None:
             if ends():
@@ -120,7 +122,7 @@ class LiveRun:
     status: GateStatus | None = None
     log: RunLog = field(default_factory=RunLog)
     recorder: Recorder = field(default_factory=Recorder)
-    beside: Callable[[Robot], AbstractContextManager[None]] = lambda robot: nullcontext()
+    beside: Beside | None = None
 
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
@@ -157,11 +159,12 @@ class LiveRun:
             StartError: It did not come up; DirectoryError: it is up already.
         """
         network = network_of(self.loaded.config, self.host, self.insecure)
-        with Robot(self.system, network, self.host, False, self.say) as robot:
+        attended = self.beside is not None and network.keys is None  # behind certificates who looks announces nothing
+        with Robot(self.system, network, self.host, False, self.say, attended) as robot:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
                 self._listen(robot)
-                with self.beside(robot):
+                with nullcontext() if self.beside is None else self.beside(robot):
                     self.say("up: every node is there")  # and who attends it too: what is asked from now on is recorded
                     self._drive(robot, until_idle, look, ended)
         return self._episode() if self.log.results else None

@@ -180,6 +180,16 @@ def test_no_progress_means_recovery_then_stuck() -> None:
     assert result(machine.step(seen(16.1, reference=held))) == ("stuck", "no_progress")
 
 
+def test_a_path_that_nobody_follows_was_lost_on_its_way_and_is_asked_for_again() -> None:
+    machine = driving()
+    assert ports(machine.step(seen(3.0, reference=reference(2, 3.0)))) == []
+    assert ports(machine.step(seen(4.9, reference=reference(1, 3.0)))) == []
+    assert ports(machine.step(seen(5.1, reference=reference(1, 3.0)))) == ["plan"]
+    assert ports(machine.step(seen(5.2, answer=path(3), reference=reference(1, 3.0)))) == ["drive"]
+    assert ports(machine.step(seen(7.0, reference=reference(1, 3.0)))) == []
+    assert ports(machine.step(seen(7.3, reference=None))) == ["plan"]
+
+
 def test_an_operators_stop_is_not_lack_of_progress() -> None:
     machine = driving()
     held, latched = reference(2, 3.0), GateStatus("none", "", True, True, "operator", ())

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 
+import pytest
 from navloom.messages import Contact, Envelope, Message, StepReport
 from navloom.messages.codec import encode, schema_label
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
@@ -37,6 +39,20 @@ def test_a_flood_of_one_stream_takes_nothing_from_another() -> None:
     assert sequences(flooded) == []
     assert (flooded.counts.dropped, flooded.counts.malformed) == (10_000 - 16, 16)
     assert "navloom.Contact/1" in flooded.counts.complaint
+
+
+@pytest.mark.parametrize("limit", [1, 16])
+def test_an_answer_is_older_than_what_the_stream_has_brought_since_the_question(limit: int) -> None:
+    inlet = Inlet(KEY, Mailbox(), limit)
+    inlet.give(packet(4))
+    asked_ns = time.monotonic_ns()
+    data, label = packet(5).data, schema_label(Contact)
+    inlet.give(Packet(data, label, KEY, asked_ns=asked_ns))
+    assert sequences(inlet)[-1] == 5  # nothing newer has come
+    inlet.give(packet(6))
+    inlet.give(Packet(data, label, KEY, asked_ns=asked_ns))
+    assert sequences(inlet) == [6]
+    assert inlet.counts.late == 1
 
 
 def test_bytes_are_decoded_once_for_all_readers() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from navloom import Context, InputError, MapperInput, MapUpdate, Pose2D, PoseTrack, Registry, RobotSpec, Sweep
-from navloom_ipabd import navloom_register
+from navloom_ipabd import navloom_register, raster
 from navloom_ipabd.adapter import Ipabd, Union
 from navloom_ipabd.params import IpabdParams
 from pydantic import ValidationError
@@ -45,6 +47,16 @@ def track(*poses: tuple[float, float, float], until_ns: int = SWEEP_NS) -> PoseT
 
 
 AT_S = track((0.0, 0.0, np.pi / 2), (0.0, 0.0, np.pi / 2))
+
+
+def on_lattice_of(wanted: MapUpdate, shown: MapUpdate) -> np.ndarray:
+    """Cells of a map where another one has them; unknown beyond its own."""
+    size = wanted.grid.resolution
+    right, up = (round((getattr(shown.grid.origin, axis) - getattr(wanted.grid.origin, axis)) / size) for axis in "xy")
+    cells = np.full(wanted.grid.cells.shape, -1, np.int8)
+    rows, columns = shown.grid.cells.shape
+    cells[up : up + rows, right : right + columns] = shown.grid.cells
+    return cells
 
 
 def given(*sweeps: Sweep, poses: PoseTrack = AT_S, clear: bool = False) -> MapperInput:
@@ -109,7 +121,7 @@ def test_nothing_new_gives_nothing(sweep) -> None:
     assert mapper.update(given()) is None
 
 
-def test_the_map_accumulates_until_cleared(make_sweep, sweep) -> None:
+def test_the_map_accumulates_and_after_clear_a_sweep_is_believed_where_it_looked(make_sweep, sweep) -> None:
     poses = np.tile([0.0, 3.0, 0.0], (94, 1))  # from (0, 3), facing +x: the right wall
     other = message_of(make_sweep(poses=poses).image)
     there = track((0.0, 3.0, 0.0), (0.0, 3.0, 0.0))
@@ -119,9 +131,14 @@ def test_the_map_accumulates_until_cleared(make_sweep, sweep) -> None:
     both = mapper.update(given(other, poses=there))
     assert len(both.segments) > max(len(first.segments), len(alone.segments))
     assert (both.grid.cells == 100).sum() > (first.grid.cells == 100).sum()
-    cleared = mapper.update(given(other, poses=there, clear=True))
-    assert cleared.segments.tolist() == alone.segments.tolist()
-    assert cleared.grid.cells.tolist() == alone.grid.cells.tolist()
+    assert mapper.update(given(clear=True)) is None
+    cleared = mapper.update(given(other, poses=there))
+    seen, before, now = (on_lattice_of(both, one) for one in (alone, both, cleared))
+    assert (seen != -1).sum() > 100 and ((seen == -1) & (before == 100)).sum() > 10
+    assert now.tolist() == np.where(seen == -1, before, seen).tolist()
+    assert cleared.segments[-len(alone.segments) :].tolist() == alone.segments.tolist()
+    again = mapper.update(given(sweep))
+    assert (on_lattice_of(both, again) == 100).sum() >= (now == 100).sum()  # it accumulates as before
 
 
 def test_without_accumulation_the_latest_sweep_is_the_map(make_sweep, sweep) -> None:
@@ -142,15 +159,21 @@ def test_the_same_scene_again_adds_no_segments(sweep) -> None:
     assert sum(counts_of(twice).values()) == 2 * 9494
 
 
-def test_clear_alone_gives_an_empty_map(sweep) -> None:
-    mapper = make(extent=(-4.0, 0.0, 4.0, 8.0))
-    mapper.update(given(sweep))
-    empty = mapper.update(given(clear=True))
-    assert empty.segments.shape == (0, 4)
-    assert empty.grid.cells.shape == (21, 21)
-    assert (empty.grid.cells == -1).all()
-    assert empty.stamp_ns == 2_000_000_000
-    assert sum(counts_of(empty).values()) == 0
+def test_a_phantom_is_gone_after_clear_and_what_is_out_of_sight_is_not(make_sweep, sweep) -> None:
+    mapper = make()
+    clean = mapper.update(given(sweep))
+    phantom = np.array([[0.0, 2.0, 0.4, 2.0], [0.0, -3.0, 1.0, -3.0]])  # before the robot and behind it
+    known = mapper._known
+    cells = known.cells.copy()
+    raster.mark_occupied(cells, known.lattice, phantom[:1])
+    mapper._known = replace(known, cells=cells, segments=np.concatenate([known.segments, phantom]))
+    kept = mapper.update(given(sweep))
+    assert phantom[0].tolist() in kept.segments.tolist()
+    mapper.update(given(clear=True))
+    cleared = mapper.update(given(sweep))
+    assert cleared.segments[0].tolist() == phantom[1].tolist()
+    assert cleared.segments[1:].tolist() == clean.segments.tolist()
+    assert cleared.grid.cells.tolist() == clean.grid.cells.tolist()
 
 
 def test_reset_forgets(sweep) -> None:

@@ -37,6 +37,8 @@ LOST = 30.0
 """s a goal waits for a platform that fell silent."""
 SILENT_RECOVERY = 10.0
 """s a recovery may say nothing."""
+UNFOLLOWED = 2.0
+"""s a new path may not be followed: then it was lost on its way."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
 
 
@@ -101,6 +103,7 @@ class _Active:
     recoveries: int = 0
     best: float = math.inf
     moved_at: float = 0.0
+    followed_at: float = 0.0
     asked_ns: int = 0
     plan_id: int = 0
     heard: float = -math.inf
@@ -237,7 +240,7 @@ class GoalMachine:
         else:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"
-            active.best, active.moved_at, active.has_driven = math.inf, seen.time, True
+            active.best, active.moved_at, active.followed_at, active.has_driven = math.inf, seen.time, seen.time, True
 
     def _while_driving(self, active: _Active, seen: Seen) -> None:
         assert seen.estimate is not None
@@ -251,6 +254,8 @@ class GoalMachine:
             self._recover(active, "trapped", seen)
         elif self._makes_no_progress(active, seen):
             self._recover(active, "no_progress", seen)
+        elif self._is_unfollowed(active, seen):
+            self._ask_plan(active, seen)
         elif not self._drive.stop_here:
             self._replan(active, seen)
 
@@ -290,7 +295,7 @@ class GoalMachine:
         elif isinstance(answer, Path):
             if watch.takes(answer, seen.reference):
                 self._set_drive(replace(self._drive, path_id=answer.request_id))
-                active.best = math.inf
+                active.best, active.followed_at = math.inf, seen.time
             active.plan_id = self._drive.path_id
         else:
             active.plan_id = self._drive.path_id
@@ -358,6 +363,12 @@ class GoalMachine:
             active.moved_at = seen.time
         elif seen.time - active.moved_at > self.rules.stuck_after:
             self._finish("stuck", "the heading asked for was not reached", seen)
+
+    def _is_unfollowed(self, active: _Active, seen: Seen) -> bool:
+        """On a network that was cut a path may not reach who is to follow it."""
+        if seen.reference is not None and seen.reference.path_id == self._drive.path_id:
+            active.followed_at = seen.time
+        return seen.time - active.followed_at > UNFOLLOWED
 
     def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
         held = seen.gate is not None and seen.gate.latched

@@ -19,7 +19,8 @@ class MapperInput:
         stamp_ns: Run clock.
         sweeps, scans: New data, in stamp order; both may be empty.
         track: Poses in the map that cover them.
-        clear: Forget the map first.
+        clear: The map may be wrong. Forget what the newest data, or the next, can tell anew, not what is out of sight:
+            the robot plans by what is left.
     """
 
     stamp_ns: int

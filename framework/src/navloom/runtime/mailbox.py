@@ -24,15 +24,19 @@ class Packet:
         data, label: As they came.
         key: Stream they came by, which their envelope must name; None where that does not matter.
         kind: What the stream carries; None for any message.
+        asked_ns: This host's monotonic clock when it was asked for; 0 where it came by itself.
     """
 
-    __slots__ = ("_key", "_kind", "_opened", "arrived_ns", "data", "label")
+    __slots__ = ("_key", "_kind", "_opened", "arrived_ns", "asked_ns", "data", "label")
 
-    def __init__(self, data: bytes, label: str, key: str | None = None, kind: type[Message] | None = None) -> None:
+    def __init__(
+        self, data: bytes, label: str, key: str | None = None, kind: type[Message] | None = None, asked_ns: int = 0
+    ) -> None:
         self.data = data
         self.label = label
         self._key, self._kind = key, kind
         self.arrived_ns = time.monotonic_ns()
+        self.asked_ns = asked_ns
         self._opened: tuple[Message, Envelope] | CodecError | None = None
 
     def open(self) -> tuple[Message, Envelope]:
@@ -145,14 +149,24 @@ class Inlet:
         self.mailbox = mailbox
         self.counts = StreamCounts()
         self.arrived_ns = 0
+        self._heard_ns = 0
         self._age = age
         self._waiting: deque[Packet | tuple[Message, Envelope]] = deque(maxlen=limit)
 
     def give(self, item: Packet | tuple[Message, Envelope]) -> None:
-        """Leave a message, from any thread. Never blocks, never raises."""
+        """Leave a message, from any thread. Never blocks, never raises.
+
+        An answer comes by another way than the stream itself: what the stream has brought since the question is newer.
+        """
         waiting = self._waiting
         with self.mailbox.condition:
             self.counts.received += 1
+            if isinstance(item, Packet):
+                if self._heard_ns > item.asked_ns > 0:
+                    self.counts.late += 1
+                    return
+                if not item.asked_ns:
+                    self._heard_ns = item.arrived_ns
             if len(waiting) == waiting.maxlen:
                 self.counts.dropped += 1
             waiting.append(item)

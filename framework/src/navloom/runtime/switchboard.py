@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 
 from navloom.messages import Message
@@ -66,20 +67,21 @@ class Switchboard:
         for port in ("parameters", *sorted(port for owner, port in RETAINED if owner == role)):
             key = self.keys.port(*source, port)
             if key in self._inlets and key not in self._outlets:
+                asked_ns = time.monotonic_ns()
                 for answer in self.bus.ask(key):
                     if not answer.refusal:
-                        self._receive(answer.key, answer.data, answer.label)
+                        self._receive(answer.key, answer.data, answer.label, asked_ns)
 
     def inlets(self) -> Iterable[tuple[str, list[Inlet]]]:
         """Every stream read here, with its readers."""
         return self._inlets.items()
 
-    def _receive(self, key: str, data: bytes | None, label: str) -> None:
+    def _receive(self, key: str, data: bytes | None, label: str, asked_ns: int = 0) -> None:
         inlets = self._inlets.get(key, ())
         if data is None:
             for inlet in inlets:
                 inlet.refuse(f"larger than {LARGEST} bytes")
             return
-        packet = Packet(data, label, key, self._kinds.get(key))
+        packet = Packet(data, label, key, self._kinds.get(key), asked_ns)
         for inlet in inlets:
             inlet.give(packet)

@@ -29,18 +29,18 @@ class Ipabd(Mapper):
         super().__init__(params, context)
         self._settings = params.settings(context.robot.height, (context.start.x, context.start.y))
         self._known: GridMap | None = None
+        self._is_doubted = False
 
     def reset(self) -> None:
-        self._known = None
+        self._known, self._is_doubted = None, False
 
     @classmethod
     def warm_up(cls) -> None:
         mapping.warm_up()
 
     def update(self, given: MapperInput) -> MapUpdate | None:
-        if given.clear:
-            self._known = None
-        elif not given.sweeps:
+        self._is_doubted |= given.clear
+        if not given.sweeps:
             return None
         try:
             return self._updated(given)
@@ -53,12 +53,17 @@ class Ipabd(Mapper):
             shown = self._outline(sweep, given)
             new = mapping.draw(shown, self._settings)
             if known is not None and self.params.accumulate:
-                new = mapping.merge(known, new, self._settings.line_tolerance)
-            known = new
+                # What cannot be seen from here stays: behind the robot may be a girder that only this map knows.
+                new = mapping.renew(known, new) if self._is_doubted else self._merged(known, new)
+            known, self._is_doubted = new, False
             counts.update(shown.barriers.counts)
             stamp_ns = sweep.stamp_ns + round(1e9 * float(sweep.frame_times.max()))
+        assert known is not None
         self._known = known
-        return _message(mapping.empty_map(self._settings) if known is None else known, stamp_ns, counts)
+        return _message(known, stamp_ns, counts)
+
+    def _merged(self, known: GridMap, new: GridMap) -> GridMap:
+        return mapping.merge(known, new, self._settings.line_tolerance)
 
     def _outline(self, sweep: Sweep, given: MapperInput) -> Outline:
         track = given.track

@@ -15,7 +15,7 @@ from navloom_ipabd.segmentation import Segmentation, segment_starts
 from navloom_ipabd.sweep import SweepImage
 from navloom_ipabd.track import FrameMotion
 
-__all__ = ["GridMap", "MapSettings", "Outline", "draw", "empty_map", "merge", "outline", "warm_up"]
+__all__ = ["GridMap", "MapSettings", "Outline", "draw", "merge", "outline", "renew", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -104,20 +104,25 @@ def draw(shown: Outline, settings: MapSettings) -> GridMap:
 
 def merge(known: GridMap, new: GridMap, tolerance: float) -> GridMap:
     """Both maps in one, nothing seen is forgotten. They share anchor and resolution."""
-    pairs = zip(known.lattice.extent, new.lattice.extent, strict=True)
-    low_x, low_y, high_x, high_y = (max(pair) if i > 1 else min(pair) for i, pair in enumerate(pairs))
-    lattice = Lattice.covering((low_x, low_y, high_x, high_y), new.lattice.resolution, new.lattice.anchor)
-    old_cells = raster.move_cells(known.cells, known.lattice, lattice)
-    new_cells = raster.move_cells(new.cells, new.lattice, lattice)
+    lattice, old_cells, new_cells = _on_one_lattice(known, new)
     segments = lines.fresh_segments(known.segments, new.segments, tolerance)
     return GridMap(lattice, raster.merge_cells(old_cells, new_cells), segments)
 
 
-def empty_map(settings: MapSettings) -> GridMap:
-    """Nothing known: the settings' extent, or the anchor's cell alone."""
-    extent = settings.extent or (*settings.anchor, *settings.anchor)
-    lattice = Lattice.covering(extent, settings.resolution, settings.anchor)
-    return GridMap(lattice, lattice.unknown(), np.zeros((0, 4)))
+def renew(known: GridMap, new: GridMap) -> GridMap:
+    """The new map, and the known one where the new one knows nothing. They share anchor and resolution."""
+    lattice, old_cells, new_cells = _on_one_lattice(known, new)
+    kept = raster.parts_in_unknown(known.segments, new_cells, lattice)
+    cells = np.where(new_cells == raster.UNKNOWN, old_cells, new_cells)
+    return GridMap(lattice, cells, np.concatenate([kept, new.segments]))
+
+
+def _on_one_lattice(known: GridMap, new: GridMap) -> tuple[Lattice, Cells, Cells]:
+    pairs = zip(known.lattice.extent, new.lattice.extent, strict=True)
+    low_x, low_y, high_x, high_y = (max(pair) if i > 1 else min(pair) for i, pair in enumerate(pairs))
+    lattice = Lattice.covering((low_x, low_y, high_x, high_y), new.lattice.resolution, new.lattice.anchor)
+    old_cells = raster.move_cells(known.cells, known.lattice, lattice)
+    return lattice, old_cells, raster.move_cells(new.cells, new.lattice, lattice)
 
 
 def _extent_of(shown: Outline, seen: Floats, anchor: tuple[float, float]) -> Extent:

@@ -14,7 +14,7 @@ from navloom_ipabd.errors import SettingError
 from navloom_ipabd.pressure import TAU, Bins
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "Lattice", "RasterMethod", "mark_occupied", "mark_seen", "merge_cells",
-           "move_cells", "warm_up"]  # fmt: skip
+           "move_cells", "parts_in_unknown", "warm_up"]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int8]
@@ -134,6 +134,24 @@ def mark_seen(cells: Cells, lattice: Lattice, sensor: tuple[float, float, float]
         (value - origin) / lattice.resolution - 0.5 for value, origin in zip(sensor[:2], lattice.origin, strict=True)
     )
     _stamp_seen(cells, x, y, sensor[2], bins.first, bins.step, seen / lattice.resolution)
+
+
+def parts_in_unknown(segments: Floats, cells: Cells, lattice: Lattice) -> Floats:
+    """(m, 4) parts of segments (n, 4), m, map frame, that lie in unknown cells or beyond the lattice.
+
+    Ends of parts are exact to half a cell.
+    """
+    parts = []
+    for x1, y1, x2, y2 in segments:
+        count = math.ceil(2.0 * math.hypot(x2 - x1, y2 - y1) / lattice.resolution) + 2
+        points = np.linspace((x1, y1), (x2, y2), count)
+        columns, rows = np.floor((points - lattice.origin) / lattice.resolution).astype(np.int64).T
+        is_within = (columns >= 0) & (columns < lattice.columns) & (rows >= 0) & (rows < lattice.rows)
+        is_kept = ~is_within
+        is_kept[is_within] = cells[rows[is_within], columns[is_within]] == UNKNOWN
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], is_kept, [False]])))
+        parts += [(*points[first], *points[after - 1]) for first, after in edges.reshape(-1, 2)]
+    return np.array(parts, dtype=np.float64).reshape(-1, 4)
 
 
 def move_cells(cells: Cells, old: Lattice, new: Lattice) -> Cells:

@@ -10,10 +10,10 @@ from navloom.dataflow.own_nodes import GoalNode
 from navloom.messages import Envelope, OperatorRequest, StepReport
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted
-from navloom.runtime.live import LiveRunner
+from navloom.runtime.live import BACKWARDS, LiveRunner
 from navloom.runtime.run_clock import RunClock
 
-__all__ = ["LiveGoal"]
+__all__ = ["LiveGoal", "began_anew"]
 
 CHECK = 0.05
 WITHOUT_POSE = 0.2
@@ -22,6 +22,12 @@ PLATFORM_SILENCE = 1.0
 """s without the platform after which a goal waits for it."""
 BROKEN = 20
 """Steps in a row that a plugin may fail in before its goal has failed."""
+
+
+def began_anew(last: Envelope, at: Envelope) -> bool:
+    """Whether a publisher's message comes from another life than the last one, not from before it by a slower way."""
+    was_overtaken = last.tick - BACKWARDS < at.tick <= last.tick
+    return at.sequence < last.sequence and not was_overtaken
 
 
 class LiveGoal(LiveRunner):
@@ -33,7 +39,7 @@ class LiveGoal(LiveRunner):
         self.goal = self.cell.node
         self._request = next(wire for wire in self.cell.instance.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
-        self._platform_reports = 0
+        self._platform_report: Envelope | None = None
         self._began_anew = False
 
     def wait_time(self) -> float:
@@ -67,8 +73,10 @@ class LiveGoal(LiveRunner):
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         super()._hear(source, report, at)
         if source[0] == "platform":
-            self._began_anew = self._began_anew or at.sequence < self._platform_reports
-            self._platform_reports = at.sequence
+            last = self._platform_report
+            self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
+            if last is None or self._began_anew or at.sequence > last.sequence:
+                self._platform_report = at
 
     def _trouble(self) -> str:
         if self._began_anew:

@@ -17,7 +17,7 @@ from navloom.runtime.network import Network
 from navloom.runtime.node_process import Share
 from navloom.runtime.placing import spread
 from navloom.runtime.presence import Presence
-from navloom.runtime.supervisor import Supervisor, node_task, router_task
+from navloom.runtime.supervisor import Supervisor, Task, node_task, router_task
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Robot", "StartError"]
@@ -74,17 +74,11 @@ class Robot:
                 "--set robot.name=NAME starts another"
             )
         self.folder.clear()
-        links = self.network.links(self.folder, list(self._shares))
-        shares = [
-            Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
-            for name, sources in self._shares.items()
-        ]
-        loaded = self.system.loaded
-        tasks = [node_task(loaded, share) for share in shares]
-        router = self.network.router_link()
-        if router is not None:
-            tasks.insert(0, router_task(router))
-        self.supervisor = Supervisor(loaded.config.live, self.folder, tasks, self._say)
+        try:
+            self.supervisor = Supervisor(self.system.loaded.config.live, self.folder, self._tasks(), self._say)
+        except BaseException:
+            self.folder.unlock()
+            raise
         try:
             self.supervisor.start()
             self.folder.write(self.running())
@@ -94,6 +88,19 @@ class Robot:
             self._stop()
             raise
         return self
+
+    def _tasks(self) -> list[Task]:
+        """The processes of this host: its router first, where it has one."""
+        links = self.network.links(self.folder, list(self._shares))
+        shares = [
+            Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
+            for name, sources in self._shares.items()
+        ]
+        router = self.network.router_link()
+        return [
+            *([] if router is None else [router_task(router)]),
+            *(node_task(self.system.loaded, share) for share in shares),
+        ]
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -154,5 +161,8 @@ class Robot:
             self._changed.notify_all()
 
     def _stop(self) -> None:
-        self.supervisor.stop()
-        self.folder.clear()
+        try:
+            self.supervisor.stop()
+            self.folder.clear()
+        finally:
+            self.folder.unlock()

@@ -31,7 +31,7 @@ FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
 """s before the first restart, and at most before a later one."""
 HEALTHY = 5.0
 """s a process must run for its next crash to count as a first one."""
-STOP_WAIT = 1.2
+STOP_WAIT = 1.0
 """s each group of processes may take to end in order, before it is killed."""
 
 

@@ -49,21 +49,19 @@ class Ipabd(Mapper):
 
     def _updated(self, given: MapperInput) -> MapUpdate:
         known, stamp_ns, counts = self._known, given.stamp_ns, Counter[Rule]()
+        tolerance = self._settings.line_tolerance
         for sweep in given.sweeps:
             shown = self._outline(sweep, given)
             new = mapping.draw(shown, self._settings)
             if known is not None and self.params.accumulate:
                 # What cannot be seen from here stays: behind the robot may be a girder that only this map knows.
-                new = mapping.renew(known, new) if self._is_doubted else self._merged(known, new)
+                new = mapping.renew(known, new) if self._is_doubted else mapping.merge(known, new, tolerance)
             known, self._is_doubted = new, False
             counts.update(shown.barriers.counts)
             stamp_ns = sweep.stamp_ns + round(1e9 * float(sweep.frame_times.max()))
         assert known is not None
         self._known = known
         return _message(known, stamp_ns, counts)
-
-    def _merged(self, known: GridMap, new: GridMap) -> GridMap:
-        return mapping.merge(known, new, self._settings.line_tolerance)
 
     def _outline(self, sweep: Sweep, given: MapperInput) -> Outline:
         track = given.track

@@ -87,7 +87,7 @@ def ros_map(folder: Path, image: bytes | None) -> str:
 
 
 def test_a_map_without_its_image_is_refused(navloom: Navloom, tmp_path: Path) -> None:
-    assert "m.pgm: there is no such file" in refused(navloom, tmp_path, "paper", "--set", ros_map(tmp_path, None))
+    assert "m.pgm: there is no such file; " in refused(navloom, tmp_path, "paper", "--set", ros_map(tmp_path, None))
 
 
 def test_a_truncated_map_is_refused(navloom: Navloom, tmp_path: Path) -> None:

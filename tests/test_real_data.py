@@ -187,6 +187,17 @@ def test_a_damaged_recording_is_refused(tmp_path: Path) -> None:
     np.savez(path, ranges_m=np.ones((3, 4)), pitch_deg=np.ones(3), beam_deg=np.ones(5))
     with pytest.raises(ConfigError, match=r"beam_deg \(5,\)"):
         read_recording(path)
+    np.savez(path, ranges_m=np.ones((0, 4)), pitch_deg=np.ones(0), beam_deg=np.ones(4))
+    with pytest.raises(ConfigError, match="at least one frame"):
+        read_recording(path)
+    np.savez(path, ranges_m=np.full((3, 4), np.inf), pitch_deg=np.ones(3), beam_deg=np.ones(4))
+    with pytest.raises(ConfigError, match="nothing but inf"):
+        read_recording(path)
+    bad = np.ones((3, 4))
+    bad[2, 1] = np.nan
+    np.savez(path, ranges_m=bad, pitch_deg=np.ones(3), beam_deg=np.ones(4))
+    with pytest.raises(ConfigError, match=r"sweep\.npz: ranges_m\[2, 1\] is nan"):
+        read_recording(path)
     np.savez(path, ranges_m=np.ones((3, 4)))
     with pytest.raises(ConfigError, match="expected ranges_m, pitch_deg and beam_deg"):
         read_recording(path)

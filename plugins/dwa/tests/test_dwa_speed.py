@@ -36,24 +36,24 @@ def scans(beams):
 
 
 @pytest.mark.benchmark
-@pytest.mark.parametrize("beams", [181, 720])
-def test_a_tick_is_a_fiftieth_of_the_control_period(benchmark, beams):
-    """1 ms of 50 ms, in CPU time: the machine may be shared."""
+def test_four_times_the_beams_cost_less_than_half_as_much_again(benchmark):
+    """In CPU time, in turns: the machine may be shared."""
     Dwa.warm_up()
     robot = RobotSpec(FOOTPRINT, 0.5, 0.098, 0.19, 2.0, 2.0, 2.0, 3.0)
     context = Context("main", TICK, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
-    avoider, given = Dwa(Dwa.Params(), context), scans(beams)
-    benchmark(lambda: [avoider.avoid(one) for one in given])
-    rounds = []
+    avoider = Dwa(Dwa.Params(), context)
+    drives = {beams: scans(beams) for beams in (181, 720)}
+    benchmark(lambda: [avoider.avoid(one) for one in drives[720]])
+    least = dict.fromkeys(drives, math.inf)
     for _ in range(10):
-        avoider.reset()
-        begin = time.process_time()
-        for one in given:
-            avoider.avoid(one)
-        rounds.append((time.process_time() - begin) / len(given))
-    benchmark.extra_info["cpu_us"] = 1e6 * min(rounds)
-    print(f"\n{beams} beams: {1e6 * min(rounds):.0f} us of CPU a tick")
-    assert min(rounds) < TICK / 50.0
+        for beams, given in drives.items():
+            avoider.reset()
+            begin = time.process_time()
+            for one in given:
+                avoider.avoid(one)
+            least[beams] = min(least[beams], (time.process_time() - begin) / len(given))
+    benchmark.extra_info |= {f"cpu_us_at_{beams}_beams": 1e6 * spent for beams, spent in least.items()}
+    assert least[720] < 1.5 * least[181]
 
 
 @pytest.mark.benchmark

@@ -36,4 +36,3 @@ def test_a_scan_of_181_beams_takes_less_than_in_numpy(benchmark):
     other = min(timeit.repeat(lambda: numpy_insert(odds, beams, 0.05, scan_map.grid.origin), number=1, repeat=10))
     benchmark.extra_info["numpy_over_kernel"] = other / benchmark.stats.stats.min
     assert other > 3.0 * benchmark.stats.stats.min
-    assert benchmark.stats.stats.min < 1.0e-3

@@ -26,6 +26,8 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, GREY = (
 
 
 CELLS = (205, 205, 205)
+START = 0.08
+"""Radius of the disc that marks a start, m."""
 
 
 class Canvas:
@@ -84,7 +86,7 @@ class Canvas:
             self.pen.polygon(self.pixels(transform(corner, (square + (col, row)) * resolution)), fill=colour)
 
     def frame(self) -> None:
-        """Wipes what lies outside the bounds, and draws a frame with a tick at every 1, 2, 5, … m."""
+        """Wipes what lies outside the bounds, and draws a frame in m with a tick at every 1, 2, 5, …"""
         x0, y0, x1, y1 = self.bounds
         (left, low), (right, high) = self.pixels(np.array([(x0, y0), (x1, y1)]))
         width, height = self.image.size
@@ -100,6 +102,8 @@ class Canvas:
             ((u, v),) = self.pixels(np.array([(x0, y)]))
             self.pen.line((u - 6 * OVERSAMPLING, v, u, v), fill=GREY, width=OVERSAMPLING)
             self.pen.text((u - 9 * OVERSAMPLING, v), f"{y:g}", fill=GREY, font=self.font, anchor="rm")
+        self.pen.text((right, low + 26 * OVERSAMPLING), "x, m", fill=GREY, font=self.font, anchor="ra")
+        self.pen.text((left - 9 * OVERSAMPLING, high - 4 * OVERSAMPLING), "y, m", GREY, self.font, anchor="rb")
 
     def legend(self, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> None:
         """Names of colours, in one line above the frame."""
@@ -153,11 +157,11 @@ def draw_run(episode: Episode) -> Image.Image:
         canvas.line(trajectory.samples[:, 1:3], BLUE, 2.5)
     _draw_outlines(canvas, episode)
     canvas.line(recorder.driven, VERMILION, 2.5)
-    canvas.disc(system.start.x, system.start.y, 0.08, GREEN, BLACK)
-    canvas.text(system.start.x, system.start.y, "S")
+    canvas.disc(system.start.x, system.start.y, START, GREEN, BLACK)
+    canvas.text(system.start.x + START, system.start.y, "S")
     if system.goal is not None:
         canvas.disc(system.goal.x, system.goal.y, system.goal_tolerance, None, GREEN)
-        canvas.text(system.goal.x, system.goal.y, "D")
+        canvas.text(system.goal.x + system.goal_tolerance, system.goal.y, "D")
     canvas.frame()
     canvas.legend(
         [("map", BLACK), ("true obstacles", SKY), ("plan", ORANGE), ("trajectory", BLUE), ("driven", VERMILION)]

@@ -81,11 +81,24 @@ def read_recording(path: Path) -> Recording:
     if ranges.ndim != 2 or ranges.shape != (*pitches.shape, *beams.shape) or not ranges.size:
         raise ConfigError(
             f"{path}: ranges_m is {ranges.shape}, pitch_deg {pitches.shape}, beam_deg {beams.shape}; "
-            "expected (frames, beams), (frames,) and (beams,)"
+            "expected (frames, beams), (frames,) and (beams,), with at least one frame and one beam"
         )
+    _refuse_bad_numbers(path, "ranges_m", ranges, ranges >= 0.0, "ranges >= 0 m, or inf for no return")
+    _refuse_bad_numbers(path, "pitch_deg", pitches, np.isfinite(pitches), "finite angles")
+    _refuse_bad_numbers(path, "beam_deg", beams, np.isfinite(beams), "finite angles")
+    returned = ranges[np.isfinite(ranges)]
+    if not returned.size:
+        raise ConfigError(f"{path}: ranges_m holds nothing but inf, expected a range in m where a beam met something")
     bearings = -np.radians(beams)
     order = np.argsort(bearings)
-    return Recording(ranges[:, order], np.radians(pitches), bearings[order], float(ranges[np.isfinite(ranges)].max()))
+    return Recording(ranges[:, order], np.radians(pitches), bearings[order], float(returned.max()))
+
+
+def _refuse_bad_numbers(path: Path, name: str, values: Floats, good: NDArray[np.bool_], wanted: str) -> None:
+    bad = np.argwhere(~good)
+    if len(bad):
+        place = tuple(int(number) for number in bad[0])
+        raise ConfigError(f"{path}: {name}{list(place)} is {values[place]:g}, expected {wanted}")
 
 
 def find_floor(recording: Recording) -> tuple[float, float]:

@@ -79,4 +79,5 @@ def read_bytes(path: Path, limit: int) -> bytes:
 def _others(path: Path) -> str:
     if not path.parent.is_dir():
         return f"there is no folder {path.parent} either"
-    return did_you_mean(path.name, [p.name for p in path.parent.iterdir() if p.suffix == path.suffix])
+    others = [p.name for p in path.parent.iterdir() if p.suffix == path.suffix]
+    return did_you_mean(path.name, others) if others else f"{path.parent} holds no {path.suffix or 'such'} file at all"

@@ -92,6 +92,30 @@ def test_waiting_ends_with_news_or_with_time() -> None:
     assert mailbox.wait(0, 10.0) == 1  # news that were not seen are not waited for
 
 
+def test_of_many_that_ring_at_once_none_goes_unheard() -> None:
+    mailbox, each, givers = Mailbox(), 3000, 4
+    inlets = [Inlet(KEY, mailbox, None) for _ in range(givers)]
+    shared = packet(1)
+
+    def give(inlet: Inlet) -> None:
+        for _ in range(each):
+            inlet.give(shared)
+
+    threads = [threading.Thread(target=give, args=(inlet,)) for inlet in inlets]
+    for thread in threads:
+        thread.start()
+    heard = seen = 0
+    while heard < each * givers:
+        before = seen
+        seen = mailbox.wait(seen, 10.0)
+        taken = sum(len(list(inlet.take())) for inlet in inlets)
+        assert seen > before or not taken  # what came in had rung, and did not wait for the time to pass
+        heard += taken
+    for thread in threads:
+        thread.join()
+    assert mailbox.news == each * givers
+
+
 def test_a_message_of_another_stream_or_of_another_kind_is_malformed() -> None:
     inlet = Inlet(KEY, Mailbox(), 4)
     data, label = packet(1).data, packet(1).label

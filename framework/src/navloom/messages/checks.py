@@ -164,16 +164,17 @@ _BY_DOT = 4096
 
 def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
     """NaN always, infinity unless the field allows +inf, and what lies below the smallest allowed value."""
-    if spec.at_least is not None and not np.minimum.reduce(value, axis=None) >= spec.at_least:
-        bad = value[~(value >= spec.at_least)].flat[0]
+    flat = value.ravel()  # a view: arrays are contiguous here
+    if spec.at_least is not None and not np.minimum.reduce(flat) >= spec.at_least:
+        bad = flat[~(flat >= spec.at_least)][0]
         raise MessageError(f"{cls}.{name}: holds {bad}, expected values >= {spec.at_least:g}, without NaN")
     if spec.infinite:
-        if spec.at_least is None and not (value > -math.inf).all():
+        if spec.at_least is None and not (flat > -math.inf).all():
             raise MessageError(f"{cls}.{name}: holds NaN or -inf, expected numbers or +inf")
-    elif value.size > _BY_DOT or not math.isfinite(np.vdot(value, value)):  # squares may overflow: then look at each
-        finite = np.isfinite(value)
+    elif flat.size > _BY_DOT or not math.isfinite(np.vdot(flat, flat)):  # squares may overflow: then look at each
+        finite = np.isfinite(flat)
         if not finite.all():
-            raise MessageError(f"{cls}.{name}: holds {value[~finite].flat[0]}, expected finite numbers")
+            raise MessageError(f"{cls}.{name}: holds {flat[~finite][0]}, expected finite numbers")
 
 
 def _describe(value: Any) -> str:

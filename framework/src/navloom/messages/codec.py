@@ -9,10 +9,10 @@ arrays are read-only views of the bytes.
 
 from __future__ import annotations
 
-import math
 import struct
 import threading
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 import msgpack
@@ -94,21 +94,22 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
     """
     cls = _class_of(label)
-    view = memoryview(data).cast("B").toreadonly()
-    if len(view) < 4:
-        raise CodecError(f"{label}: got {len(view)} bytes, expected a header of at least 4")
-    end = 4 + _LENGTH.unpack_from(view)[0]
-    if end > len(view):
-        raise CodecError(f"{label}: the header claims {end - 4} bytes, {len(view) - 4} are there")
+    if data.__class__ is not bytes:
+        data = memoryview(data).cast("B").toreadonly()
+    if len(data) < 4:
+        raise CodecError(f"{label}: got {len(data)} bytes, expected a header of at least 4")
+    end = 4 + _LENGTH.unpack_from(data)[0]
+    if end > len(data):
+        raise CodecError(f"{label}: the header claims {end - 4} bytes, {len(data) - 4} are there")
     try:
-        header = msgpack.unpackb(view[4:end], max_array_len=min(end, MAX_ITEMS))
+        header = msgpack.unpackb(data[4:end], max_array_len=min(end, MAX_ITEMS))
     except Exception as error:
         raise CodecError(f"{label}: the header is not MessagePack: {brief(error)}") from None
     if not isinstance(header, dict):
         raise CodecError(f"{label}: the header is {type(header).__name__}, expected a map")
     try:
-        arrays = _arrays(header.get("arrays"), view, end + -end % ALIGNMENT)
-        message = _reader(cls)(header.get("fields"), arrays)
+        arrays = _arrays(header.get("arrays"), data, end + -end % ALIGNMENT)
+        message = (_READERS.get(cls) or _reader(cls))(header.get("fields"), arrays)
         return message, _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
@@ -140,26 +141,35 @@ def _class_of(label: str) -> type[Message]:
 def _envelope(value: Any) -> Envelope:
     if not isinstance(value, list) or len(value) < 6:
         raise CodecError(f"envelope is {brief(value)}, expected key, sequence, tick, stamp, cause and epoch")
-    if type(value[0]) is not str or not all(type(number) is int and 0 <= number < 2**63 for number in value[1:6]):
+    key, sequence, tick, stamp, cause, epoch = value[:6]
+    if (
+        type(key) is not str
+        or not type(sequence) is type(tick) is type(stamp) is type(cause) is type(epoch) is int
+        or (sequence | tick | stamp | cause | epoch) >> 63  # one below 0 makes it negative
+    ):
         raise CodecError(f"envelope is {brief(value)}, expected one string and five whole numbers >= 0")
-    return Envelope(*value[:6])
+    return Envelope(key, sequence, tick, stamp, cause, epoch)
 
 
-def _arrays(table: Any, view: memoryview, start: int) -> list[NDArray[Any]]:
+def _arrays(table: Any, data: bytes | memoryview, start: int) -> list[NDArray[Any]]:
     """Views of the arrays a header lists, each checked to lie inside the bytes, at a multiple of 64."""
     if not isinstance(table, list) or len(table) > MAX_ARRAYS:
         raise CodecError(f"arrays is {type(table).__name__}, expected a list of at most {MAX_ARRAYS}")
-    memory = np.frombuffer(view, np.uint8)
-    arrays = []
+    arrays: list[NDArray[Any]] = []
+    memory = data if data.__class__ is bytes or not table else np.frombuffer(data, np.uint8)  # who is read-only shows
+    room = len(data) - start
     for number, entry in enumerate(table):
         try:
             name, shape, offset = entry
             dtype = DTYPES[name]
-            for size in (offset, *shape):
+            count = 1
+            for size in shape:
                 if type(size) is not int or size < 0:
                     raise TypeError
-            count = math.prod(shape)
-            if offset % ALIGNMENT or len(shape) > 8 or (count and start + offset + count * dtype.itemsize > len(view)):
+                count *= size
+            if type(offset) is not int or offset < 0:
+                raise TypeError
+            if offset % ALIGNMENT or len(shape) > 8 or (count and offset + count * dtype.itemsize > room):
                 raise ValueError
             array: NDArray[Any] = np.ndarray(shape, dtype, memory, start + offset if count else 0)
         except (TypeError, KeyError):
@@ -167,7 +177,7 @@ def _arrays(table: Any, view: memoryview, start: int) -> list[NDArray[Any]]:
         except ValueError:
             raise CodecError(
                 f"array {number} is {brief(entry)}, expected it to lie at a multiple of {ALIGNMENT} "
-                f"within the {len(view)} bytes given"
+                f"within the {len(data)} bytes given"
             ) from None
         if not array.flags.aligned:  # compiled code is made for aligned arrays, and would be compiled anew
             array = array.copy()
@@ -216,7 +226,7 @@ def _reader(cls: type[Message]) -> Read:
 
 
 def _make_reader(cls: type[Message]) -> Read:
-    names = tuple(cls.kinds)
+    pick = itemgetter(*cls.kinds) if len(cls.kinds) > 1 else lambda values: [values[name] for name in cls.kinds]
     special = [
         (place, name, read, kind.optional)
         for place, (name, kind) in enumerate(cls.kinds.items())
@@ -227,7 +237,7 @@ def _make_reader(cls: type[Message]) -> Read:
         if not isinstance(values, dict):
             raise CodecError(f"got {type(values).__name__}, expected a map of fields")
         try:
-            given = [values[name] for name in names]
+            given = list(pick(values))
         except KeyError as missing:
             raise CodecError(f"field {missing} is missing; got {brief(list(values))}") from None
         for place, name, read, optional in special:

@@ -7,6 +7,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,6 +42,12 @@ _PRIORITY = {
 
 Receive = Callable[[str, bytes | None, str], None]
 """Takes key, bytes (None where there were too many) and schema label, on the network's thread: it must not wait."""
+
+
+@lru_cache(256)
+def _encoding(label: str) -> zenoh.Encoding:
+    """What tells a schema on the wire, made once and not with each message."""
+    return zenoh.Encoding(MEDIA + label)
 
 
 class BusError(OSError):
@@ -95,7 +102,7 @@ class Publication:
     def put(self, data: bytes, label: str) -> None:
         """Send a message. A link that is gone loses it, as the stream's quality allows."""
         with contextlib.suppress(zenoh.ZError):
-            self._publisher.put(data, encoding=MEDIA + label)
+            self._publisher.put(data, encoding=_encoding(label))
 
 
 class Bus:
@@ -217,12 +224,13 @@ class Bus:
 
     def subscribe(self, key_expr: str, receive: Receive) -> None:
         """Hear a stream, or several with `*`, for as long as the session lasts."""
+        single = "" if "*" in key_expr else key_expr
 
         def take(sample: Any) -> None:
             payload = sample.payload
             data = None if len(payload) > LARGEST else payload.to_bytes()
             with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
-                receive(str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
+                receive(single or str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
 
         def declare() -> Any:
             return self._session.declare_subscriber(key_expr, zenoh.handlers.Callback(take, indirect=False))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -79,6 +80,12 @@ class Row:
     notes: tuple[str, ...] = ()
     shadows: tuple[dict[str, Any], ...] = ()
     track: bytes = field(default=b"", compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        # Every row has the same names: one copy of each serves thousands of rows.
+        for place in ("metrics", "timing"):
+            named = {sys.intern(name): value for name, value in getattr(self, place).items()}
+            object.__setattr__(self, place, named)
 
     def to_json(self) -> dict[str, Any]:
         """For the journal."""

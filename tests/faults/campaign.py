@@ -16,7 +16,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from fault_ends import ENDS, end_of_supervisor
+from fault_ends import ENDS, end_of_supervisor, name_of_end
 from fault_kinds import PARTS, PROCESSES, SEIZED, SHADOWS, STRANGERS, STUCK, Fault, Outcome, inject
 from fault_rig import Rig, rig
 
@@ -83,8 +83,8 @@ def _turns(robot: Rig, faults: Sequence[Fault], count: int, book: Book) -> bool:
 def run_ends(count: int, book: Book) -> None:
     """The supervisor's death, each time of a robot of its own."""
     kinds = [(stopped, False) for stopped in ENDS] + [("", True)]
-    for _ in range(count):
-        for kind in kinds:
+    while due := [kind for kind in kinds if book.count(name_of_end(*kind)) < count]:
+        for kind in due:
             with rig() as robot:
                 book.add(end_of_supervisor(robot, *kind))
 

@@ -11,12 +11,18 @@ from fault_rig import SHARES, Rig, is_running, until
 from motor_record import ran_on
 from navloom.runtime.host_faults import is_stopped
 
-__all__ = ["ENDS", "end_of_supervisor"]
+__all__ = ["ENDS", "end_of_supervisor", "name_of_end"]
 
 LIMIT = 20.0
 """s in which the robot's processes must have ended, for the campaign to go on."""
 ENDS = ("", *SHARES)
 """Process that is stopped while the supervisor is killed; none in the first."""
+
+
+def name_of_end(stopped: str, is_stopped_first: bool) -> str:
+    """What a death of the supervisor is called in the book."""
+    name = "SIGSTOP, SIGKILL up" if is_stopped_first else "SIGKILL up"
+    return f"{name}, {stopped} stopped" if stopped else name
 
 
 def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = False) -> Outcome:
@@ -27,8 +33,7 @@ def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = Fals
         stopped: Process that is stopped at that time.
         is_stopped_first: The supervisor itself has been stopped for a while, which must not disturb anybody.
     """
-    name = "SIGSTOP, SIGKILL up" if is_stopped_first else "SIGKILL up"
-    outcome = Outcome(f"{name}, {stopped} stopped" if stopped else name)
+    outcome = Outcome(name_of_end(stopped, is_stopped_first))
     rig.wait_full_speed()
     pids, outcome.load = rig.pids(), os.getloadavg()[0]
     if is_stopped_first:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -101,9 +102,11 @@ def _live(
     from navloom.cli.up import ending
     from navloom.recording.live_recorder import ask_header
     from navloom.runtime.joining import join
+    from navloom.viewer.bridge import NICE
     from navloom.viewer.showing import showing
     from navloom.viewer.sources import facts_of_header, live_messages
 
+    os.nice(NICE)  # before the network's threads are there: each has a priority of its own
     with ending() as event, join(robot, connect, keys, VIEWER, insecure) as client:
         header = ask_header(client)
         facts = facts_of_header(header, header.prefix)

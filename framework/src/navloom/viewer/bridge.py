@@ -20,8 +20,10 @@ from navloom.viewer.facts import Facts
 from navloom.viewer.panels import Panel, panels_of
 from navloom.viewer.translate import BUILT_IN
 
-__all__ = ["Bridge", "Counts", "Order", "Wanted"]
+__all__ = ["NICE", "Bridge", "Counts", "Order", "Wanted"]
 
+NICE = 10
+"""What shows a run gives way to whatever drives on the same host."""
 CAPACITY = 4096
 """Messages between the two processes."""
 STARTED = 60.0

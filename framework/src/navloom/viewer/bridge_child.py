@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any
 
 from navloom.plugins import Discovery
-from navloom.viewer.bridge import Order
+from navloom.viewer.bridge import NICE, Order
 from navloom.viewer.drawing import Drawing, Sink
 from navloom.viewer.extra import ViewerError
 from navloom.viewer.live_sink import LiveSink
@@ -19,8 +19,6 @@ from navloom.viewer.sinks import FileSink
 
 __all__ = ["serve"]
 
-NICE = 10
-"""Drawing gives way to whatever drives on the same host."""
 FLUSH = 0.2
 """s between deliveries of the time series."""
 

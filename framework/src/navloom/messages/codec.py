@@ -156,7 +156,8 @@ def _arrays(table: Any, data: bytes | memoryview, start: int) -> list[NDArray[An
     if not isinstance(table, list) or len(table) > MAX_ARRAYS:
         raise CodecError(f"arrays is {type(table).__name__}, expected a list of at most {MAX_ARRAYS}")
     arrays: list[NDArray[Any]] = []
-    memory = data if data.__class__ is bytes or not table else np.frombuffer(data, np.uint8)  # who is read-only shows
+    # An array made on a view of bytes would have the bytes' owner for its base, and not tell that it cannot be written.
+    memory = data if data.__class__ is bytes or not table else np.frombuffer(data, np.uint8)
     room = len(data) - start
     for number, entry in enumerate(table):
         try:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import struct
 import threading
 from collections.abc import Callable
-from operator import itemgetter
 from typing import Any
 
 import msgpack
@@ -109,7 +108,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
         raise CodecError(f"{label}: the header is {type(header).__name__}, expected a map")
     try:
         arrays = _arrays(header.get("arrays"), data, end + -end % ALIGNMENT)
-        message = (_READERS.get(cls) or _reader(cls))(header.get("fields"), arrays)
+        message = _reader(cls)(header.get("fields"), arrays)
         return message, _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
@@ -227,7 +226,7 @@ def _reader(cls: type[Message]) -> Read:
 
 
 def _make_reader(cls: type[Message]) -> Read:
-    pick = itemgetter(*cls.kinds) if len(cls.kinds) > 1 else lambda values: [values[name] for name in cls.kinds]
+    names = tuple(cls.kinds)
     special = [
         (place, name, read, kind.optional)
         for place, (name, kind) in enumerate(cls.kinds.items())
@@ -238,7 +237,7 @@ def _make_reader(cls: type[Message]) -> Read:
         if not isinstance(values, dict):
             raise CodecError(f"got {type(values).__name__}, expected a map of fields")
         try:
-            given = list(pick(values))
+            given = [values[name] for name in names]
         except KeyError as missing:
             raise CodecError(f"field {missing} is missing; got {brief(list(values))}") from None
         for place, name, read, optional in special:

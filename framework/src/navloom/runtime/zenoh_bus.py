@@ -75,7 +75,7 @@ class Question:
     def answer(self, key: str, data: bytes, label: str = "") -> None:
         """Answer once; a question that nobody waits for any more is let go."""
         with contextlib.suppress(zenoh.ZError):
-            self._query.reply(key, data, encoding=MEDIA + label)
+            self._query.reply(key, data, encoding=_encoding(label))
         self._query.drop()
 
     def refuse(self, reason: str) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from live_rig import COMMAND, Up, is_running, runtime_folder, up
+from navloom.runtime.client import ClientError
 from navloom.runtime.navigator import Navigator
 
 PAPER = ["paper", "--set", "navigation.drive=false", "--set", "world.ref=paper_gates"]
@@ -43,6 +44,11 @@ role = "avoider"
 plugin = "improved_vfh"
 shadow = false
 """
+WRONG = [
+    (["swap", "avoidr", "other"], "'avoidr' is no role that can be swapped; did you mean 'avoider'?"),
+    (["params", "get", "avoider.othr"], "no avoider 'othr' answers; did you mean 'other'?"),
+    (["params", "get", "gate"], "no plugin of role 'gate' answers; known are avoider, controller"),
+]
 
 
 def test_a_goal_from_another_terminal_is_reached_and_everything_ends(tmp_path: Path) -> None:
@@ -142,6 +148,9 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             stopped = robot.run("stop")
             assert stopped.returncode == 0
             robot.wait_for("stopped: operator")
+            assert next(f for f in updates if handle.gate is not None and handle.gate.reason == "operator")
+            refused = robot.run("teleop", "--vx", "0.2")
+            assert refused.returncode == 1 and "stands: an operator stopped it; `navloom resume`" in refused.stderr
             resumed = len(robot.said)
             assert robot.run("resume").returncode == 0
             robot.wait_for("controller lyapunov_tracker drives", after=resumed)
@@ -155,7 +164,18 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             assert handle.wait(30).outcome == "cancelled"
             assert robot.run("cancel").returncode == 0
             assert second.wait(30).reason == "by the operator"
-            assert navigator.drive_to(float("nan"), 0.0).outcome == "rejected"
+            assert not navigator.cancel()
+            assert navigator.drive_to(float("nan"), 0.0).reason == "x is nan, expected a finite number"
+            for arguments, text in WRONG:
+                wrong = robot.run(*arguments)
+                assert wrong.returncode == 2 and text in wrong.stderr, wrong.stderr
+            second_gate = robot.run("node", str(config), "gate")
+            assert second_gate.returncode == 2 and "gate main of robot lab/r1: is there already" in second_gate.stderr
+            # who waits for a goal is told that the robot is gone
+            last = navigator.go(-3.0, 0.0)
+            assert robot.run("down").returncode == 0
+            with pytest.raises(ClientError, match=f"lab/r1 was ended, and goal {last.goal_id} with it"):
+                last.wait(30)
 
 
 @pytest.mark.slow
@@ -186,9 +206,10 @@ def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Pat
         (["stop", "--robot", "lab/r9"], "--robot lab/r9: it is not up on this host; none is up"),
         (["up", "paper", "--host", "base"], "--host base: the config has no [live.hosts]"),
         (["up", "paper", "--set", 'live.processes={a=["platform"]}'], "processes leave out localizer"),
+        (["up", "paper", "--set", 'live.router="tcp/127.0.0.1:99999"'], "live.router: endpoint 'tcp/127.0.0.1:99999'"),
         (["node", "paper", "contrller"], "node 'contrller': no such node or process; did you mean 'controller'?"),
     ],
-    ids=["no-robot", "unknown-robot", "no-hosts", "nodes-left-out", "no-such-node"],
+    ids=["no-robot", "unknown-robot", "no-hosts", "nodes-left-out", "bad-port", "no-such-node"],
 )
 def test_wrong_requests_are_one_message(arguments: list[str], text: str, tmp_path: Path) -> None:
     with runtime_folder() as folder:
@@ -197,3 +218,19 @@ def test_wrong_requests_are_one_message(arguments: list[str], text: str, tmp_pat
             [*COMMAND, *arguments], env=environment, capture_output=True, text=True, timeout=60, check=False
         )
     assert done.returncode == 2 and text in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_node_waits_for_its_router_and_says_so_until_it_is_told_to_end() -> None:
+    with runtime_folder() as folder:
+        process = subprocess.Popen(
+            [*COMMAND, "node", "paper", "localizer", "--connect", "tcp/127.0.0.1:9"],
+            env={**os.environ, "NAVLOOM_RUNTIME_DIR": str(folder)},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stderr is not None
+        said = next(line for line in process.stderr if "waiting for it" in line)
+        assert "nobody listens there" in said
+        process.send_signal(signal.SIGTERM)
+        assert "Traceback" not in process.stderr.read()
+        assert process.wait(10) == 0

@@ -25,6 +25,7 @@ ref = "empty"
 plugin = "sensors_sim"
 
 [live]
+router = "tcp/127.0.0.1:7447"
 hosts = { base = ["robot", "safe"], brain = ["think", "drive"] }
 """
 

@@ -100,3 +100,35 @@ def test_a_set_that_leads_nowhere_is_refused(change: str, said: str) -> None:
 def test_an_unknown_config_names_the_nearest_shipped_one() -> None:
     with pytest.raises(ConfigError, match="did you mean 'paper'"):
         load_config("papr")
+
+
+@pytest.mark.parametrize(
+    ("live", "text"),
+    [
+        ('hosts = { a = ["robot"], b = ["think"] }', "hosts reach each other through a router: give router"),
+        ('router = "tcp/127.0.0.1:1"\nhosts = { a = ["robot"], b = ["robot"] }', '"robot" is on the hosts a and b'),
+        (
+            'router = "tcp/127.0.0.1:1"\nrouter_host = "hub"\nhosts = { a = ["robot"] }',
+            'router_host is "hub"; hosts are a',
+        ),
+        ('router_host = "hub"', 'router_host is "hub"; router is missing'),
+    ],
+    ids=["no-router", "twice", "unknown", "no-router-to-start"],
+)
+def test_hosts_that_do_not_fit_each_other_are_refused(tmp_path: Path, live: str, text: str) -> None:
+    path = tmp_path / "hosts.toml"
+    path.write_text(shipped_configs()["paper"] + f"\n[live]\n{live}\n", "utf-8")
+    with pytest.raises(ConfigError) as refused:
+        load_config(str(path))
+    assert text in str(refused.value)
+
+
+def test_a_process_cannot_hold_an_instance_that_there_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "processes.toml"
+    processes = 'processes = { one = ["platform", "localizer", "mapper", "planner", "goal", "reference", "controller", '
+    processes += '"avoider", "avoider.nosuch", "recovery", "gate"] }'
+    path.write_text(shipped_configs()["paper"] + f"\n[live]\n{processes}\n", "utf-8")
+    with pytest.raises(
+        ConfigError, match=r'live.processes.one names "avoider.nosuch"; of avoider there are improved_vfh'
+    ):
+        load_config(str(path))

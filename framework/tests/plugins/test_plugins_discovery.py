@@ -80,6 +80,18 @@ def test_listing_is_sorted_and_imports_nothing(module: Write) -> None:
     assert "fake_bomb" not in sys.modules
 
 
+def test_entry_points_that_nobody_can_ask_for_are_told() -> None:
+    found = Discovery(
+        found=[point(name, "fake_any") for name in ("planner.a", "planner.b", "planner.b", "planer.c", "d")]
+    )
+    assert found.problems() == [
+        "entry point 'd' of fake_any: expected ROLE.NAME; known are avoider, controller, localizer, mapper, metric, "
+        "panel, planner, platform, recovery, scheme, world",
+        "entry point 'planer.c' of fake_any: expected ROLE.NAME; did you mean 'planner'?",
+        "two plugins are named 'planner.b', from fake_any and fake_any: uninstall or rename one of them",
+    ]
+
+
 def test_a_plugin_is_imported_when_its_name_is_asked_for_and_once(module: Write) -> None:
     found = Discovery(found=[point("planner.nowhere", module("fake_nowhere", PLANNER.format(name="nowhere", api=1)))])
     assert "fake_nowhere" not in sys.modules
@@ -157,11 +169,12 @@ def test_an_entry_point_must_register_what_it_is_named_after(module: Write) -> N
     assert refusal(found, "planner", "right") == (
         "the entry point planner.right registers planner.wrong, expected planner.right"
     )
-    assert (
-        refusal(found, "mapper", "right") == "the entry point mapper.right registers no mapper, expected mapper.right"
+    hint = "its module's `navloom_register(registry)`, marked @hookimpl, must add it"
+    assert refusal(found, "mapper", "right") == (
+        f"the entry point mapper.right registers no mapper, expected mapper.right: {hint}"
     )
     assert refusal(found, "planner", "none") == (
-        "the entry point planner.none registers no planner, expected planner.none"
+        f"the entry point planner.none registers no planner, expected planner.none: {hint}"
     )
 
 

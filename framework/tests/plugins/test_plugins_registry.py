@@ -65,6 +65,26 @@ def test_a_class_without_the_verb_of_its_role_is_refused() -> None:
         Registry().add(Silent)
 
 
+@pytest.mark.parametrize(
+    ("part", "text"),
+    [
+        ({"Params": int}, "its Params is <class 'int'>, expected a subclass of navloom.Params"),
+        ({"accepts": ("laser",)}, "its accepts is ('laser',), expected a tuple of message classes, as (RangeScan,)"),
+        ({"warm_up": lambda self: None}, "its warm_up is called on the class: put @classmethod before it"),
+        (
+            {"__init__": lambda self: None},
+            "its __init__ is given params and context (too many positional arguments): "
+            "`def __init__(self, params, context)`",
+        ),
+    ],
+    ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
+)
+def test_a_class_with_a_part_that_cannot_be_used_is_refused(part: dict[str, Any], text: str) -> None:
+    with pytest.raises(PluginError) as refused:
+        Registry().add(type("Wrong", (Nowhere,), {"name": "wrong", **part}))
+    assert str(refused.value) == f"planner.wrong: {text}"
+
+
 def test_two_classes_of_one_name_are_refused() -> None:
     registry = Registry()
     registry.add(Nowhere)

@@ -87,7 +87,7 @@ def test_a_folder_that_exists_is_left_as_it_is(folder: Path, tmp_path: Path) -> 
     assert contents(folder) == before
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "nowhere")
-    with pytest.raises(KeysError, match="exists already"):
+    with pytest.raises(KeysError, match=r"exists already and is not overwritten; name another folder$"):
         new_authority(link, ORDER)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -240,14 +241,30 @@ def test_contact_ends_in_collision(tmp_path: Path) -> None:
 def test_a_plugin_that_breaks_ends_the_goal_with_its_name(tmp_path: Path) -> None:
     episode = drive(tmp_path, "controller.fails_at_ns=2000000000")
     assert episode.result.outcome == "error"
-    assert episode.result.reason == "controller toy_chaser failed: RuntimeError: broke"
+    assert re.fullmatch(r"controller toy_chaser failed: RuntimeError: broke \(toys\.py:\d+\)", episode.result.reason)
+
+
+@pytest.mark.parametrize(
+    ("answers", "text"),
+    [
+        ("none", "TypeError: control() returned None, expected TrackingCommand"),
+        ("twist", "TypeError: control() returned Twist2D(vx=0.1, vy=0.0, wz=0.0), expected TrackingCommand"),
+        ("exit", "SystemExit: 3 (toys.py:"),
+    ],
+)
+def test_a_plugin_that_answers_with_anything_else_is_blamed_itself(tmp_path: Path, answers: str, text: str) -> None:
+    episode = drive(tmp_path, f'controller.answers="{answers}"')
+    assert episode.result.outcome == "error"
+    assert episode.result.reason.startswith(f"controller toy_chaser failed: {text}")
+    assert episode.log.faults == [episode.result.reason]
 
 
 def test_a_shadow_that_breaks_does_not(tmp_path: Path) -> None:
     more = '[[alternative]]\nname = "weak"\nrole = "controller"\nplugin = "toy_chaser"\nfails_at_ns = 2000000000\n'
     episode = drive(tmp_path, more=more)
     assert episode.result.outcome == "succeeded"
-    assert episode.log.faults == ["controller weak failed: RuntimeError: broke"]
+    (fault,) = episode.log.faults
+    assert fault.startswith("controller weak failed: RuntimeError: broke (toys.py:")
     assert episode.log.trace_sha256 == drive(tmp_path).log.trace_sha256
 
 

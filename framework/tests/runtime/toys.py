@@ -133,8 +133,13 @@ class Chaser(Controller):
     class Params(Params):
         gain: float = Field(1.0, gt=0.0, lt=10.0)
         fails_at_ns: int | None = None
+        answers: str = ""
 
     def control(self, given: ControllerInput) -> TrackingCommand:
+        if self.params.answers == "exit":
+            raise SystemExit(3)
+        if self.params.answers:
+            return {"none": None, "twist": Twist2D(0.1, 0.0, 0.0)}[self.params.answers]  # type: ignore[return-value]
         if self.params.fails_at_ns is not None and given.stamp_ns >= self.params.fails_at_ns:
             raise RuntimeError("broke")
         reference, pose = given.reference, given.estimate.pose

@@ -55,10 +55,14 @@ def check(config: Name, set_: Changes = None, as_json: AsJson = False) -> None:
     from navloom.config import load_config
     from navloom.runtime.build import assemble
     from navloom.runtime.checks import check_task
+    from navloom.runtime.network import network_of
 
     loaded = load_config(config, set_ or ())
     system = assemble(loaded)
     check_task(system)
+    network = network_of(loaded.config, loaded.config.live.router_host, insecure=True)
+    if network.keys is None:  # certificates lie on the robot's hosts, which this one need not be
+        network.check()
     if as_json:
         print_json({"ok": True, "config_sha256": loaded.sha256(), "nodes": [spec.role for spec in system.specs]})
     else:

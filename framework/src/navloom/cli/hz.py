@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName, seconds
 
 __all__ = ["hz"]
 
@@ -16,7 +16,9 @@ COLUMNS = ("stream", "count", "Hz", "jitter\nms", "max\nms", "age50\nms", "age99
 
 def hz(
     key: Annotated[str, typer.Argument(metavar="KEY", help="role/port or role/instance/port, with * for any.")],
-    seconds: Annotated[float, typer.Option("--for", metavar="S", min=0.1, help="s to listen.")] = 3.0,
+    duration: Annotated[
+        float, typer.Option("--for", metavar="S", min=0.1, help="s to listen.", callback=seconds)
+    ] = 3.0,
     robot: RobotName = None,
     connect: Connect = None,
     keys: Keys = None,
@@ -34,7 +36,7 @@ def hz(
         names = resolve(key, nodes)
         odometry = [name for name in streams(nodes) if name.startswith("platform/") and name.endswith("/odometry")]
         has_clock = any(node["clock_ns"] >= 0 for node in nodes)
-        found = measure(client, names, odometry, seconds, has_clock)
+        found = measure(client, names, odometry, duration, has_clock)
     if as_json:
         print_json(found)
         return

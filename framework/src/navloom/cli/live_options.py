@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import typer
 
-__all__ = ["VIEWER", "AsJson", "Connect", "Insecure", "Keys", "RobotName"]
+__all__ = ["VIEWER", "AsJson", "Connect", "Insecure", "Keys", "RobotName", "a_number", "seconds"]
 
 VIEWER = "viewer"
 """Certificate that is enough to look."""
+
+
+def a_number(value: float | None) -> float | None:
+    """Check of an option or argument: any number, but no NaN and no infinity."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"got {value}, expected a finite number")
+    return value
+
+
+def seconds(value: float | None) -> float | None:
+    """Check of an option: a time above 0 s."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"got {value:g}, expected a number of seconds above 0")
+    return value
+
 
 RobotName = Annotated[
     str | None, typer.Option("--robot", metavar="REALM/NAME", help="Which robot; default: the only one that is up.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import typer
@@ -81,6 +82,9 @@ app.add_typer(config.app, name="config")
 
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 the run ended otherwise, 2 the request was wrong."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whoever started it: then nobody wants to read it
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     try:
         app()
     except KeyboardInterrupt:
@@ -90,7 +94,7 @@ def main() -> None:
         sys.exit(1)
     except Exception as error:
         if _is_wrong_request(error):
-            _say(str(error))
+            _say(_words(error))
             sys.exit(2)
         if _is_failure(error):
             _say(str(error))
@@ -135,6 +139,13 @@ def _is_failure(error: Exception) -> bool:
     from navloom.runtime.robot import StartError
 
     return isinstance(error, (ClientError, BarrierError, StartError))
+
+
+def _words(error: Exception) -> str:
+    """What an error says; of the system's own, which file it is about and nothing of numbers."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'writing what it prints'}: {error.strerror}"
+    return str(error)
 
 
 def _place(error: Exception) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
-from navloom.cli.live_options import AsJson, Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import AsJson, Connect, Insecure, Keys, RobotName, a_number, seconds
 
 __all__ = ["cancel", "goal", "params", "resume", "stop", "swap"]
 
@@ -18,13 +19,15 @@ NUMBERS = {"ignore_unknown_options": True}
 
 
 def goal(
-    x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.")],
+    x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
+    y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
     heading: Annotated[
-        float | None, typer.Argument(metavar="[HEADING]", help="Degrees to end with; default: any.")
+        float | None, typer.Argument(metavar="[HEADING]", help="Degrees to end with; default: any.", callback=a_number)
     ] = None,
     via: Annotated[list[str] | None, typer.Option(metavar="X,Y", help="Point to pass on the way; repeats.")] = None,
-    timeout: Annotated[float | None, typer.Option(metavar="S", help="Give up waiting after s; it drives on.")] = None,
+    timeout: Annotated[
+        float | None, typer.Option(metavar="S", help="Give up waiting after s; it drives on.", callback=seconds)
+    ] = None,
     no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when it is accepted.")] = False,
     robot: RobotName = None,
     connect: Connect = None,
@@ -49,10 +52,11 @@ def goal(
         try:
             for feedback in handle.updates(timeout):
                 if not as_json:
-                    _tell(feedback)
+                    _tell(feedback, handle.gate)
         except TimeoutError as error:
-            typer.echo(f"navloom: {error}; it drives on, `navloom cancel` ends it", err=True)
-            raise typer.Exit(1) from None
+            _leave(f"{error}; it drives on, `navloom cancel` ends it", 1)
+        except KeyboardInterrupt:
+            _leave(f"goal {handle.goal_id} is still on its way; `navloom cancel` ends it", 130)
         assert handle.result is not None
         _end(handle.result, as_json)
 
@@ -62,8 +66,8 @@ def cancel(robot: RobotName = None, connect: Connect = None, keys: Keys = None, 
     from navloom.runtime.navigator import Navigator
 
     with Navigator(robot, connect, keys, insecure) as navigator:
-        navigator.cancel()
-    typer.echo("cancelled")
+        there_was_one = navigator.cancel()
+    typer.echo("cancelled" if there_was_one else "no goal is on its way")
 
 
 def stop(robot: RobotName = None, connect: Connect = None, keys: Keys = None, insecure: Insecure = False) -> None:
@@ -87,7 +91,7 @@ def resume(robot: RobotName = None, connect: Connect = None, keys: Keys = None, 
 def swap(
     role: Annotated[str, typer.Argument(metavar="ROLE", help="As avoider.")],
     instance: Annotated[str, typer.Argument(metavar="NAME", help="Instance of the config to put in charge.")],
-    timeout: Annotated[float, typer.Option(metavar="S", help="s it may take to warm up.")] = 10.0,
+    timeout: Annotated[float, typer.Option(metavar="S", help="s it may take to warm up.", callback=seconds)] = 10.0,
     robot: RobotName = None,
     connect: Connect = None,
     keys: Keys = None,
@@ -141,22 +145,36 @@ def set_params(
     from navloom.dataflow.events import assignments
     from navloom.runtime.navigator import Navigator
 
-    wanted = assignments(dict(parse_override(value) for value in values))
+    given: dict[str, Any] = {}
+    for text in values:
+        name = text.partition("=")[0].strip()
+        if "=" not in text or not name:
+            raise typer.BadParameter(f"{text!r}: expected NAME=VALUE, as in k3=1.0")
+        if name in given:
+            raise typer.BadParameter(f"{text!r}: {name} is given twice")
+        given |= [parse_override(text)]
+    wanted = assignments(given)
     with Navigator(robot, connect, keys, insecure) as navigator:
         _print_params(navigator.set_parameters(*_target(navigator, target), wanted), as_json)
 
 
 def _target(navigator: Any, text: str) -> tuple[str, str]:
-    """Role and instance; where none is named, the one in charge."""
-    from navloom.runtime.client import ClientError
+    """Role and instance of a plugin; where none is named, the one in charge. Raises Refused where there is no such."""
+    from navloom.plugins.registry import nearest
+    from navloom.runtime.client import ClientError, Refused
 
-    role, _, name = text.partition(".")
-    if name:
-        return role, name
-    found = [one for one in navigator.client.describe() if one["role"] == role]
+    role, dot, name = text.partition(".")
+    plugins = [one for one in navigator.client.describe() if one["plugin"]]
+    if not plugins:
+        raise ClientError("no plugin of the robot answers; `navloom doctor` says why")
+    found = {one["instance"]: one["active"] for one in plugins if one["role"] == role}
     if not found:
-        raise ClientError(f"no {role!r} answers; `navloom list` shows who is there")
-    return role, next((one["instance"] for one in found if one["active"]), found[0]["instance"])
+        raise Refused(
+            f"{text!r}: no plugin of role {role!r} answers{nearest(role, sorted({one['role'] for one in plugins}))}"
+        )
+    if dot and name not in found:
+        raise Refused(f"{text!r}: no {role} {name!r} answers{nearest(name, list(found))}")
+    return role, name if dot else next((one for one, active in found.items() if active), next(iter(found)))
 
 
 def _print_params(values: dict[str, Any], as_json: bool) -> None:
@@ -173,20 +191,37 @@ def _point(text: str) -> tuple[float, float]:
     try:
         if not comma:
             raise ValueError
-        return float(x), float(y)
+        point = float(x), float(y)
+        if not all(math.isfinite(value) for value in point):
+            raise ValueError
+        return point
     except ValueError:
-        raise typer.BadParameter(f"{text!r}, expected X,Y as in 1.0,2.5") from None
+        raise typer.BadParameter(f"--via {text}: expected two finite numbers X,Y as in 1.0,2.5") from None
 
 
-def _tell(feedback: Any) -> None:
+def _tell(feedback: Any, gate: Any) -> None:
     """One line a feedback; where somebody looks, over the one before."""
-    text = f"{feedback.state}: {feedback.distance:.2f} m, {feedback.time_left:.0f} s left"
+    from navloom.runtime.looking import why_stopped
+
+    text = str(feedback.state)
+    if feedback.distance > 0.0:
+        text += f": {feedback.distance:.2f} m, {feedback.time_left:.0f} s left"
     if feedback.recoveries:
         text += f", recoveries {feedback.recoveries}"
+    if gate is not None and gate.stopped and gate.reason != "no_trajectory":
+        words, remedy = why_stopped(gate)
+        text += f"; it stands: {words}; {remedy}"
     if sys.stdout.isatty():
-        print(f"\r{text:<60}", end="", flush=True)
+        print(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}", end="", flush=True)
     else:
         print(text, flush=True)
+
+
+def _leave(text: str, code: int) -> NoReturn:
+    if sys.stdout.isatty():
+        print()
+    typer.echo(f"navloom: {text}", err=True)
+    raise typer.Exit(code)
 
 
 def _end(result: Any, as_json: bool) -> None:

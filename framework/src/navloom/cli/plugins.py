@@ -21,6 +21,8 @@ def plugins(
     discovery = Discovery()
     if name is None:
         infos = discovery.infos()
+        for problem in discovery.problems():
+            typer.echo(f"navloom: {problem}", err=True)
         if as_json:
             print_json([asdict(info) for info in infos])
         else:

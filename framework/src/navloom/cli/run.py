@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +29,10 @@ LABELS = {
     "wall_s": "computed in, s",
     "trace_sha256": "trace",
 }
+
+
+STALLED = 10.0
+"""s without progress after which it is said what a run is at."""
 
 
 def run(
@@ -61,8 +68,8 @@ def run(
         stage(as_json) as (say, progress),
     ):
         observers = [*looking, *watch.observers]
-        tell = watch.between(progress)
-        episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
+        with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
+            episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
         summary = episode.summary()
         folder.keep(episode, summary)
     for fault in episode.log.faults:
@@ -72,6 +79,38 @@ def run(
     else:
         print_summary(episode, summary, out, folder.names)
     raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
+
+
+@contextmanager
+def watched_for_stalls(
+    progress: Callable[[float, float], None], patience: float = STALLED
+) -> Iterator[Callable[[float, float], None]]:
+    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way."""
+    runs, moved, ended = threading.get_ident(), [time.monotonic()], threading.Event()
+
+    def tell(done: float, total: float) -> None:
+        moved[0] = time.monotonic()
+        progress(done, total)
+
+    def look() -> None:
+        told = 0.0
+        while not ended.wait(0.1 * patience):
+            last = moved[0]
+            if last != told and time.monotonic() - last > patience:
+                told = last
+                frame = sys._current_frames()[runs]
+                while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in sys.stdlib_module_names:
+                    frame = frame.f_back
+                place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
+                typer.echo(f"navloom: no tick for {patience:g} s: the run is at {place}; Ctrl-C ends it", err=True)
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield tell
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager

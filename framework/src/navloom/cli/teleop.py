@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import Connect, Insecure, Keys, RobotName, a_number, seconds
 
 __all__ = ["teleop"]
 
@@ -22,11 +22,17 @@ WAYS = {"w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0), "q
 
 
 def teleop(
-    vx: Annotated[float | None, typer.Option(metavar="V", help="Speed forward, m/s, instead of keys.")] = None,
-    wz: Annotated[float | None, typer.Option(metavar="W", help="Turn rate, deg/s, instead of keys.")] = None,
-    duration: Annotated[float, typer.Option("--for", metavar="S", help="s to drive with --vx and --wz.")] = 1.0,
-    speed: Annotated[float, typer.Option(metavar="V", help="m/s of the keys w and s.")] = 0.3,
-    turn: Annotated[float, typer.Option(metavar="W", help="deg/s of the keys a and d.")] = 20.0,
+    vx: Annotated[
+        float | None, typer.Option(metavar="V", help="Speed forward, m/s, instead of keys.", callback=a_number)
+    ] = None,
+    wz: Annotated[
+        float | None, typer.Option(metavar="W", help="Turn rate, deg/s, instead of keys.", callback=a_number)
+    ] = None,
+    duration: Annotated[
+        float, typer.Option("--for", metavar="S", help="s to drive with --vx and --wz.", callback=seconds)
+    ] = 1.0,
+    speed: Annotated[float, typer.Option(metavar="V", help="m/s of the keys w and s.", callback=a_number)] = 0.3,
+    turn: Annotated[float, typer.Option(metavar="W", help="deg/s of the keys a and d.", callback=a_number)] = 20.0,
     robot: RobotName = None,
     connect: Connect = None,
     keys: Keys = None,

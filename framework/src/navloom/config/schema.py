@@ -243,6 +243,21 @@ class LiveTable(Table):
                     raise ValueError(f'host {host} names "{process}"; processes are {", ".join(self.processes)}')
         return self
 
+    @model_validator(mode="after")
+    def _hosts_fit(self) -> LiveTable:
+        placed: dict[str, str] = {}
+        for host, processes in self.hosts.items():
+            for process in processes:
+                if process in placed:
+                    raise ValueError(f'"{process}" is on the hosts {placed[process]} and {host}')
+                placed[process] = host
+        if len(set(placed.values())) > 1 and not self.router:
+            raise ValueError('hosts reach each other through a router: give router, as in router = "tls/10.0.0.1:7447"')
+        if self.router_host is not None and (not self.router or self.router_host not in self.hosts):
+            known = f"hosts are {', '.join(self.hosts)}" if self.hosts else "there are no hosts"
+            raise ValueError(f'router_host is "{self.router_host}"; {known if self.router else "router is missing"}')
+        return self
+
 
 class PluginsTable(Table):
     """Which plugins may be used."""
@@ -311,6 +326,12 @@ class Config(Table):
             for name in role_table.sensors or ():
                 if name not in sensors:
                     raise ValueError(f'{place}.sensors names "{name}"; sensors are {", ".join(sensors) or "none"}')
+        for process, nodes in self.live.processes.items():
+            for node in nodes:
+                role, dot, name = node.partition(".")
+                if dot and (role, name) not in taken:
+                    known = ", ".join(name for owner, name in sorted(taken) if owner == role)
+                    raise ValueError(f'live.processes.{process} names "{node}"; of {role} there are {known}')
         for event in self.event:
             if event.do in ("swap", "set") and event.name and (event.role, event.name) not in taken:
                 known = ", ".join(name for role, name in sorted(taken) if role == event.role)

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import math
+import traceback
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from pathlib import PurePath
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from navloom.messages import (
+    Avoidance,
     AvoiderStatus,
     Command,
+    MapUpdate,
     Message,
     Path,
+    PlanFailure,
     PoseEstimate,
     PoseTrack,
     RangeScan,
+    RecoveryStep,
     Sweep,
+    TrackingCommand,
     Twist2D,
 )
+from navloom.messages.kinds import brief
 from navloom.navigation.handover import HandOverRule
 from navloom.roles import (
     Avoider,
@@ -34,12 +42,15 @@ from navloom.roles import (
     PlannerInput,
     Platform,
     PlatformInput,
+    PlatformOutput,
     Recovery,
     RecoveryInput,
     Role,
 )
 
-__all__ = ["Node", "Outputs", "Tick", "role_node"]
+__all__ = ["Node", "Outputs", "Tick", "fault_text", "role_node"]
+
+A = TypeVar("A")
 
 Inputs = Mapping[str, Any]
 Outputs = list[tuple[str, Message]]
@@ -84,7 +95,8 @@ class PlatformNode:
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         command, sweeps = given["command"], given["sweep"]
         twist = command.twist if command is not None else STILL
-        got = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
+        answer = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
+        got = _expect(answer, PlatformOutput, "advance")
         out: Outputs = [("odometry", got.odometry), ("contact", got.contact), *got.scans.items()]
         if got.truth is not None:
             out.append(("truth", got.truth))
@@ -100,7 +112,8 @@ class LocalizerNode:
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         scans = self.scans.read(given)
-        return [("pose", self.plugin.localize(LocalizerInput(given["odometry"], scans, given["map"])))]
+        answer = self.plugin.localize(LocalizerInput(given["odometry"], scans, given["map"]))
+        return [("pose", _expect(answer, PoseEstimate, "localize"))]
 
 
 class MapperNode:
@@ -116,7 +129,7 @@ class MapperNode:
         scans = tuple(message for message in data if isinstance(message, RangeScan))
         track = _covering(given["track"], min((message.stamp_ns for message in data), default=tick.time_ns))
         update = self.plugin.update(MapperInput(tick.time_ns, sweeps, scans, track, bool(given["clear"])))
-        return [] if update is None else [("map", update)]
+        return [] if update is None else [("map", _expect(update, MapUpdate, "update", " or None"))]
 
 
 def _covering(poses: Track, since_ns: int) -> PoseTrack:
@@ -143,7 +156,9 @@ class PlannerNode:
         if given["map"] is None:
             return []
         answer = self.plugin.plan(PlannerInput(given["plan"][-1], given["map"]))
-        return [("path" if isinstance(answer, Path) else "failure", answer)]
+        if isinstance(answer, Path):
+            return [("path", answer)]
+        return [("failure", _expect(answer, PlanFailure, "plan", " or Path"))]
 
 
 class ControllerNode:
@@ -154,7 +169,7 @@ class ControllerNode:
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         seen = ControllerInput(tick.time_ns, given["trajectory"], given["reference"], given["pose"])
-        return [("command", self.plugin.control(seen))]
+        return [("command", _expect(self.plugin.control(seen), TrackingCommand, "control"))]
 
 
 class AvoiderNode:
@@ -172,7 +187,7 @@ class AvoiderNode:
         seen = AvoiderInput(
             tick.time_ns, scans, estimate, reference.target, reference.corridor, given["desired"].twist, ahead
         )
-        answer = self.plugin.avoid(seen)
+        answer = _expect(self.plugin.avoid(seen), Avoidance, "avoid")
         handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor)
         return [
             ("command", Command(answer.twist)),
@@ -204,7 +219,7 @@ class RecoveryNode:
             return []
         trail = np.array(self._trail).reshape(-1, 3)
         seen = RecoveryInput(tick.time_ns, scans, given["pose"], request.attempt, request.reason, starts, trail)
-        answer = self.plugin.recover(seen)
+        answer = _expect(self.plugin.recover(seen), RecoveryStep, "recover")
         self._is_over = answer.state != "running"
         return [("command", Command(answer.twist)), ("status", answer)]
 
@@ -230,6 +245,23 @@ class _ScanReader:
             return tuple(given[self._names[0]])
         found = [message for name in self._names for message in given[name]]
         return tuple(sorted(found, key=lambda message: message.stamp_ns))
+
+
+def _expect(answer: Any, kind: type[A], verb: str, other: str = "") -> A:
+    """A plugin's answer as it is; else others would be blamed for what they cannot read."""
+    if not isinstance(answer, kind):
+        raise TypeError(f"{verb}() returned {brief(answer)}, expected {kind.__name__}{other}")
+    return answer
+
+
+def fault_text(error: BaseException, node: Node) -> str:
+    """What a node raised, with the innermost line of the plugin's own code, so that its author finds it."""
+    home = type(getattr(node, "plugin", node)).__module__.partition(".")[0]
+    place = ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        if frame.f_globals.get("__name__", "").partition(".")[0] == home:
+            place = f" ({PurePath(frame.f_code.co_filename).name}:{line})"
+    return f"{type(error).__name__}: {error}{place}"
 
 
 def _distance(pose: Any, point: Any) -> float:

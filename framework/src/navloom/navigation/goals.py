@@ -136,6 +136,11 @@ class GoalMachine:
         """No goal is on its way."""
         return self._active is None
 
+    @property
+    def goal_id(self) -> int:
+        """Number of the goal on its way; 0 for none."""
+        return 0 if self._active is None else self._active.goal.goal_id
+
     def submit(self, goal: Goal, seen: Seen) -> None:
         """Take a goal; one on its way is cancelled, but its trajectory is driven until the new plan is there."""
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
@@ -430,7 +435,7 @@ class GoalMachine:
 
     def _report(self, seen: Seen) -> None:
         active = self._active
-        now = (active.goal.goal_id if active else 0, self.state)
+        now = (self.goal_id, self.state)
         if now == self._said and (active is None or seen.tick % self.rules.feedback_ticks):
             return
         self._said = now

@@ -18,6 +18,8 @@ from navloom.roles import ROLES, Role
 __all__ = ["GROUP", "Discovery", "PluginInfo"]
 
 GROUP = "navloom"
+KINDS = [*ROLES, "world", "scheme", "metric", "panel"]
+"""What an entry point may give."""
 T = TypeVar("T")
 
 
@@ -60,6 +62,19 @@ class Discovery:
             dist: Any = point.dist
             listed.append(PluginInfo(role, name, dist.name if dist else "", dist.version if dist else "", point.value))
         return listed
+
+    def problems(self) -> list[str]:
+        """Entry points that nobody can ask for, in words, without importing any."""
+        found = []
+        for point in self._points:
+            role, _, name = point.name.partition(".")
+            if role not in KINDS or not name:
+                found.append(f"entry point {point.name!r} of {_owner(point)}: expected ROLE.NAME{nearest(role, KINDS)}")
+        for name in dict.fromkeys(point.name for point in self._points):
+            twins = [point for point in self._points if point.name == name]
+            if len(twins) > 1:
+                found.append(_of_one_name(name, twins))
+        return found
 
     def names(self, role: str) -> list[str]:
         """Names of one role's plugins."""
@@ -116,7 +131,8 @@ class Discovery:
         """What an entry point registered under its own name."""
         if name not in registered:
             given = ", ".join(f"{role}.{other}" for other in sorted(registered)) or f"no {role}"
-            raise PluginError(f"the entry point {role}.{name} registers {given}, expected {role}.{name}")
+            hint = "" if registered else ": its module's `navloom_register(registry)`, marked @hookimpl, must add it"
+            raise PluginError(f"the entry point {role}.{name} registers {given}, expected {role}.{name}{hint}")
         return registered[name]
 
     def _load(self, role: str, name: str) -> Registry:
@@ -131,9 +147,17 @@ class Discovery:
             hint = f"; {key} is blocked" if key in self.blocked else nearest(name, self.names(role))
             raise PluginError(f"no plugin {key!r} is installed{hint}")
         if len(matches) > 1:
-            owners = " and ".join(sorted(p.dist.name if p.dist else p.value for p in matches))
-            raise PluginError(f"two plugins are named {key!r}, from {owners}: uninstall or rename one of them")
+            raise PluginError(_of_one_name(key, matches))
         return matches[0]
+
+
+def _owner(point: EntryPoint) -> str:
+    return point.dist.name if point.dist else point.value
+
+
+def _of_one_name(name: str, points: Iterable[EntryPoint]) -> str:
+    owners = " and ".join(sorted(map(_owner, points)))
+    return f"two plugins are named {name!r}, from {owners}: uninstall or rename one of them"
 
 
 def _register(point: EntryPoint) -> Registry:
@@ -148,7 +172,9 @@ def _register(point: EntryPoint) -> Registry:
     except PluginError as error:
         raise PluginError(f"plugin {point.name!r} from {point.value}: {error}") from error
     except (Exception, SystemExit) as error:
-        cause = f"{type(error).__name__}: {error}"
+        cause = " ".join(f"{type(error).__name__}: {error}".split())
+        if isinstance(error, pluggy.PluginValidationError):
+            cause += "; the hook is `navloom_register(registry)`"
         raise PluginError(
             f"plugin {point.name!r} from {point.value} fails on import: {cause}; "
             f"repair it, or block it if it is not needed"

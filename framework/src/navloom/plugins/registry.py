@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -9,7 +10,8 @@ from pathlib import Path
 from typing import Protocol
 
 from navloom.geometry.world import World
-from navloom.roles import ROLE_API, ROLES, Role
+from navloom.messages import Message
+from navloom.roles import ROLE_API, ROLES, Params, Role
 
 __all__ = ["Named", "PluginError", "Registry", "nearest"]
 
@@ -62,6 +64,8 @@ class Registry:
         if plugin.__abstractmethods__:
             missing = ", ".join(sorted(plugin.__abstractmethods__))
             raise PluginError(f"{plugin.role}.{plugin.name} does not implement {missing}")
+        if wrong := _wrong_part(plugin):
+            raise PluginError(f"{plugin.role}.{plugin.name}: {wrong}")
         if key in self.roles and self.roles[key] is not plugin:
             raise PluginError(f"{plugin.role}.{plugin.name} is registered twice: rename one of them")
         self.roles[key] = plugin
@@ -85,6 +89,22 @@ class Registry:
     def panel(self, panel: Named) -> None:
         """Add a viewer panel, a `navloom.Panel`."""
         _keep_named(self.panels, panel, "panel", "a navloom.Panel")
+
+
+def _wrong_part(plugin: type[Role]) -> str:
+    """What of a class the framework could not use, and what it expects; empty where all fits."""
+    if not (isinstance(plugin.Params, type) and issubclass(plugin.Params, Params)):
+        return f"its Params is {plugin.Params!r}, expected a subclass of navloom.Params"
+    if not (isinstance(plugin.accepts, tuple)
+            and all(isinstance(kind, type) and issubclass(kind, Message) for kind in plugin.accepts)):  # fmt: skip
+        return f"its accepts is {plugin.accepts!r}, expected a tuple of message classes, as (RangeScan,)"
+    if not isinstance(inspect.getattr_static(plugin, "warm_up"), classmethod):
+        return "its warm_up is called on the class: put @classmethod before it"
+    try:
+        inspect.signature(plugin).bind("params", "context")
+    except TypeError as error:
+        return f"its __init__ is given params and context ({error}): `def __init__(self, params, context)`"
+    return ""
 
 
 def _keep_named(kept: dict[str, Named], given: Named, kind: str, expected: str) -> None:

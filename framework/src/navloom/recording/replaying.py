@@ -9,7 +9,7 @@ from typing import Any
 from navloom.config import ConfigError
 from navloom.config.schema import ROLE_TABLES
 from navloom.dataflow.events import schedule
-from navloom.dataflow.nodes import Node, Outputs, Tick
+from navloom.dataflow.nodes import Node, Outputs, Tick, fault_text
 from navloom.dataflow.own_nodes import GateNode, GoalNode
 from navloom.dataflow.ports import NodeSpec
 from navloom.messages import Command, Envelope, OperatorRequest, Parameters, Selection, StepReport
@@ -233,8 +233,8 @@ class Replayer:
         fault = ""
         try:
             outputs = self._tell(node.node, told, step)(tick, fed.given)
-        except Exception as error:
-            fault = f"{type(error).__name__}: {error}"
+        except (Exception, SystemExit) as error:
+            fault = fault_text(error, node.node)
         return Stepped(step, fed, outputs, fault, follows)
 
     def _tell(self, node: Node, told: Mapping[str, Any], step: Step) -> Callable[[Tick, Mapping[str, Any]], Outputs]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.dataflow.nodes import Outputs, Tick
+from navloom.dataflow.nodes import Outputs, Tick, fault_text
 from navloom.dataflow.own_nodes import GateNode, GoalNode
 from navloom.messages import OperatorRequest, Selection
 from navloom.runtime.barrier import Barrier, BarrierEnded
@@ -146,8 +146,8 @@ class BarrierRunner:
         before = time.perf_counter_ns()
         try:
             outputs = instance.node.step(tick, given)
-        except Exception as error:
-            fault = f"{type(error).__name__}: {error}"
+        except (Exception, SystemExit) as error:
+            fault = fault_text(error, instance.node)
             instance.enabled = False
         spent = time.perf_counter_ns() - before
         instance.stepped = number

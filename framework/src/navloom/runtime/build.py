@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+import traceback
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -169,7 +172,8 @@ def make_plugins(
             continue
         if part.cls not in warmed:
             progress(f"preparing {role} {part.cls.name}")
-            part.cls.warm_up()
+            with _blamed(part, "warm_up"):
+                part.cls.warm_up()
             warmed.add(part.cls)
         context = Context(
             instance=instance,
@@ -181,12 +185,28 @@ def make_plugins(
             world=system.world if role == "platform" else None,
             map=system.map if role in ("mapper", "localizer") else None,
         )
-        try:
+        with _blamed(part, "__init__"):
             part.plugin = part.cls(part.params, context)
-        except ValidationError as error:
-            raise ConfigError(explain(error, part.cls.Params, part.place)) from None
-        except ValueError as error:
-            raise ConfigError(f"{part.place}: {error}") from None
+
+
+@contextmanager
+def _blamed(part: Part, verb: str) -> Iterator[None]:
+    """Say whose fault it is where a plugin cannot be made: the config's, which it refuses, or its own."""
+    try:
+        yield
+    except ValidationError as error:
+        raise ConfigError(explain(error, part.cls.Params, part.place)) from None
+    except ValueError as error:
+        raise ConfigError(f"{part.place} ({part.cls.name}): {error}") from None
+    except (Exception, SystemExit) as error:
+        raise PluginError(
+            f"{part.place}.plugin: {part.cls.name} fails in {verb}: {type(error).__name__}: {error}{_line_of(error)}"
+        ) from None
+
+
+def _line_of(error: BaseException) -> str:
+    *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+    return f" ({Path(frame.f_code.co_filename).name}:{line})"
 
 
 def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
@@ -206,7 +226,7 @@ def changed_params(system: System, role: str, instance: str, assignments: tuple[
     part = system.parts[(role, instance)]
     current = part.params if part.plugin is None else part.plugin.params
     values = {**current.model_dump(exclude_unset=True), **tomllib.loads("\n".join(assignments))}
-    return check_params(part.cls.Params, values, part.place)
+    return check_params(part.cls.Params, values, role if part.place == role else f"{role}.{instance}")
 
 
 def stride_of(table: RoleTable, period: float) -> int:

@@ -14,13 +14,20 @@ from navloom.plugins.registry import nearest
 from navloom.runtime.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
-from navloom.runtime.directory import RobotFolder, Running
+from navloom.runtime.directory import DirectoryError, RobotFolder, Running
+from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.links import peer_link
-from navloom.runtime.network import network_of
+from navloom.runtime.network import Network, network_of
 from navloom.runtime.node_process import Share
 from navloom.runtime.placing import spread
+from navloom.runtime.zenoh_bus import Bus, BusError
 
 __all__ = ["chosen_sources", "share_by_hand"]
+
+FOUND = 1.0
+"""s to wait for processes that are there."""
+LEFT = 3.0
+"""s until a node that died is no longer shown as there."""
 
 
 def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
@@ -42,17 +49,41 @@ def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
     return tuple(found)
 
 
+def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
+    """A second instance of a node would mix its messages with those of the first."""
+    link = network.tool()
+    if not link.connect:
+        return
+    keys = KeySpace(network.realm, network.robot)
+    with suppress(BusError), Bus(link, 0.0) as bus:  # who waits for a router finds nobody yet
+        began = time.monotonic()
+        while bus.neighbours() < len(link.connect) and time.monotonic() - began < FOUND:
+            time.sleep(0.01)
+        while there := [source for source in sources if bus.alive(keys.alive(*source, "*"))]:
+            if time.monotonic() - began > LEFT:
+                raise DirectoryError(
+                    f"{', '.join(' '.join(source) for source in there)} of robot {keys.prefix}: is there already, and "
+                    "two would both publish; `navloom list` shows where it runs: end that one first"
+                )
+            time.sleep(0.1)
+
+
 @contextmanager
 def share_by_hand(
     system: System, names: Sequence[str], connect: str | None, keys: str | None, insecure: bool
 ) -> Iterator[Share]:
-    """The share of a process that nobody supervises, for as long as it runs. Its socket is called as its first node."""
+    """The share of a process that nobody supervises, for as long as it runs. Its socket is called as its first node.
+
+    Raises:
+        ConfigError: There is no such node; DirectoryError: it is there already; LinkError: it cannot be linked.
+    """
     sources = chosen_sources(system, names)
     network = network_of(system.config, None, insecure)
     if connect is not None:
         network = replace(network, router=connect)
     if keys is not None:
         network = replace(network, keys=Path(keys))
+    _refuse_doubles(network, sources)
     name = "-".join(dict.fromkeys(role for role, _ in sources))[:24] + f"-{os.getpid()}"
     now = time.monotonic_ns()
     if network.router:

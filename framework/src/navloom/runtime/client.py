@@ -10,6 +10,7 @@ from typing import Any
 
 from navloom.messages import Message
 from navloom.messages.codec import CodecError, decode
+from navloom.runtime.directory import RobotFolder
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.zenoh_bus import Bus
 
@@ -33,10 +34,20 @@ class Client:
     Args:
         bus: A session on its network.
         keys: Its names.
+        home: Its folder, where it was started on this host.
     """
 
-    def __init__(self, bus: Bus, keys: KeySpace) -> None:
-        self.bus, self.keys = bus, keys
+    def __init__(self, bus: Bus, keys: KeySpace, home: RobotFolder | None = None) -> None:
+        self.bus, self.keys, self._home = bus, keys, home
+
+    @property
+    def was_ended(self) -> bool:
+        """Whether what ran the robot on this host does so no more."""
+        return self._home is not None and not self._home.is_claimed()
+
+    def has_nodes(self) -> bool:
+        """Whether any node of the robot is there."""
+        return bool(self.bus.alive(self.keys.alive("*", "*", "*")))
 
     def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 4.0) -> Any:
         """What an instance answers.

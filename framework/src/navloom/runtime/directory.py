@@ -137,9 +137,10 @@ class RobotFolder:
 
         The lock tells, since what runs a robot holds it for as long as it lives; its number may be another's by now.
         """
-        return self.told() if self._is_claimed() else None
+        return self.told() if self.is_claimed() else None
 
-    def _is_claimed(self) -> bool:
+    def is_claimed(self) -> bool:
+        """Whether a process has the robot now."""
         try:
             look = os.open(self.path / "lock", os.O_RDONLY | os.O_CLOEXEC)
         except OSError:

@@ -124,6 +124,8 @@ def _no_way(text: str) -> Finding:
     """Its network cannot be joined."""
     if "nobody listens" in text:
         remedy = "start the robot (`navloom up CONFIG`) or its router (`navloom router ENDPOINT`), or correct --connect"
+    elif "no host is called" in text:
+        remedy = "correct --connect, or live.router: give a name that this host knows, or an address"
     elif "TLS" in text or "tls/" in text or "certificate" in text:
         remedy = "both ends need tls/ and certificates of one `navloom keys new`, given with --keys, or neither does"
     else:

@@ -64,6 +64,7 @@ def join(
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
     """
+    home: RobotFolder | None = None
     if connect is not None:
         realm, _, name = (robot or "lab/r1").partition("/")
         if not realm or not name:
@@ -73,6 +74,7 @@ def join(
     else:
         running = find_robot(robot)
         realm, name = running.realm, running.robot
+        home = RobotFolder(realm, name)
         folder = Path(keys or running.keys) if keys or running.keys else None
         if running.via_router:
             link = Link("client", (), running.endpoints, folder, identity if folder else None, insecure, realm, name)
@@ -83,4 +85,4 @@ def join(
         limit = time.monotonic() + FOUND
         while bus.neighbours() < (len(link.connect) if link.mode == "peer" else 1) and time.monotonic() < limit:
             time.sleep(0.01)
-        yield Client(bus, KeySpace(realm, name))
+        yield Client(bus, KeySpace(realm, name), home)

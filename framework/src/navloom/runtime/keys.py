@@ -77,10 +77,9 @@ def new_authority(folder: Path, order: Order) -> tuple[Identity, ...]:
     """
     _check_order(order)
     if folder.exists() or folder.is_symlink():
-        raise KeysError(
-            f"{folder}: exists already and is not overwritten; name another folder, or add one certificate with "
-            f"`navloom keys add {folder} NAME --kind viewer`"
-        )
+        has_keys = (folder / "identities.json").exists()
+        add = f", or add one certificate with `navloom keys add {folder} NAME --kind viewer`" if has_keys else ""
+        raise KeysError(f"{folder}: exists already and is not overwritten; name another folder{add}")
     made = tuple(Identity(kind, kind) for kind in KINDS if kind != "shadow")
     with _writing(folder.parent) as draft:
         authority = _make_authority(draft, order)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.dataflow.nodes import Outputs, Tick
+from navloom.dataflow.nodes import Outputs, Tick, fault_text
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted, awaited
@@ -179,8 +179,8 @@ class LiveRunner:
         fault = ""
         try:
             outputs = self.cell.instance.node.step(tick, given)
-        except Exception as error:
-            fault = f"{type(error).__name__}: {error}"
+        except (Exception, SystemExit) as error:
+            fault = fault_text(error, self.cell.instance.node)
         self.faulted = self.faulted + 1 if fault else 0
         self.fault = fault
         self.busy_since = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
-from navloom.dataflow.nodes import Tick
+from navloom.dataflow.nodes import Tick, fault_text
 from navloom.dataflow.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.messages import Envelope, GoalResult, Message, OperatorRequest, Selection, StepRecord
 from navloom.messages.codec import encode
@@ -166,9 +166,9 @@ class Lockstep:
         fault = ""
         try:
             outputs = instance.node.step(tick, given)
-        except Exception as error:
-            self._fault(instance, error)
-            outputs, fault = [], f"{type(error).__name__}: {error}"
+        except (Exception, SystemExit) as error:
+            outputs, fault = [], fault_text(error, instance.node)
+            self._fault(instance, fault)
         spent = perf_counter_ns() - before
         instance.stepped = number
         if instance.active and instance.spec.role != "platform":
@@ -195,10 +195,10 @@ class Lockstep:
                 at = Envelope(slot.key, 0, made.number, made.time_ns, cause, made.epoch)
                 self.trace.add(slot.label(type(message)), encode(message, at))
 
-    def _fault(self, instance: Instance, error: Exception) -> None:
+    def _fault(self, instance: Instance, fault: str) -> None:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""
         role, name = instance.spec.role, instance.name
-        text = f"{role} {name} failed: {type(error).__name__}: {error}"
+        text = f"{role} {name} failed: {fault}"
         self.log.faults.append(text)
         instance.enabled = False
         if instance.active:

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
-from navloom.messages import Feedback, GoalResult, Point2D
-from navloom.runtime.client import Client, Refused
+from navloom.messages import Feedback, GateStatus, GoalResult, Point2D
+from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.joining import join
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 
@@ -19,6 +19,16 @@ __all__ = ["GoalHandle", "Navigator"]
 
 ASK_AGAIN = 1.0
 """s between looks at the robot's last result, in case it came while the link was down."""
+GONE = 15.0
+"""s without any node of the robot after which it counts as gone; a restart takes less."""
+
+
+class Streams(NamedTuple):
+    """Where what is told of goals waits."""
+
+    results: Inlet
+    feedbacks: Inlet
+    gate: Inlet
 
 
 def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
@@ -34,29 +44,31 @@ class GoalHandle:
         goal_id: Its number.
         feedback: The newest, or None.
         result: How it ended, or None.
+        gate: What the gate said last: who drives, and why nobody does.
     """
 
-    def __init__(self, client: Client, mailbox: Mailbox, results: Inlet, feedbacks: Inlet, goal_id: int) -> None:
+    def __init__(self, client: Client, mailbox: Mailbox, streams: Streams, goal_id: int) -> None:
         self.goal_id = goal_id
         self.feedback: Feedback | None = None
         self.result: GoalResult | None = None
-        self._client, self._mailbox = client, mailbox
-        self._results, self._feedbacks = results, feedbacks
-        self._asked = time.monotonic()
+        self.gate: GateStatus | None = None
+        self._client, self._mailbox, self._streams = client, mailbox, streams
+        self._asked = self._seen = time.monotonic()
+        self._note(client.last("gate", "main", "status"))
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
         """Feedback as it comes, until the goal has ended; also while nodes of the robot restart.
 
         Raises:
-            TimeoutError: It has not ended within s.
+            TimeoutError: It has not ended within s; ClientError: the robot is gone.
         """
         began = time.monotonic()
         seen = 0
         while self.result is None:
             seen = self._mailbox.wait(seen, 0.1)
-            for message, _ in self._results.take():
+            for message, _ in (*self._streams.results.take(), *self._streams.gate.take()):
                 self._note(message)
-            for message, _ in self._feedbacks.take():
+            for message, _ in self._streams.feedbacks.take():
                 if isinstance(message, Feedback) and message.goal_id == self.goal_id:
                     self.feedback = message
                     yield message
@@ -64,11 +76,12 @@ class GoalHandle:
             if self.result is None and now - self._asked > ASK_AGAIN:
                 self._asked = now
                 self._note(self._client.last("goal", "main", "result"))
+                self._refuse_to_wait_for_nobody()
             if timeout is not None and self.result is None and now - began > timeout:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
     def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
-        """Wait for the result. Raises TimeoutError where it does not come within s."""
+        """Wait for the result. Raises TimeoutError where it does not come within s, ClientError with the robot gone."""
         for feedback in self.updates(timeout):
             if on_feedback is not None:
                 on_feedback(feedback)
@@ -79,8 +92,21 @@ class GoalHandle:
         """End it."""
         self._client.call("goal", "main", "cancel", {})
 
+    def _refuse_to_wait_for_nobody(self) -> None:
+        if self.result is not None or self._client.has_nodes():
+            self._seen = time.monotonic()
+        elif self._client.was_ended:
+            raise ClientError(f"robot {self._client.keys.prefix} was ended, and goal {self.goal_id} with it")
+        elif time.monotonic() - self._seen > GONE:
+            raise ClientError(
+                f"robot {self._client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
+                f"goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
+            )
+
     def _note(self, message: object) -> None:
-        if isinstance(message, GoalResult):
+        if isinstance(message, GateStatus):
+            self.gate = message
+        elif isinstance(message, GoalResult):
             if message.goal_id == self.goal_id:
                 self.result = message
             elif message.goal_id > self.goal_id:
@@ -111,12 +137,21 @@ class Navigator:
         self._stack = ExitStack()
         self._given = (robot, connect, str(keys) if keys is not None else None, insecure)
         self._mailbox = Mailbox()
+        self._client: Client | None = None
+
+    @property
+    def client(self) -> Client:
+        """What asks the robot's nodes. Raises RuntimeError outside of a `with` statement."""
+        if self._client is None:
+            raise RuntimeError("a Navigator joins its robot in a `with` statement: `with Navigator() as robot:`")
+        return self._client
 
     def __enter__(self) -> Navigator:
         robot, connect, keys, insecure = self._given
-        self.client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
-        self._results = self._inlet("result")
-        self._feedbacks = self._inlet("feedback")
+        self._client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
+        self._streams = Streams(
+            self._inlet("goal", "result"), self._inlet("goal", "feedback"), self._inlet("gate", "status")
+        )
         return self
 
     def __exit__(
@@ -133,11 +168,11 @@ class Navigator:
             Refused: Rejected at once, with the reason; ClientError: the goal's node does not answer.
         """
         given = {"x": x, "y": y, "heading": heading, "via": [list(point) for point in via]}
-        for value in (x, y, *([] if heading is None else [heading])):
+        for name, value in (("x", x), ("y", y), ("heading", 0.0 if heading is None else heading)):
             if not math.isfinite(value):
-                raise Refused(f"rejected: {value} is not a finite number")
+                raise Refused(f"rejected: {name} is {value}, expected a finite number")
         answer = self.client.call("goal", "main", "submit", given)
-        return GoalHandle(self.client, self._mailbox, self._results, self._feedbacks, int(answer["goal_id"]))
+        return GoalHandle(self.client, self._mailbox, self._streams, int(answer["goal_id"]))
 
     def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
         """Send the robot to a place and wait for the result; a rejected goal is a result too."""
@@ -147,9 +182,9 @@ class Navigator:
             return rejection(refusal, x, y)
         return handle.wait(timeout)
 
-    def cancel(self) -> None:
-        """End the goal on its way."""
-        self.client.call("goal", "main", "cancel", {})
+    def cancel(self) -> bool:
+        """End the goal on its way; False where there is none."""
+        return bool(self.client.call("goal", "main", "cancel", {})["goal_id"])
 
     def stop(self) -> None:
         """Stop the robot until `resume`."""
@@ -187,8 +222,8 @@ class Navigator:
         values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
         return values
 
-    def _inlet(self, port: str) -> Inlet:
-        key = self.client.keys.port("goal", "main", port)
+    def _inlet(self, role: str, port: str) -> Inlet:
+        key = self.client.keys.port(role, "main", port)
         inlet = Inlet(key, self._mailbox, 64)
 
         def receive(key: str, data: bytes | None, label: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from navloom.config.schema import Config
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.links import Link, peer_link
+from navloom.runtime.links import Endpoint, Link, LinkError, peer_link, settings
 
 __all__ = ["Network", "network_of"]
 
@@ -31,6 +31,13 @@ class Network:
     starts_router: bool = False
     keys: Path | None = None
     insecure: bool = False
+
+    def check(self) -> None:
+        """Refuse what no process could be linked by, before any is started. Raises LinkError."""
+        if self.router:
+            for link in (self.router_link(), self._client("nodes")):
+                if link is not None:
+                    settings(link)
 
     def links(self, folder: RobotFolder, names: Sequence[str]) -> dict[str, Link]:
         """Of each process: to every other one's socket, or to the router."""
@@ -55,6 +62,13 @@ class Network:
         sockets = tuple(folder.socket(name) for name in names)
         return Link("peer", (), sockets, realm=self.realm, robot=self.robot, shared_memory=False)
 
+    def tool(self) -> Link:
+        """Of a tool beside whatever runs now: it calls the router, or every socket that is there."""
+        if self.router:
+            return replace(self._client("nodes"), shared_memory=False)
+        sockets = tuple(RobotFolder(self.realm, self.robot).sockets())
+        return Link("peer", (), sockets, realm=self.realm, robot=self.robot, shared_memory=False)
+
     def _client(self, identity: str) -> Link:
         return Link(
             "client", (), (self.router,), credentials=self.keys, identity=identity if self.keys else None,
@@ -63,8 +77,12 @@ class Network:
 
 
 def network_of(config: Config, host: str | None, insecure: bool) -> Network:
-    """The network a config asks for."""
+    """The network a config asks for. Raises LinkError for a router that is no endpoint."""
     live = config.live
+    try:
+        Endpoint.parse(live.router or "tcp/localhost:1")
+    except LinkError as error:
+        raise LinkError(f"live.router: {error}") from None
     keys = Path(live.keys) if live.keys else None
     starts = live.router is not None and live.router_host == host
     return Network(config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure)

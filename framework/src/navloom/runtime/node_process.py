@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -31,7 +32,7 @@ from navloom.runtime.presence import Presence
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.services import Services
 from navloom.runtime.switchboard import Switchboard
-from navloom.runtime.zenoh_bus import Bus
+from navloom.runtime.zenoh_bus import Bus, BusError
 
 __all__ = ["HUNG", "NodeProcess", "Share"]
 
@@ -45,8 +46,6 @@ RECOLLECT = 0.5
 """s to ask for what must not be forgotten while some process does not answer."""
 ATTENDED = 20.0
 """s from the robot's start in which its platform may wait for who attends it."""
-JOIN = 60.0
-"""s to wait for the robot's router."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,18 @@ class NodeProcess:
             ConfigError, LinkError, BusError: Nothing ran.
         """
         make_plugins(self.system, say, self.share.sources)
-        with Bus(self.share.link, JOIN) as bus:
+
+        def goes_on() -> bool:
+            alive()
+            return not self.ending.is_set()
+
+        try:
+            joined = Bus(self.share.link, math.inf, say, goes_on)
+        except BusError:
+            if self.ending.is_set():
+                return
+            raise
+        with joined as bus:
             threads = self._start(bus, ready)
             self._watch(threads, alive)
             self.ending.set()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -23,7 +24,7 @@ from navloom.runtime.zenoh_bus import Bus
 __all__ = ["Robot", "StartError"]
 
 JOIN = 15.0
-"""s to wait for the robot's router."""
+"""s to wait for a router of this host's own."""
 
 
 class StartError(RuntimeError):
@@ -40,9 +41,10 @@ class Robot:
         barrier: Ticks are held together, and no process is started again.
         say: Told what happens.
         attended: A recorder comes beside it, and is to hear the first tick.
+        ends: Whether nobody wants it any more, while its router is waited for.
 
     Raises:
-        DirectoryError: It is up already, or its folder cannot be used.
+        DirectoryError: It is up already, or its folder cannot be used; LinkError, BusError: it cannot be linked.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class Robot:
         barrier: bool,
         say: Callable[[str], None],
         attended: bool = False,
+        ends: Callable[[], bool] = lambda: False,
     ) -> None:
         config = system.config
         self.system, self.network, self.barrier, self.attended = system, network, barrier, attended
@@ -60,11 +63,12 @@ class Robot:
         self.folder = RobotFolder(config.robot.realm, config.robot.name)
         self.started_ns = time.monotonic_ns()
         self._shares = spread(config, all_sources(system), host)
-        self._say = say
+        self._say, self._ends = say, ends
         self._changed = threading.Condition()
         self._presence = Presence(self.keys, (), self._came)
 
     def __enter__(self) -> Robot:
+        self.network.check()
         self.folder.make()
         if not self.folder.lock():
             running = self.folder.read()
@@ -82,7 +86,9 @@ class Robot:
         try:
             self.supervisor.start()
             self.folder.write(self.running())
-            self.bus = Bus(self.network.outsider(self.folder, list(self._shares), "nodes"), JOIN)
+            link = self.network.outsider(self.folder, list(self._shares), "nodes")
+            patience = JOIN if self.network.starts_router else math.inf  # another host's router may come any time
+            self.bus = Bus(link, patience, self._say, lambda: not self._ends())
             self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
         except BaseException:
             self._stop()

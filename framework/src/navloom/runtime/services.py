@@ -16,6 +16,7 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
+from navloom.plugins.registry import nearest
 from navloom.runtime.build import System, changed_params
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources
@@ -207,14 +208,16 @@ class Services:
         return {"goal_id": number}
 
     def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
+        number = runner.goal.machine.goal_id
         self._apply(runner, lambda: runner.submit(OperatorRequest("cancel")))
-        return {"goal_id": self._memory.goal[1]}
+        return {"goal_id": number}
 
     def _swap(self, runner: LiveGate, given: dict[str, Any]) -> dict[str, Any]:
         role, name = str(given["role"]), str(given["instance"])
         names = [known for owner, known in self._system.parts if owner == role]
         if role == "platform" or not names:
-            raise ServiceError(f"{role!r} is no role that can be swapped")
+            roles = sorted({owner for owner, _ in self._system.parts} - {"platform"})
+            raise ServiceError(f"{role!r} is no role that can be swapped{nearest(role, roles)}")
         if name not in names:
             raise ServiceError(f"there is no {role} {name!r}; there are {', '.join(names)}")
         self._apply(runner, lambda: runner.obey(OperatorRequest("swap", None, role, name)))

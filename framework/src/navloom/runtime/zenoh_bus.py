@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -23,6 +25,8 @@ if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messag
 __all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
 
 MEDIA = "application/x-navloom;"
+STARTING = 2.0
+"""s that a router of the same host may take to listen; who waits longer is told."""
 LOOK = 0.1
 """s between two looks of a client at its router."""
 _CONGESTION = {
@@ -113,6 +117,8 @@ class Bus:
     Args:
         link: How to join.
         patience: s to try for, where the router is not there yet.
+        say: Told once that the router is waited for, and why.
+        goes_on: Asked after each try that failed.
 
     Attributes:
         losses: How often it lost its router and joined anew.
@@ -121,18 +127,25 @@ class Bus:
         LinkError: A link that is refused; BusError: one that does not work.
     """
 
-    def __init__(self, link: Link, patience: float = 3.0) -> None:
+    def __init__(
+        self,
+        link: Link,
+        patience: float = 3.0,
+        say: Callable[[str], None] = lambda text: None,
+        goes_on: Callable[[], bool] = lambda: True,
+    ) -> None:
         self._config = json.dumps(settings(link))
-        limit = time.monotonic() + patience
+        began, is_told = time.monotonic(), False
         while True:
             try:
                 self._open()
                 break
             except zenoh.ZError as error:
-                if link.mode != "client" or time.monotonic() > limit:
-                    ends = ", ".join((*link.listen, *link.connect)) or "no endpoint"
-                    why = why_not(link) or str(error).partition(" at /")[0]
-                    raise BusError(f"the network at {ends} cannot be joined: {why}") from None
+                if link.mode != "client" or time.monotonic() - began > patience or not goes_on():
+                    raise BusError(_why(link, error)) from None
+                if not is_told and time.monotonic() - began > STARTING:
+                    is_told = True
+                    say(f"{_why(link, error)}; waiting for it")
                 time.sleep(0.1)
         self._gather(link)
         self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))
@@ -303,6 +316,16 @@ class Bus:
                 yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
             elif reply.err is not None:
                 yield Answer("", b"", "", reply.err.payload.to_string())
+
+
+def _why(link: Link, error: zenoh.ZError) -> str:
+    """What a link that does not come up lacks, in words."""
+    said = str(error).partition(" at /")[0]
+    if link.mode == "router":
+        failure = re.search(r"os error (\d+)", said)
+        return f"{', '.join(link.listen)} cannot be listened at: {os.strerror(int(failure[1])) if failure else said}"
+    ends = ", ".join((*link.listen, *link.connect)) or "no endpoint"
+    return f"the network at {ends} cannot be joined: {why_not(link) or said}"
 
 
 def _is_local(endpoint: str) -> bool:

@@ -160,7 +160,7 @@ class LiveRun:
         """
         network = network_of(self.loaded.config, self.host, self.insecure)
         attended = self.beside is not None and network.keys is None  # behind certificates who looks announces nothing
-        with Robot(self.system, network, self.host, False, self.say, attended) as robot:
+        with Robot(self.system, network, self.host, False, self.say, attended, self.ending.is_set) as robot:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
                 self._listen(robot)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
 from navloom.dataflow.differences import differences
-from navloom.dataflow.nodes import Node, Tick
+from navloom.dataflow.nodes import Node, Tick, fault_text
 from navloom.dataflow.reference import ReferenceNode
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
 from navloom.recording.reader import Recorded, Recording
@@ -266,8 +266,8 @@ class _Runner:
     def _step(self, node: Node, tick: Tick, given: dict[str, Any]) -> Any:
         try:
             return node.step(tick, given)
-        except Exception as error:
-            self.result.faults.append(f"tick {tick.number}: {type(error).__name__}: {error}")
+        except (Exception, SystemExit) as error:
+            self.result.faults.append(f"tick {tick.number}: {fault_text(error, node)}")
             return []
 
 

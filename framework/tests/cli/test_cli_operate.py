@@ -1,0 +1,83 @@
+"""What is refused before a robot is even looked for, and standard output that is not there."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+import typer
+from navloom.cli.main import app
+from navloom.cli.run import watched_for_stalls
+from navloom.study import episode
+from typer.testing import CliRunner
+
+NUMBER, SECONDS = "expected a finite number", "expected a number of seconds above 0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["goal", "nan", "1"], NUMBER),
+        (["goal", "0", "inf"], NUMBER),
+        (["goal", "0", "1", "nan"], NUMBER),
+        (["goal", "0", "1", "--via", "nan,1"], "--via nan,1: expected two finite numbers"),
+        (["goal", "0", "1", "--timeout", "-3"], SECONDS),
+        (["goal", "0", "1", "--timeout", "nan"], SECONDS),
+        (["swap", "avoider", "idle", "--timeout", "0"], SECONDS),
+        (["teleop", "--vx", "nan"], NUMBER),
+        (["teleop", "--wz=-inf"], NUMBER),
+        (["teleop", "--vx", "0.1", "--for", "-1"], SECONDS),
+        (["teleop", "--speed", "nan"], NUMBER),
+        (["hz", "gate/command", "--for", "inf"], SECONDS),
+        (["params", "set", "controller", "k3"], "'k3': expected NAME=VALUE"),
+        (["params", "set", "controller", "k3=1", "k3=2"], "k3 is given twice"),
+    ],
+    ids=lambda given: "-".join(given) if isinstance(given, list) else "",
+)
+def test_a_wrong_number_is_refused_before_anything_is_sent(arguments: list[str], text: str) -> None:
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 2 and text in " ".join(done.output.replace("\u2502", " ").split())
+
+
+def test_with_standard_output_closed_a_command_still_does_what_it_does() -> None:
+    command = f"{sys.executable} -c 'from navloom.cli import main; main()' plugins >&-"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_full_disk_behind_standard_output_is_one_message() -> None:
+    command = f"{sys.executable} -c 'from navloom.cli import main; main()' plugins --json >/dev/full"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stderr.splitlines()[0] == "navloom: writing what it prints: No space left on device"
+    assert "Traceback" not in done.stderr
+
+
+def test_what_a_plugin_prints_is_no_part_of_the_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    inner = episode.run_episode
+
+    def talkative(*given: Any, **named: Any) -> Any:
+        print("hello from a plugin")
+        return inner(*given, **named)
+
+    monkeypatch.setattr(episode, "run_episode", talkative)
+    done = CliRunner().invoke(app, ["run", "paper", "--set", "run.stop_after=1.0", "--json"])
+    assert json.loads(done.stdout)["outcome"] == "timeout" and "hello from a plugin" in done.stderr
+
+
+def test_a_run_that_does_not_come_on_says_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(typer, "echo", lambda text, err: said.append(text))
+    limit = time.monotonic() + 20.0
+    with watched_for_stalls(lambda done, total: None, patience=0.05) as tell:
+        tell(0.0, 1.0)
+        while not said and time.monotonic() < limit:
+            pass
+    (text,) = said
+    assert text.startswith("navloom: no tick for 0.05 s: the run is at test_cli_operate.py:")
+    assert text.endswith(", in test_a_run_that_does_not_come_on_says_where_it_is; Ctrl-C ends it")

@@ -1,5 +1,7 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
+import os
+
 import pytest
 from hypothesis import settings
 
@@ -13,6 +15,11 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """Spread tests by who is idle; as an option it would be set without `-n` too, and switch benchmarks off."""
     if config.getoption("numprocesses", None) and config.option.dist == "no":
         config.option.dist = "worksteal"
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """For `-n auto`, one more than there are processors: tests of live robots mostly wait for their drives."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

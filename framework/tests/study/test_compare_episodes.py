@@ -302,7 +302,8 @@ def test_two_studies_do_not_share_a_folder(tmp_path: Path) -> None:
 def test_a_plugin_that_cannot_be_made_costs_its_episode(bench: Bench) -> None:
     row = one_row(bench, "raises")
     assert row.outcome == "error"
-    assert row.reason.startswith("RuntimeError: nothing is as it was at <object object at 0x…>")
+    blamed = "PluginError: controller.plugin: rogue fails in __init__: "
+    assert row.reason.startswith(f"{blamed}RuntimeError: nothing is as it was at <object object at 0x…>")
     assert (row.metrics["success"], row.metrics["spl"], row.metrics["time"]) == (0.0, 0.0, 20.0)
 
 

@@ -17,6 +17,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
         config.option.dist = "worksteal"
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """For `-n auto`, one more than there are processors: tests of live robots mostly wait for their drives."""
     return len(os.sched_getaffinity(0)) + 1

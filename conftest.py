@@ -1,7 +1,5 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
-import os
-
 import pytest
 from hypothesis import settings
 
@@ -18,12 +16,6 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """Spread tests by who is idle; as an option it would be set without `-n` too, and switch benchmarks off."""
     if config.getoption("numprocesses", None) and config.option.dist == "no":
         config.option.dist = "worksteal"
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """For `-n auto`, one more than there are processors: tests of live robots mostly wait for their drives."""
-    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

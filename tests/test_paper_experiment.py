@@ -104,8 +104,8 @@ def campaign(seeds: range) -> list[tuple[int, str, int]]:
         return list(pool.map(seed_outcome, seeds, chunksize=5))
 
 
-def test_ten_seeds_reach_d_without_contact() -> None:
-    outcomes = [seed_outcome(seed) for seed in range(10)]
+def test_five_seeds_reach_d_without_contact() -> None:
+    outcomes = [seed_outcome(seed) for seed in range(5)]
     assert [row for row in outcomes if row[1] != "succeeded" or row[2]] == []
 
 

@@ -104,7 +104,7 @@ def folder(monkeypatch: pytest.MonkeyPatch) -> object:
         yield path
 
 
-@pytest.mark.parametrize("processes", [pytest.param(1, marks=pytest.mark.slow), 3, 6])
+@pytest.mark.parametrize("processes", [*(pytest.param(n, marks=pytest.mark.slow) for n in (1, 3)), 6])
 def test_the_trace_is_that_of_lockstep_with_swap_latency_stop_and_new_parameters(
     processes: int, folder: Path, tmp_path: Path
 ) -> None:

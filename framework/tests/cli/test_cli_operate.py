@@ -54,7 +54,7 @@ def test_with_standard_output_closed_a_command_still_does_what_it_does() -> None
 def test_a_full_disk_behind_standard_output_is_one_message() -> None:
     command = f"{sys.executable} -c 'from navloom.cli import main; main()' plugins --json >/dev/full"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
-    assert done.stderr.splitlines()[0] == "navloom: writing what it prints: No space left on device"
+    assert done.stderr.splitlines()[0] == "navloom: writing: No space left on device"
     assert "Traceback" not in done.stderr
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 
@@ -144,7 +145,8 @@ def _is_failure(error: Exception) -> bool:
 def _words(error: Exception) -> str:
     """What an error says; of the system's own, which file it is about and nothing of numbers."""
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename or 'writing what it prints'}: {error.strerror}"
+        where = error.filename or ("writing" if error.errno == errno.ENOSPC else "")
+        return f"{where}: {error.strerror}" if where else error.strerror
     return str(error)
 
 

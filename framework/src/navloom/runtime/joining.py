@@ -40,8 +40,11 @@ def find_robot(robot: str | None) -> Running:
         raise DirectoryError(f"several robots are up: {', '.join(names)}; choose one with --robot")
     if robot in names:
         return found[names.index(robot)]
-    hint = nearest(robot, names) if names else "; none is up"
-    raise DirectoryError(f"--robot {robot}: it is not up on this host{hint}")
+    up = f"; up are {', '.join(names)}" if names else "; none is up"
+    close = nearest(robot, names) if names else ""
+    raise DirectoryError(
+        f"--robot {robot}: it is not up on this host{up}{close if close.startswith('; did you mean') else ''}"
+    )
 
 
 @contextmanager

@@ -14,12 +14,15 @@ from navloom.runtime.nursery import READY, Nursery
 
 pytestmark = pytest.mark.skipif(not Nursery.is_possible(), reason="only Linux gives a child of a child away")
 CHILD = """
-import os, sys, time
+import os, signal, sys, time
 
 def main():
     print("born of", os.getppid(), "in its own group", os.getpgrp() == os.getpid(), flush=True)
     text = open(sys.argv[1]).read()
-    if text:
+    if text == "deaf":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        print("deaf", flush=True)
+    elif text:
         return int(text)
     time.sleep(60)
 """
@@ -75,6 +78,16 @@ def test_when_the_supervisor_is_gone_what_was_born_ends_even_where_it_is_stopped
     nursery._line.close()  # as its death would
     assert born.wait(20) == -signal.SIGTERM
     assert nursery._process.wait(20) == 0
+
+
+def test_what_does_not_end_when_it_is_told_to_is_made_to_within_5_s(nursery: Nursery, tmp_path: Path) -> None:
+    born = nursery.bear("newborn", "newborn", spec(tmp_path, "deaf"), tmp_path / "log", READY)
+    assert born is not None and nursery._line is not None
+    log = tmp_path / "log"
+    while not log.exists() or "deaf\n" not in log.read_text("utf-8"):
+        assert born.poll() is None
+    nursery._line.close()
+    assert born.wait(20) == -signal.SIGKILL
 
 
 def test_nobody_is_born_where_the_nursery_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

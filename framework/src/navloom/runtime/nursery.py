@@ -18,6 +18,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
@@ -26,6 +27,8 @@ __all__ = ["READY", "Born", "Nursery", "main"]
 PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
 READY = 60.0
 """s the nursery may take to import everything."""
+LAST = 4.5
+"""s after the supervisor's death in which what was born may end; a moment more than it gives itself."""
 BIRTH = 5.0
 """s a birth may take: it takes some ms."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -161,16 +164,31 @@ def main() -> None:
         for order in line.makefile("rb"):
             borne.append(_bear(json.loads(order), line, supervisor))
             line.sendall(b"%d" % borne[-1])
-    for pid in borne:
-        _end(pid)
+    _end(borne)
 
 
-def _end(pid: int) -> None:
-    """Tell a process to end. The system tells those that run, and those that are stopped, but not one just stopping."""
-    with contextlib.suppress(OSError):
-        if os.getpgid(pid) == pid and os.getsid(pid) == os.getsid(0):  # it is still the one that was born here
-            os.kill(pid, signal.SIGTERM)
-            os.kill(pid, signal.SIGCONT)
+def _end(borne: Sequence[int]) -> None:
+    """Have processes end: told first, since the system tells one that is just stopping nothing, then made to."""
+    for number in (signal.SIGTERM, signal.SIGCONT):
+        _send(borne, number)
+    limit = time.monotonic() + LAST
+    while any(map(_is_there, borne)) and time.monotonic() < limit:
+        time.sleep(0.02)
+    _send(borne, signal.SIGKILL)
+
+
+def _send(borne: Sequence[int], number: int) -> None:
+    for pid in filter(_is_there, borne):
+        with contextlib.suppress(OSError):
+            os.kill(pid, number)
+
+
+def _is_there(pid: int) -> bool:
+    """It is still the one that was born here."""
+    try:
+        return os.getpgid(pid) == pid and os.getsid(pid) == os.getsid(0)
+    except OSError:
+        return False
 
 
 def _import_all() -> None:

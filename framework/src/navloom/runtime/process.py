@@ -28,14 +28,16 @@ def die_with_parent(parent: int) -> None:
 
 
 def end_on_signal(ending: threading.Event) -> None:
-    """End in order on SIGTERM, SIGINT and SIGHUP, and at once where that takes too long."""
+    """End in order on SIGTERM, SIGINT and SIGHUP, and at once where that takes too long.
+
+    The system's own alarm sees to that: a thread would wait with all others where one of them never lets go of Python.
+    """
 
     def end(number: int, frame: Any) -> None:
         if not ending.is_set():
             ending.set()
-            last = threading.Timer(GRACE, os._exit, (1,))
-            last.daemon = True
-            last.start()
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.setitimer(signal.ITIMER_REAL, GRACE)
 
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, end)

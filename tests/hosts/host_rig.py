@@ -260,6 +260,15 @@ def why_not() -> str:
     return ""
 
 
+@contextmanager
+def last_words(*programs: Program) -> Iterator[None]:
+    """Where something does not come about, tell what programs have said last."""
+    try:
+        yield
+    except AssertionError as error:
+        raise AssertionError(f"{error}: {[program.said[-6:] for program in programs]}") from error
+
+
 def until(claim: Callable[[], Any], timeout: float, what: str) -> Any:
     """Wait until a claim holds that gives no event of its own, such as a line in a file; gives what it gave."""
     limit = time.monotonic() + timeout

@@ -6,7 +6,7 @@ import time
 
 import pytest
 from four_hosts import NAMES, Robot
-from host_rig import Slow, lab, until, why_not
+from host_rig import Slow, lab, last_words, until, why_not
 from motor_words import MotorWords
 
 WITHOUT = why_not()
@@ -22,7 +22,8 @@ def test_a_goal_over_four_hosts_outlives_a_cable_that_is_pulled() -> None:
         motors = MotorWords(robot.motors)
         goal = hosts["desk"].start("goal", "0", "2.0", *robot.options)
 
-        until(lambda: motors.speed > 0.3, 60, "the robot drives")
+        with last_words(goal, *robot.programs.values()):
+            until(lambda: motors.speed > 0.3, 60, "the robot drives")
         began = time.monotonic()
         hosts.cut("base")
         time.sleep(CUT)

@@ -254,9 +254,10 @@ def _expect(answer: Any, kind: type[A], verb: str, other: str = "") -> A:
     return answer
 
 
-def fault_text(error: BaseException, node: Node) -> str:
-    """What a node raised, with the innermost line of the plugin's own code, so that its author finds it."""
-    home = type(getattr(node, "plugin", node)).__module__.partition(".")[0]
+def fault_text(error: BaseException, source: Node | type[Role]) -> str:
+    """What a node or a plugin's class raised, with the innermost line of the plugin's own code for its author."""
+    cls = source if isinstance(source, type) else type(getattr(source, "plugin", source))
+    home = cls.__module__.partition(".")[0]
     place = ""
     for frame, line in traceback.walk_tb(error.__traceback__):
         if frame.f_globals.get("__name__", "").partition(".")[0] == home:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.loader import explain
 from navloom.config.schema import ROLE_TABLES, Config, PlaceTable, RoleTable
 from navloom.dataflow.graph import order
-from navloom.dataflow.nodes import role_node
+from navloom.dataflow.nodes import fault_text, role_node
 from navloom.dataflow.ports import NodeSpec
 from navloom.dataflow.streams import stream_source
 from navloom.dataflow.table import node_table
@@ -199,14 +197,8 @@ def _blamed(part: Part, verb: str) -> Iterator[None]:
     except ValueError as error:
         raise ConfigError(f"{part.place} ({part.cls.name}): {error}") from None
     except (Exception, SystemExit) as error:
-        raise PluginError(
-            f"{part.place}.plugin: {part.cls.name} fails in {verb}: {type(error).__name__}: {error}{_line_of(error)}"
-        ) from None
-
-
-def _line_of(error: BaseException) -> str:
-    *_, (frame, line) = traceback.walk_tb(error.__traceback__)
-    return f" ({Path(frame.f_code.co_filename).name}:{line})"
+        text = fault_text(error, part.cls)
+        raise PluginError(f"{part.place}.plugin: {part.cls.name} fails in {verb}: {text}") from None
 
 
 def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:

@@ -15,17 +15,16 @@ from navloom.runtime.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running
+from navloom.runtime.joining import joined
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.links import peer_link
 from navloom.runtime.network import Network, network_of
 from navloom.runtime.node_process import Share
 from navloom.runtime.placing import spread
-from navloom.runtime.zenoh_bus import Bus, BusError
+from navloom.runtime.zenoh_bus import BusError
 
 __all__ = ["chosen_sources", "share_by_hand"]
 
-FOUND = 1.0
-"""s to wait for processes that are there."""
 LEFT = 3.0
 """s until a node that died is no longer shown as there."""
 
@@ -55,10 +54,8 @@ def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
     if not link.connect:
         return
     keys = KeySpace(network.realm, network.robot)
-    with suppress(BusError), Bus(link, 0.0) as bus:  # who waits for a router finds nobody yet
+    with suppress(BusError), joined(link, 0.0) as bus:  # who waits for a router finds nobody yet
         began = time.monotonic()
-        while bus.neighbours() < len(link.connect) and time.monotonic() - began < FOUND:
-            time.sleep(0.01)
         while there := [source for source in sources if bus.alive(keys.alive(*source, "*"))]:
             if time.monotonic() - began > LEFT:
                 raise DirectoryError(

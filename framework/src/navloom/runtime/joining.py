@@ -15,7 +15,7 @@ from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.links import Link
 from navloom.runtime.zenoh_bus import Bus
 
-__all__ = ["find_robot", "join"]
+__all__ = ["find_robot", "join", "joined"]
 
 FOUND = 2.0
 """s to wait for the robot's first process."""
@@ -84,8 +84,15 @@ def join(
         else:
             sockets = tuple(RobotFolder(realm, name).sockets()) or running.endpoints
             link = Link("peer", (), sockets, realm=realm, robot=name)
-    with Bus(replace(link, shared_memory=False)) as bus:
+    with joined(link) as bus:
+        yield Client(bus, KeySpace(realm, name), home)
+
+
+@contextmanager
+def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
+    """A tool's session, once it has found whom its link calls. Raises BusError: nobody is there for s."""
+    with Bus(replace(link, shared_memory=False), patience) as bus:
         limit = time.monotonic() + FOUND
         while bus.neighbours() < (len(link.connect) if link.mode == "peer" else 1) and time.monotonic() < limit:
             time.sleep(0.01)
-        yield Client(bus, KeySpace(realm, name), home)
+        yield bus

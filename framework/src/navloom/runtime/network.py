@@ -65,9 +65,9 @@ class Network:
     def tool(self) -> Link:
         """Of a tool beside whatever runs now: it calls the router, or every socket that is there."""
         if self.router:
-            return replace(self._client("nodes"), shared_memory=False)
+            return self._client("nodes")
         sockets = tuple(RobotFolder(self.realm, self.robot).sockets())
-        return Link("peer", (), sockets, realm=self.realm, robot=self.robot, shared_memory=False)
+        return Link("peer", (), sockets, realm=self.realm, robot=self.robot)
 
     def _client(self, identity: str) -> Link:
         return Link(
@@ -79,10 +79,11 @@ class Network:
 def network_of(config: Config, host: str | None, insecure: bool) -> Network:
     """The network a config asks for. Raises LinkError for a router that is no endpoint."""
     live = config.live
-    try:
-        Endpoint.parse(live.router or "tcp/localhost:1")
-    except LinkError as error:
-        raise LinkError(f"live.router: {error}") from None
+    if live.router:
+        try:
+            Endpoint.parse(live.router)
+        except LinkError as error:
+            raise LinkError(f"live.router: {error}") from None
     keys = Path(live.keys) if live.keys else None
     starts = live.router is not None and live.router_host == host
     return Network(config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure)

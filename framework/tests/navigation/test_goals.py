@@ -26,7 +26,8 @@ from navloom.messages import (
     Trajectory,
     Twist2D,
 )
-from navloom.navigation.goals import GoalMachine, GoalRules, Seen
+from navloom.navigation.goal_rules import GoalRules, Seen
+from navloom.navigation.goals import GoalMachine
 from navloom.navigation.replanning import ReplanRules
 
 RULES = GoalRules(
@@ -227,6 +228,52 @@ def test_no_map_in_time_is_an_error() -> None:
     machine.submit(GOAL, seen(0.0))
     machine.step(seen(0.0))
     assert result(machine.step(seen(10.1))) == ("error", "no map within 10 s")
+
+
+def asked(out: list[tuple[str, Message]], port: str) -> list[int]:
+    return [message.request_id for found, message in out if found == port]  # type: ignore[attr-defined]
+
+
+def test_a_goal_after_one_that_got_no_map_asks_for_a_sweep_again() -> None:
+    machine = GoalMachine(RULES)
+    machine.submit(GOAL, seen(0.0))
+    first = asked(machine.step(seen(0.0)), "sweep")
+    machine.step(seen(10.1))
+    machine.submit(replace(GOAL, goal_id=2), seen(11.0))
+    assert asked(machine.step(seen(11.0)), "sweep") == first
+    assert "plan" in ports(machine.step(seen(12.0, map=a_map(12.0))))
+
+
+@pytest.mark.parametrize("is_live", [True, False])
+def test_live_a_sweep_or_a_plan_that_may_be_lost_is_asked_for_again_under_its_number(is_live: bool) -> None:
+    machine = GoalMachine(replace(RULES, is_live=is_live))
+    machine.submit(GOAL, seen(0.0))
+    times = 1 + 2 * is_live
+    assert [n for tick in range(199) for n in asked(machine.step(seen(tick / 20)), "sweep")] == [1] * times
+    assert asked(machine.step(seen(10.0, map=a_map(10.0))), "plan") == [2]
+    repeated = [n for tick in range(201, 239) for n in asked(machine.step(seen(tick / 20)), "plan")]
+    assert repeated == [2] * (times - 1)
+    machine.step(seen(12.0, answer=path(2)))
+    assert machine.state == "driving"
+
+
+def test_live_a_plan_asked_for_on_the_way_that_gets_no_answer_is_asked_for_again() -> None:
+    machine = driving(replace(RULES, is_live=True, replan=ReplanRules(period=1.0)))
+    follow = [seen(tick / 20, reference=reference(2, 3.0)) for tick in range(60, 160)]
+    plans = [asked(machine.step(now), "plan") for now in follow]
+    numbers = [number for found in plans for number in found]
+    assert len(numbers) > 3 and set(numbers) == {3}
+
+
+def test_a_platform_that_fell_silent_in_a_sweep_is_asked_for_it_again() -> None:
+    machine = GoalMachine(RULES)
+    machine.submit(GOAL, seen(0.0))
+    first = asked(machine.step(seen(0.0)), "sweep")
+    machine.hold(seen(1.0))
+    machine.step(seen(1.0))
+    machine.go_on(seen(3.0))
+    assert asked(machine.step(seen(3.0)), "sweep") == first
+    assert machine.state == "mapping"
 
 
 def test_points_on_the_way_are_passed_in_order() -> None:

@@ -97,6 +97,24 @@ def test_sweep_requests_do_not_shift_later_noise(bench):
     np.testing.assert_array_equal(one, two)
 
 
+def test_a_repeated_request_lets_the_sweep_under_way_go_on_and_another_one_gives_it_up(bench):
+    sensors = (("sweeper", "pitched_laser", {}),)  # 1.25 s, so 25 ticks
+
+    def after_10_ticks(request):
+        robot = bench(sensors=sensors)
+        robot.step(request=7, count=10)
+        return robot.step(request=request, count=15).scans
+
+    assert after_10_ticks(7)["sweeper"].request_id == 7
+    assert after_10_ticks(8) == {}
+
+
+def test_a_repeated_request_for_a_sweep_that_has_ended_makes_another(bench):
+    robot = bench(sensors=(("sweeper", "pitched_laser", {}),))
+    first, second = (robot.step(request=7, count=25).scans["sweeper"] for _ in range(2))
+    assert second.request_id == 7 and second.stamp_ns > first.stamp_ns
+
+
 def turned(obstacle, angle, dx, dy):
     """The obstacle after the whole world was turned about the origin and moved."""
     cx, cy = obstacle.centre

@@ -13,7 +13,8 @@ from navloom.dataflow.nodes import Inputs, Outputs, Tick
 from navloom.messages import Envelope, GateStatus, OperatorRequest, Path, PlanFailure, RecoveryStep, Selection, Twist2D
 from navloom.messages.motion import Command
 from navloom.navigation.gate import CommandGate, Offer, Sensed
-from navloom.navigation.goals import GoalMachine, Seen
+from navloom.navigation.goal_rules import Seen
+from navloom.navigation.goals import GoalMachine
 
 __all__ = ["GateNode", "GoalNode", "OperatorNode"]
 

@@ -67,7 +67,7 @@ class PlanRequest(Message):
     """Asks the planner for a way.
 
     Attributes:
-        request_id: Rises with each; its answer carries it.
+        request_id: Rises with each; its answer carries it. Live, one without an answer is repeated under its number.
         start, goal: Poses of base in the map frame.
     """
 

@@ -70,6 +70,11 @@ class Sweep(Message):
 
 @message()
 class SweepRequest(Message):
-    """Asks the platform for one stop-and-scan sweep; `request_id` > 0 rises with each."""
+    """Asks the platform for one stop-and-scan sweep.
+
+    Attributes:
+        request_id: Above 0, rises with each. Live, a request is repeated under its number where no map has come of it:
+            it is made again then, but where it is under way, which goes on.
+    """
 
     request_id: int

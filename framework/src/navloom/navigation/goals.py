@@ -3,34 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from navloom.messages import (
-    AvoiderStatus,
     ClearRequest,
     Drive,
     Feedback,
-    GateStatus,
     Goal,
     GoalResult,
-    HandOver,
-    MapUpdate,
     Message,
     Path,
     PlanFailure,
     PlanRequest,
     Point2D,
     Pose2D,
-    PoseEstimate,
     RecoveryRequest,
-    RecoveryStep,
-    Reference,
     SweepRequest,
-    Trajectory,
 )
-from navloom.navigation.replanning import Replanning, ReplanRules
+from navloom.navigation.goal_rules import GoalRules, Seen
+from navloom.navigation.replanning import Replanning
 
-__all__ = ["GoalMachine", "GoalRules", "Seen"]
+__all__ = ["GoalMachine"]
 
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
@@ -39,57 +32,9 @@ SILENT_RECOVERY = 10.0
 """s a recovery may say nothing."""
 UNFOLLOWED = 2.0
 """s a new path may not be followed: then it was lost on its way."""
+ASKS = 3
+"""How often a map or a plan is asked for, live, within the time it may take: request and answer can be lost."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
-
-
-@dataclass(frozen=True)
-class GoalRules:
-    """What the goal decides by.
-
-    Attributes:
-        tolerance: m from the goal.
-        heading_tolerance: rad, where the goal has a heading.
-        stuck_after: s without progress before a recovery.
-        max_recoveries: Attempts for one goal.
-        map_timeout, plan_timeout: s to wait.
-        deadline: Run time at which a goal times out, s; live, time it may take.
-        is_live: The run has no end of its own.
-        replan: While driving.
-        scans_on_request: The mapper lives on stop-and-scan sweeps, so one has to be asked for.
-        feedback_ticks: Ticks between two feedbacks.
-    """
-
-    tolerance: float
-    heading_tolerance: float
-    stuck_after: float
-    max_recoveries: int
-    map_timeout: float
-    plan_timeout: float
-    deadline: float
-    scans_on_request: bool
-    feedback_ticks: int
-    is_live: bool = False
-    replan: ReplanRules = field(default_factory=ReplanRules)
-
-
-@dataclass(slots=True)
-class Seen:
-    """What the goal sees in a tick; each the newest of its kind, or None."""
-
-    tick: int
-    time: float
-    time_ns: int
-    estimate: PoseEstimate | None = None
-    map: MapUpdate | None = None
-    answer: Path | PlanFailure | None = None
-    avoider: AvoiderStatus | None = None
-    handover: HandOver | None = None
-    recovery: RecoveryStep | None = None
-    gate: GateStatus | None = None
-    reference: Reference | None = None
-    selected: tuple[str, str] = ("", "")
-    """Instances of mapper and planner in charge."""
-    trajectory: Trajectory | None = None
 
 
 @dataclass
@@ -106,6 +51,9 @@ class _Active:
     followed_at: float = 0.0
     asked_ns: int = 0
     plan_id: int = 0
+    asked: tuple[str, Message] | None = None
+    """Port and request that has no answer yet."""
+    asked_at: float = 0.0
     heard: float = -math.inf
     why: str = ""
     has_driven: bool = False
@@ -125,6 +73,7 @@ class GoalMachine:
         self._drive = NO_DRIVE
         self._requests = 0
         self._has_scanned = False
+        self._scan: tuple[SweepRequest, int] | None = None
         self._selected = ("", "")
         self._pending: tuple[str, ...] = ()
         self._said: tuple[int, str] = (0, "idle")
@@ -234,12 +183,16 @@ class GoalMachine:
             self._ask_plan(active, seen)  # a mapper that has nothing else to say after it was cleared
         elif seen.time - active.since > self.rules.map_timeout:
             self._finish("error", f"no map within {self.rules.map_timeout:g} s", seen)
+        else:
+            self._ask_again(active, self.rules.map_timeout, seen)
 
     def _while_planning(self, active: _Active, seen: Seen) -> None:
         answer = seen.answer
         if answer is None or answer.request_id != active.plan_id:
             if seen.time - active.since > self.rules.plan_timeout:
                 self._finish("no_path", f"the planner gave no answer within {self.rules.plan_timeout:g} s", seen)
+            else:
+                self._ask_again(active, self.rules.plan_timeout, seen)
         elif isinstance(answer, PlanFailure):
             self._fail_plan(active, answer, seen)
         else:
@@ -297,6 +250,8 @@ class GoalMachine:
         if answer is None or answer.request_id != active.plan_id:
             if watch.is_blocked and seen.time - active.since > self.rules.plan_timeout:
                 self._recover(active, "no_path: the planner gave no answer", seen)
+            else:
+                self._ask_again(active, self.rules.plan_timeout, seen)
         elif isinstance(answer, Path):
             if watch.takes(answer, seen.reference):
                 self._set_drive(replace(self._drive, path_id=answer.request_id))
@@ -316,13 +271,15 @@ class GoalMachine:
         """
         active = self._active
         assert active is not None
-        active.since, active.asked_ns = seen.time, 0
+        active.since, active.asked_ns, active.asked = seen.time, 0, None
         if self.rules.scans_on_request and not self._has_scanned:
             self._has_scanned = True
             self._requests += 1
+            self._scan = SweepRequest(self._requests), seen.time_ns
+        if self._scan is not None:  # of this goal, or of one before that got no map
             self._set_drive(NO_DRIVE)
-            self._out.append(("sweep", SweepRequest(self._requests)))
-            active.asked_ns = seen.time_ns
+            request, active.asked_ns = self._scan
+            self._ask(active, "sweep", request, seen)
         elif is_cleared:
             self._set_drive(NO_DRIVE)
             active.asked_ns = seen.time_ns
@@ -332,6 +289,7 @@ class GoalMachine:
         self.state = "mapping"
 
     def _ask_plan(self, active: _Active, seen: Seen) -> None:
+        self._scan = None
         self._request_plan(active, seen)
         self.state = "planning"
 
@@ -352,7 +310,16 @@ class GoalMachine:
         heading = active.goal.heading if last and active.goal.heading is not None else 0.0
         goal = Pose2D(leg.x, leg.y, heading)
         active.plan_id, active.since = self._requests, seen.time
-        self._out.append(("plan", PlanRequest(self._requests, seen.estimate.pose, goal)))
+        self._ask(active, "plan", PlanRequest(self._requests, seen.estimate.pose, goal), seen)
+
+    def _ask(self, active: _Active, port: str, request: Message, seen: Seen) -> None:
+        active.asked, active.asked_at = (port, request), seen.time
+        self._out.append((port, request))
+
+    def _ask_again(self, active: _Active, patience: float, seen: Seen) -> None:
+        """Repeat a request, under its own number, that may have been lost on the network, or its answer."""
+        if self.rules.is_live and active.asked is not None and seen.time - active.asked_at > patience / ASKS:
+            self._ask(active, *active.asked, seen)
 
     def _arrive(self, active: _Active, pose: Pose2D, seen: Seen) -> None:
         if len(active.legs) > 1:

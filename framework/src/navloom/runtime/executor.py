@@ -14,7 +14,8 @@ from navloom.dataflow.ports import NodeSpec
 from navloom.dataflow.reference import ReferenceNode
 from navloom.geometry.footprints import inscribed_radius
 from navloom.navigation.gate import CommandGate, Limits
-from navloom.navigation.goals import GoalMachine, GoalRules
+from navloom.navigation.goal_rules import GoalRules
+from navloom.navigation.goals import GoalMachine
 from navloom.navigation.replanning import ReplanRules
 from navloom.runtime.build import System, changed_params, role_nodes, stride_of
 from navloom.runtime.lockstep import Lockstep, Observer

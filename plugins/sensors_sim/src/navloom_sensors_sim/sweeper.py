@@ -44,7 +44,8 @@ class PitchedLaser:
     def read(self, moment: Moment) -> Fields | None:
         """The sweep that ended in this tick, if one did."""
         seed = self._rng.bit_generator.random_raw()
-        self._asked = moment.request_id or self._asked
+        if self._begin < 0 or moment.request_id != self._answers:  # else it is asked for what is under way
+            self._asked = moment.request_id or self._asked
         continuous = self._settings.mode == "continuous"
         if moment.track is None:
             return None

@@ -32,7 +32,7 @@ class GoalRules:
         max_recoveries: Attempts for one goal.
         map_timeout, plan_timeout: s to wait.
         deadline: Run time at which a goal times out, s; live, time it may take.
-        is_live: The run has no end of its own.
+        is_live: The run has no end of its own, and what is sent can be lost.
         replan: While driving.
         scans_on_request: The mapper lives on stop-and-scan sweeps, so one has to be asked for.
         feedback_ticks: Ticks between two feedbacks.

@@ -14,6 +14,7 @@ SOON, EXIT = 1.5, 10.0
 CHOSEN = (
     "SIGKILL drive",
     "SIGSTOP safe, SIGCONT",
+    "faulty_tracker raises each tick",
     "faulty_tracker publishes NaN past the checks",
     "commands from the future",
     "10,000 malformed messages",
@@ -27,6 +28,7 @@ def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
             outcome = inject(robot, faults[name])
             assert outcome.goal == "kept" and outcome.old == 0 and not outcome.touched, outcome
             assert outcome.ran_on is not None and outcome.ran_on < SOON, outcome
+        assert robot.said("controller faulty_tracker failed: RuntimeError: told to fail (fault_plugins.py:")
         killed = inject(robot, faults["SIGKILL robot"])
         assert killed.left_driving is not None and killed.fresh, killed
         assert robot.reach_a_goal() == "succeeded: the goal was reached"

@@ -96,6 +96,11 @@ class Robot:
         """Ctrl-C on each host, the router's last; exit code of each."""
         return {name: self.programs[name].end() for name in ("brain", "drive", "base", "hub")}
 
+    def looks(self) -> str:
+        """What the desk is told of it."""
+        desk = self.lab["desk"]
+        return "\n".join(desk.run(word, *self.options).stdout for word in ("list", "doctor"))
+
     def shuttle(self, *places: str) -> Program:
         """A program on the desk that sends it to and fro between places X,Y, and says how each goal ended."""
         desk = self.lab["desk"]

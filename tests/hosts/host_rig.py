@@ -25,7 +25,7 @@ from typing import Any
 
 from motor_log import install
 
-__all__ = ["Host", "Lab", "Program", "Slow", "lab", "until", "why_not"]
+__all__ = ["Host", "Lab", "Program", "Slow", "lab", "last_words", "until", "why_not"]
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 120.0, 20.0
@@ -261,12 +261,12 @@ def why_not() -> str:
 
 
 @contextmanager
-def last_words(*programs: Program) -> Iterator[None]:
-    """Where something does not come about, tell what programs have said last."""
+def last_words(*programs: Program, ask: Callable[[], str]) -> Iterator[None]:
+    """Where something does not come about, tell what programs have said last, and what comes of asking then."""
     try:
         yield
     except AssertionError as error:
-        raise AssertionError(f"{error}: {[program.said[-6:] for program in programs]}") from error
+        raise AssertionError(f"{error}: {[program.said[-30:] for program in programs]} {ask()}") from error
 
 
 def until(claim: Callable[[], Any], timeout: float, what: str) -> Any:

@@ -26,7 +26,7 @@ def test_a_goal_over_four_hosts_outlives_cables_that_are_pulled() -> None:
         hosts.cut("brain")  # so the first sweep is lost
         time.sleep(CUT)
         hosts.mend("brain")
-        with last_words(goal, *robot.programs.values()):
+        with last_words(goal, *robot.programs.values(), ask=robot.looks):
             until(lambda: motors.speed > 0.3, 60, "the robot drives")
         began = time.monotonic()
         hosts.cut("base")

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -42,6 +43,12 @@ NUMBER, SECONDS = "expected a finite number", "expected a number of seconds abov
 def test_a_wrong_number_is_refused_before_anything_is_sent(arguments: list[str], text: str) -> None:
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 2 and text in " ".join(done.output.replace("\u2502", " ").split())
+
+
+def test_down_for_every_robot_says_where_there_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path))
+    done = CliRunner().invoke(app, ["down", "--all"])
+    assert (done.exit_code, done.output) == (0, "no robot of this user is up on this host\n")
 
 
 def test_with_standard_output_closed_a_command_still_does_what_it_does() -> None:

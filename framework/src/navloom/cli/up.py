@@ -77,7 +77,10 @@ def down(
     from navloom.runtime.directory import robots
     from navloom.runtime.joining import find_robot
 
-    for running in list(robots()) if every else [find_robot(robot)]:
+    found = list(robots()) if every else [find_robot(robot)]
+    if not found:
+        typer.echo("no robot of this user is up on this host")
+    for running in found:
         _end(running)
         typer.echo(f"{running.realm}/{running.robot} is down")
 

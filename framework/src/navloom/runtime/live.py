@@ -19,6 +19,8 @@ IDLE = 0.1
 """s between looks at whether the process ends, where nothing comes in."""
 PATIENCE = 0.005
 """s to wait for what else belongs to the tick of a trigger."""
+LONG_PATIENCE = {"mapper": 1.0}
+"""The same for roles that nobody waits for: on a slow link the poses that cover a sweep may come after it."""
 BACKWARDS = 200
 """Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
 
@@ -49,6 +51,7 @@ class LiveRunner:
         spec = self.cell.instance.spec
         self._pace = next((w for w in self.cell.instance.wires if w.input.name == spec.cause), None)
         self._siblings = awaited(self.cell.source, self.cell.feeds)
+        self._patience = LONG_PATIENCE.get(spec.role, PATIENCE)
 
     def change(self, change: Change) -> None:
         """Have something done between two steps, by the node's own thread."""
@@ -64,7 +67,7 @@ class LiveRunner:
 
     def wait_time(self) -> float:
         """s to wait for news at most."""
-        return PATIENCE if self._waits_since[0] >= 0 else IDLE
+        return min(self._patience, IDLE) if self._waits_since[0] >= 0 else IDLE
 
     def act(self) -> None:
         """Step if there is something to step for."""
@@ -144,7 +147,7 @@ class LiveRunner:
         if self._waits_since[0] != number:
             self._waits_since = (number, now)
             return True
-        if now - self._waits_since[1] < PATIENCE:
+        if now - self._waits_since[1] < self._patience:
             return True
         self._waits_since = (-1, 0.0)
         return False

@@ -40,24 +40,25 @@ class LiveGoal(LiveRunner):
         self._request = next(wire for wire in self.cell.instance.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
         self._platform_report: Envelope | None = None
-        self._began_anew = False
+        self._began_anew = self._is_asked = False
 
     def wait_time(self) -> float:
         """s to wait for news at most."""
         return min(CHECK, super().wait_time())
 
     def act(self) -> None:
-        """Step with each pose, and without one when it does not come."""
+        """Step with each pose, and without one when it does not come, or where something was asked for."""
         super().act()
         silence = time.monotonic() - self._stepped_at
-        if silence > WITHOUT_POSE and self.clock.is_known:
-            self.step("tick", self.cell.instance.stepped + max(1, round(silence / self.period)))
+        if (self._is_asked or silence > WITHOUT_POSE) and self.clock.is_known:
+            # Never ahead of the platform for long: the poses of ticks that have been stepped are passed over.
+            self.step("tick", self.cell.instance.stepped + max(1, int(silence / self.period)))
 
     def step(self, trigger: str, number: int) -> Outputs:
         """One step of the goal's state machine, which is told what the process knows to be broken."""
         self.goal.fault = self._trouble()
         self.goal.is_lost = self.clock.silence_s() > PLATFORM_SILENCE
-        self._stepped_at = time.monotonic()
+        self._stepped_at, self._is_asked = time.monotonic(), False
         return super().step(trigger, number)
 
     def submit(self, request: OperatorRequest) -> None:
@@ -68,7 +69,7 @@ class LiveGoal(LiveRunner):
         of_goal = None if goal is None else [goal.goal_id, goal.x, goal.y, goal.heading, via]
         self.goal.submitted.append({"do": request.do, "goal": of_goal})
         self._request.queue.append((2**62, request, 0))
-        self._stepped_at -= WITHOUT_POSE
+        self._is_asked = True
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         super()._hear(source, report, at)

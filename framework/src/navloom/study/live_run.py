@@ -47,6 +47,8 @@ START = 180.0
 """s a robot may take to come up: kernels may have to be compiled."""
 ASK_AGAIN = 2.0
 """s between looks at the goal's last words, in case they came while the network was down."""
+TELL_AGAIN = 10.0
+"""s until a node that raises again is told of again."""
 Beside = Callable[[Robot], AbstractContextManager[None]]
 QUIET = 1.0
 """s without a goal after which a run that was to end with its goals does."""
@@ -136,6 +138,7 @@ class LiveRun:
         self._began_ns = time.perf_counter_ns()
         self._ended: deque[GoalResult] = deque()
         self._newest_goal = self._first_tick = self._own_goal = 0
+        self._told_faults: dict[tuple[str, str], float] = {}
 
     def run(
         self,
@@ -298,6 +301,7 @@ class LiveRun:
                 self._count(at.tick, message.duration_ns)
                 if role in self.log.step_ns and message.trigger:
                     self.log.step_ns[role].append(message.duration_ns)
+            self._tell_fault(source, message)
         elif isinstance(message, GoalResult):
             self._end(message)
         elif isinstance(message, Feedback):
@@ -312,6 +316,13 @@ class LiveRun:
             self.log.swaps = message.epoch
         else:
             self.recorder.on_message(role, name, active, port, message, at)
+
+    def _tell_fault(self, source: tuple[str, str], report: StepReport) -> None:
+        """Say what a node raised; one that raises each tick is not told of each time."""
+        now = time.monotonic()
+        if report.fault and now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
+            self._told_faults[source] = now
+            self.say(f"{' '.join(source)} failed: {report.fault}")
 
     def _default(self, role: str) -> str:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance

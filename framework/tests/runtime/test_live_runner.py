@@ -1,0 +1,164 @@
+"""When a live node steps: on what is there, and for what it waits."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from navloom.config import load_config
+from navloom.dataflow.own_nodes import GoalNode
+from navloom.messages import Envelope, Goal, OperatorRequest, Pose2D, PoseEstimate, StepReport, Sweep, Twist2D
+from navloom.navigation.goals import GoalMachine
+from navloom.runtime import live, live_goal
+from navloom.runtime.build import assemble
+from navloom.runtime.cells import Hosted, all_sources, make_cell
+from navloom.runtime.executor import goal_rules
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.live import LiveRunner
+from navloom.runtime.live_goal import LiveGoal
+from navloom.runtime.run_clock import RunClock
+from navloom.runtime.switchboard import Switchboard
+
+PERIOD = 0.05
+KEYS = KeySpace("lab", "r1")
+SYSTEM = assemble(load_config("paper"))
+NAMES = dict(reversed(all_sources(SYSTEM)))
+"""The instance in charge of each role."""
+STILL = Twist2D(0.0, 0.0, 0.0)
+ORIGIN = Pose2D(0.0, 0.0, 0.0)
+SWEEP = Sweep(
+    0, 1, np.ones((1, 1)), np.zeros(1), np.zeros(1), np.zeros(1), "paper", 0.0, 0.0, 0.4, 0.02, 4.0
+)  # fmt: skip
+REPORT = StepReport("tick", (), (), True, 0, 0, 0, "", "")
+
+
+class Wire:
+    """Stands in for the network: takes everything and delivers nothing."""
+
+    def publication(self, key: str, quality: object, lossless: bool) -> Any:
+        return SimpleNamespace(put=lambda data, label: None)
+
+    def serve(self, key: str, take: object) -> None:
+        pass
+
+    def subscribe(self, key: str, receive: object) -> None:
+        pass
+
+
+class Clock:
+    """The host's monotonic clock, set by the test; stands in for the module `time`."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def monotonic_ns(self) -> int:
+        return round(self.now * 1e9)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(live, "time", made)
+    monkeypatch.setattr(live_goal, "time", made)
+    return made
+
+
+def hosted(role: str, node: Any) -> Hosted:
+    return make_cell(SYSTEM, (role, NAMES[role]), node, Switchboard(Wire(), KEYS, lossless=False))  # type: ignore[arg-type]
+
+
+def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:
+    """A message of a tick comes in."""
+    key = KEYS.port(source, NAMES[source], port)
+    inlets = [feed.inlet for feed in at.cell.feeds] + list(at.cell.reports.values())
+    (inlet,) = [inlet for inlet in inlets if inlet.key == key]
+    inlet.give((message, Envelope(key, tick, tick, round(tick * PERIOD * 1e9), round(tick * PERIOD * 1e9), 0)))
+
+
+def give_pose(at: Hosted, tick: int) -> None:
+    """The localizer's pose of a tick comes in, and its report if that is heard."""
+    give(at, "localizer", "pose", PoseEstimate(round(tick * PERIOD * 1e9), ORIGIN, STILL, np.zeros((3, 3))), tick)
+    give(at, "localizer", "step", REPORT, tick)
+
+
+class Listener:
+    """A node that notes how many poses it was given in each step."""
+
+    def __init__(self) -> None:
+        self.poses: list[int] = []
+
+    def step(self, tick: object, given: Any) -> list[Any]:
+        self.poses.append(len(given["track"]))
+        return []
+
+
+def turn(runner: LiveRunner) -> None:
+    runner.take_in()
+    runner.act()
+
+
+def test_a_mapper_waits_for_the_poses_that_cover_a_sweep(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    for tick in (1, 2):
+        give_pose(mapper, tick)
+    give(mapper, "platform", "laser", SWEEP, 4)
+    give(mapper, "platform", "step", REPORT, 4)
+    for wait in (0.0, 0.1, 0.4):
+        clock.now += wait
+        turn(runner)
+    assert node.poses == []
+    for tick in (3, 4):
+        give_pose(mapper, tick)
+    turn(runner)
+    assert node.poses == [4]
+
+
+def test_a_mapper_that_waits_for_poses_in_vain_steps_without(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    give(mapper, "platform", "laser", SWEEP, 4)
+    turn(runner)
+    assert node.poses == []
+    clock.now += 1.1
+    turn(runner)
+    assert node.poses == [0]
+
+
+def test_a_goal_that_was_asked_for_something_does_not_run_ahead_of_the_platform(clock: Clock) -> None:
+    """What it steps by itself in is a tick that the platform has had, so that the next pose finds it in time."""
+    goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))
+    run_clock = RunClock(clock.monotonic_ns)
+    runner = LiveGoal(goal, run_clock, PERIOD, lambda: False)
+    stepped: list[int] = []
+    for tick in range(40):
+        clock.now += PERIOD
+        run_clock.observe(round(tick * PERIOD * 1e9), clock.monotonic_ns(), tick)
+        give_pose(goal, tick)
+        turn(runner)
+        if tick == 20:  # and before the next pose
+            runner.submit(OperatorRequest("goal", Goal(1, 0.0, 2.0, None, ())))
+            turn(runner)
+            assert runner.goal.machine.goal_id == 1
+        stepped.append(goal.cell.instance.stepped)
+    assert stepped == [*range(20), 21, *range(21, 40)]
+
+
+def test_a_goal_without_poses_steps_on_and_not_faster_than_the_platform(clock: Clock) -> None:
+    goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))
+    run_clock = RunClock(clock.monotonic_ns)
+    run_clock.observe(0, clock.monotonic_ns(), 0)
+    runner = LiveGoal(goal, run_clock, PERIOD, lambda: False)
+    give_pose(goal, 0)
+    for wait in 100 * (0.03, 0.05, 0.02, 0.045):
+        turn(runner)
+        clock.now += wait
+    ticks = (clock.now - 1000.0) / PERIOD
+    assert 0.8 * ticks < goal.cell.instance.stepped <= ticks

@@ -13,7 +13,7 @@ from navloom.geometry.world import World
 from navloom.messages import Message
 from navloom.roles import ROLE_API, ROLES, Params, Role
 
-__all__ = ["Named", "PluginError", "Registry", "nearest"]
+__all__ = ["Named", "PluginError", "Registry", "close_to", "nearest"]
 
 
 class Named(Protocol):
@@ -30,10 +30,13 @@ class PluginError(ValueError):
 
 def nearest(name: str, known: list[str]) -> str:
     """`; did you mean 'x'?` for the known name closest to a wrong one, or the list of them where none is close."""
+    return close_to(name, known) or (f"; known are {', '.join(sorted(known))}" if known else "; none is installed")
+
+
+def close_to(name: str, known: list[str]) -> str:
+    """`; did you mean 'x'?` for the known name closest to a wrong one; empty where none is close."""
     close = get_close_matches(name, known, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; known are {', '.join(sorted(known))}" if known else "; none is installed"
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 class Registry:

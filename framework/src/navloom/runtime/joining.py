@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from navloom.plugins.registry import nearest
+from navloom.plugins.registry import close_to
 from navloom.runtime.client import Client
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running, robots
 from navloom.runtime.keyspace import KeySpace
@@ -41,10 +41,7 @@ def find_robot(robot: str | None) -> Running:
     if robot in names:
         return found[names.index(robot)]
     up = f"; up are {', '.join(names)}" if names else "; none is up"
-    close = nearest(robot, names) if names else ""
-    raise DirectoryError(
-        f"--robot {robot}: it is not up on this host{up}{close if close.startswith('; did you mean') else ''}"
-    )
+    raise DirectoryError(f"--robot {robot}: it is not up on this host{up}{close_to(robot, names)}")
 
 
 @contextmanager

@@ -301,7 +301,8 @@ class LiveRun:
                 self._count(at.tick, message.duration_ns)
                 if role in self.log.step_ns and message.trigger:
                     self.log.step_ns[role].append(message.duration_ns)
-            self._tell_fault(source, message)
+            if message.fault:
+                self._tell_fault(source, message.fault)
         elif isinstance(message, GoalResult):
             self._end(message)
         elif isinstance(message, Feedback):
@@ -317,12 +318,12 @@ class LiveRun:
         else:
             self.recorder.on_message(role, name, active, port, message, at)
 
-    def _tell_fault(self, source: tuple[str, str], report: StepReport) -> None:
+    def _tell_fault(self, source: tuple[str, str], fault: str) -> None:
         """Say what a node raised; one that raises each tick is not told of each time."""
         now = time.monotonic()
-        if report.fault and now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
+        if now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
             self._told_faults[source] = now
-            self.say(f"{' '.join(source)} failed: {report.fault}")
+            self.say(f"{' '.join(source)} failed: {fault}")
 
     def _default(self, role: str) -> str:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance

@@ -7,7 +7,8 @@ Every process of the robot is sampled for its resident memory. Growth is counted
 every buffer has filled, to the end: median of the last tenth against median of the second. A deadline is missed where
 the platform's tick began more than half a period late or was passed over. With `--record` a recorder listens beside it:
 its share of a processor, what it dropped and how large its file is are told too. With `--continuous` the laser sweeps
-without end, so that a frame of it is on its way all the time.
+without end, so that a frame of it is on its way all the time. A bare timer of the same rate and priority is counted
+beside it: what that misses is the host's doing.
 """
 
 from __future__ import annotations
@@ -76,6 +77,12 @@ def recorder_of(supervisor: int) -> int:
         if b"record" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
             return int(child)
     raise SystemExit("there is no recorder beside the robot")
+
+
+def bare_timer(seconds: float, rate: float) -> subprocess.Popen[str]:
+    """A timer that does nothing else, in a process of its own."""
+    command = [sys.executable, str(Path(__file__).with_name("bare_timer.py")), str(seconds), str(rate)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
 def drive_about(navigator: Navigator, ends: threading.Event, outcomes: dict[str, int]) -> None:
@@ -156,6 +163,7 @@ def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) ->
         samples: dict[str, list[float]] = {name: [] for name in pids}
         spent = {name: processor_time(pid) for name, pid in pids.items()}
         thread = threading.Thread(target=drive_about, args=(driver, ends, outcomes))
+        timer = bare_timer(60 * given.minutes, given.rate)
         thread.start()
         began = time.monotonic()
         while time.monotonic() - began < 60 * given.minutes:
@@ -178,6 +186,7 @@ def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) ->
         "ticks": platform["ticks"],
         "missed_deadlines": platform["late_ticks"],
         "missed_share": platform["late_ticks"] / platform["ticks"],
+        "bare_timer": json.loads(timer.communicate(timeout=30)[0]),
         "platform_stops": platform["stops"],
         "command_age_s": {name: command[f"age_{name}_s"] for name in ("p50", "p99")},
         "memory_mb": {name: [round(found[0], 1), round(found[-1], 1)] for name, found in samples.items()},

@@ -42,3 +42,17 @@ def test_a_goal_over_four_hosts_outlives_cables_that_are_pulled() -> None:
         assert fault.stopped is not None and fault.stood is not None and fault.stopped + fault.stood < CUT, fault
         assert not motors.touched
         assert robot.take_down() == {"brain": 0, "drive": 0, "base": 0, "hub": 0}
+
+
+@pytest.mark.slow
+def test_the_papers_goal_is_reached_over_four_hosts() -> None:
+    with lab(*NAMES, slow={"brain": Slow()}) as hosts:
+        robot = Robot(hosts)
+        robot.bring_up()
+        goal = hosts["desk"].start("goal", "0", "7.6", *robot.options)
+        with last_words(goal, *robot.programs.values(), ask=robot.looks):
+            goal.wait_for("succeeded: the goal was reached", 180)
+        assert goal.process.wait(20) == 0
+        motors = MotorWords(robot.motors).look()
+        assert max(speed for _, speed, _ in motors.words) > 0.3 and not motors.touched
+        assert robot.take_down() == {"brain": 0, "drive": 0, "base": 0, "hub": 0}

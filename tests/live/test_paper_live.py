@@ -1,0 +1,33 @@
+"""The paper's run live, as the README has it: `navloom up paper`, and its goal from another terminal."""
+
+from __future__ import annotations
+
+import contextlib
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from live_rig import Up, runtime_folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("realms", [("lab",), ("north", "south")], ids=["one-robot", "two-realms"])
+def test_the_papers_goal_is_reached_by_every_robot_of_this_host(realms: tuple[str, ...]) -> None:
+    with runtime_folder() as folder, contextlib.ExitStack() as ending, ThreadPoolExecutor() as terminals:
+        robots = {realm: Up(folder, ["paper", "--set", f"robot.realm={realm}"]) for realm in realms}
+        for robot in robots.values():
+            ending.callback(robot.end)
+        for robot in robots.values():
+            robot.wait_for("every node is there")
+
+        goals = {
+            realm: terminals.submit(robot.run, "goal", "0", "7.6", "--robot", f"{realm}/r1", timeout=180)
+            for realm, robot in robots.items()
+        }
+        for realm, goal in goals.items():
+            done = goal.result()
+            assert done.returncode == 0, (realm, done.stdout + done.stderr)
+            assert done.stdout.splitlines()[-1].startswith("succeeded: the goal was reached"), done.stdout
+        for realm, robot in robots.items():
+            status = robot.json("status", "--robot", f"{realm}/r1")
+            assert status["silent_nodes"] == []
+        assert [robot.end() for robot in robots.values()] == [0] * len(realms)

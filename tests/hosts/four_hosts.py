@@ -97,9 +97,9 @@ class Robot:
         return {name: self.programs[name].end() for name in ("brain", "drive", "base", "hub")}
 
     def looks(self) -> str:
-        """What the desk is told of it."""
+        """What the desk is told of it; in JSON, with what became of the messages of every stream."""
         desk = self.lab["desk"]
-        return "\n".join(desk.run(word, *self.options).stdout for word in ("list", "doctor"))
+        return "\n".join(desk.run(word, "--json", *self.options).stdout for word in ("list", "doctor"))
 
     def shuttle(self, *places: str) -> Program:
         """A program on the desk that sends it to and fro between places X,Y, and says how each goal ended."""

@@ -70,6 +70,13 @@ def test_an_unknown_host_is_refused_by_name(tmp_path: Path) -> None:
         run("paper", "--host", "base", "--out", str(tmp_path))
 
 
+@pytest.mark.parametrize("user", ["two words", "x\nExecStartPre=/bin/true", "", "-u"])
+def test_a_user_that_systemd_would_not_take_is_refused_and_nothing_is_written(tmp_path: Path, user: str) -> None:
+    with pytest.raises(ConfigError, match=r"--user .*: expected the name of a user, or a number"):
+        run("paper", f"--user={user}", "--out", str(tmp_path / "units"))
+    assert not (tmp_path / "units").exists()
+
+
 def test_a_units_command_says_ready_feeds_its_watchdog_and_says_that_it_stops(tmp_path: Path) -> None:
     run("paper", "--out", str(tmp_path))
     command = shlex.split(lines_of(tmp_path / "navloom-lab-r1-safe.service")["ExecStart"])

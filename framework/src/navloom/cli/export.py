@@ -32,6 +32,8 @@ def systemd(
 ) -> None:
     """Write a systemd unit for each process of a robot, with watchdog and restart, and a target for them all."""
     import getpass
+    import os
+    import re
     import sysconfig
 
     from navloom.cli.output import print_json
@@ -45,6 +47,8 @@ def systemd(
     if host is not None and host not in hosts:
         known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
         raise ConfigError(f"--host {host}: {known}")
+    if user is not None and not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*|[0-9]+", user):
+        raise ConfigError(f"--user {user!r}: expected the name of a user, or a number, as systemd takes it")
     path = Path(config)
     is_file = path.is_file()
     command = Command(
@@ -57,7 +61,9 @@ def systemd(
     made = units(assemble(loaded), network_of(loaded.config, host, insecure), host, command)
     out.mkdir(parents=True, exist_ok=True)
     for name, text in made.items():
-        (out / name).write_text(text, "utf-8")
+        draft = out / f".{name}.part"
+        draft.write_text(text, "utf-8")
+        os.replace(draft, out / name)
     if as_json:
         print_json({"folder": str(out.absolute()), "units": list(made)})
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -26,15 +27,27 @@ def graph(
     insecure: Insecure = False,
 ) -> None:
     """Print the nodes in the order they step and what each reads; ~ marks what is read of the previous tick."""
+    from navloom.config import ConfigError
+
+    if config is None:
+        if set_:
+            raise ConfigError(f"--set {set_[0]}: it changes a config; name one, as `navloom graph paper --set …`")
+        _live_graph(robot, connect, keys, insecure, as_json, dot)
+        return
+    for option, value in (("--robot", robot), ("--connect", connect), ("--keys", keys), ("--insecure", insecure)):
+        if value:
+            raise ConfigError(f"{option} is for a live robot, and {config} is a config; leave one of them out")
+    _config_graph(config, set_ or (), as_json, dot)
+
+
+def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool) -> None:
+    """Who reads what from whom by a config."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
     from navloom.dataflow.graph import edges
     from navloom.runtime.build import assemble
 
-    if config is None:
-        _live_graph(robot, connect, keys, insecure, as_json, dot)
-        return
-    system = assemble(load_config(config, set_ or ()))
+    system = assemble(load_config(config, changes))
     wires = edges(system.specs)
     names = {spec.role: [name for role, name in system.parts if role == spec.role] or ["main"] for spec in system.specs}
     if as_json:

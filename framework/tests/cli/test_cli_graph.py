@@ -1,0 +1,44 @@
+"""`navloom graph` of a config; that of a live robot is among the commands that look."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from navloom.cli.graph import graph
+from navloom.config import ConfigError
+from typer import Typer
+from typer.testing import CliRunner
+
+APP = Typer()
+APP.command()(graph)
+
+
+def run(*words: str) -> str:
+    done = CliRunner().invoke(APP, words, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_a_config_has_its_nodes_and_who_reads_them() -> None:
+    found = json.loads(run("paper", "--set", "avoider.plugin=vfh", "--json"))
+    assert {"role": "avoider", "instances": ["vfh"]}.items() <= next(
+        node for node in found["nodes"] if node["role"] == "avoider"
+    ).items()
+    assert any(edge["from"] == "mapper" and edge["to"] == "planner" for edge in found["edges"])
+    assert "digraph navloom {" in run("paper", "--dot")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--set", "run.seed=1"], "--set run.seed=1: it changes a config; name one"),
+        (["paper", "--robot", "lab/r1"], "--robot is for a live robot, and paper is a config"),
+        (["paper", "--connect", "tcp/127.0.0.1:7447"], "--connect is for a live robot"),
+        (["paper", "--insecure"], "--insecure is for a live robot"),
+    ],
+    ids=["set-without-config", "robot", "connect", "insecure"],
+)
+def test_options_of_the_other_kind_of_graph_are_refused(words: list[str], text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        run(*words)

@@ -6,7 +6,7 @@ How fast it stops is the campaign's to say (`campaign.py`, docs/faults.md): here
 from __future__ import annotations
 
 from fault_ends import end_of_supervisor
-from fault_kinds import PARTS, PROCESSES, STRANGERS, inject
+from fault_kinds import PARTS, PROCESSES, SEIZED, STRANGERS, inject
 from fault_rig import rig
 
 SOON, EXIT = 1.5, 10.0
@@ -16,13 +16,14 @@ CHOSEN = (
     "SIGSTOP safe, SIGCONT",
     "faulty_tracker raises each tick",
     "faulty_tracker publishes NaN past the checks",
+    "faulty_vfh computes for ever in C code",
     "commands from the future",
     "10,000 malformed messages",
 )
 
 
 def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
-    faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *STRANGERS)}
+    faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *SEIZED, *STRANGERS)}
     with rig() as robot:
         for name in CHOSEN:
             outcome = inject(robot, faults[name])

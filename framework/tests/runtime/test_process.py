@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from navloom.runtime import process
 
 STUCK = """
 import ctypes, threading
@@ -32,3 +33,29 @@ def test_a_process_that_was_told_to_end_ends_even_where_python_stands_still() ->
             assert stuck.wait(20) == -signal.SIGALRM
         finally:
             stuck.kill()
+
+
+SEIZED = """
+import re, signal, threading, time
+from navloom.runtime import process
+
+alive = process.end_unless_called(0.5)
+until = time.monotonic() + 1.0
+while time.monotonic() < until:  # computes for longer than that, but says so
+    alive()
+print("ready", flush=True)
+signal.sigtimedwait([signal.SIGUSR1], 2.0)  # waits for longer than that
+print("seized", flush=True)
+re.match(r"(a+)+$", "a" * 64 + "b")  # years in one call of C code
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_a_process_ends_that_computes_without_letting_go_of_python_and_not_one_that_waits() -> None:
+    with subprocess.Popen([sys.executable, "-c", SEIZED], stdout=subprocess.PIPE, text=True) as seized:
+        assert seized.stdout is not None and seized.stdout.readline() == "ready\n"
+        assert seized.stdout.readline() == "seized\n"
+        try:
+            assert seized.wait(20) == -process.SEIZED
+        finally:
+            seized.kill()

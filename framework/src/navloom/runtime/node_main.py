@@ -12,7 +12,7 @@ from typing import Any
 from navloom.config.loader import Loaded
 from navloom.runtime.build import assemble
 from navloom.runtime.node_process import NodeProcess, Share, leave
-from navloom.runtime.process import die_with_parent, end_on_signal, link_from_json, link_to_json
+from navloom.runtime.process import die_with_parent, end_on_signal, end_unless_called, link_from_json, link_to_json
 
 __all__ = ["main", "share_from_json", "share_to_json"]
 
@@ -21,7 +21,10 @@ CONTROL_PRIORITY = -10
 
 
 def main() -> int:
-    """Run the share of a file until told to end. Exit codes: 0 told to, 1 failed, 2 wrong request, 70 a node hung."""
+    """Run the share of a file until told to end. Exit codes: 0 told to, 1 failed, 2 wrong request, 70 a node hung.
+
+    A node that keeps Python to itself is seen by nobody in here: the system ends the process.
+    """
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
     sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes
@@ -31,8 +34,11 @@ def main() -> int:
     process = NodeProcess(assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"]))
     end_on_signal(process.ending)
     name = process.share.name
+    alive = end_unless_called(process.longest_seizure())
     try:
-        process.run(lambda text: print(f"{name}: {text}", flush=True), lambda: print(f"{name}: ready", flush=True))
+        process.run(
+            lambda text: print(f"{name}: {text}", flush=True), lambda: print(f"{name}: ready", flush=True), alive
+        )
     except Exception as error:
         print(f"{name}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
         return 2 if isinstance(error, (ValueError, OSError)) else 1

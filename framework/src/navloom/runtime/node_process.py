@@ -272,16 +272,28 @@ class NodeProcess:
             if source is not None:
                 board.fetch(source)
 
+    def longest_step(self, source: Source) -> float:
+        """s that a step of a node may take before it counts as hung."""
+        limit = self.system.config.live.hang_timeout
+        return max(limit, LONG) if source[0] in PATIENT else limit
+
+    def longest_seizure(self) -> float:
+        """s that one node may compute here without letting go of Python, while all others wait.
+
+        That of the least patient. The goal does not count: beside a mapper or a planner it has to wait.
+        """
+        sources = [source for source in self.share.sources if source[0] != "goal"] or self.share.sources
+        return min(map(self.longest_step, sources))
+
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
         """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
-        limit = self.system.config.live.hang_timeout
         while not self.ending.wait(0.1):
             now = time.monotonic()
-            for (role, name), runner in self.runners.items():
+            for source, runner in self.runners.items():
                 since = getattr(runner, "busy_since", None)
-                allowed = max(limit, LONG) if role in PATIENT else limit
+                allowed = self.longest_step(source)
                 if since is not None and now - since > allowed and runner.cell.instance.active:
-                    self.hung = f"{role} {name} has been in one step for {allowed:g} s"
+                    self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s"
                     return
             if not all(thread.is_alive() for thread in threads):
                 self.hung = "a node's thread ended by itself"

@@ -7,16 +7,19 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from navloom.runtime.links import Link
 
-__all__ = ["die_with_parent", "end_on_signal", "link_from_json", "link_to_json"]
+__all__ = ["SEIZED", "die_with_parent", "end_on_signal", "end_unless_called", "link_from_json", "link_to_json"]
 
 PR_SET_PDEATHSIG = 1
 GRACE = 4.0
 """s a process that was told to end may take; then it ends at once."""
+SEIZED = signal.SIGPROF
+"""What ends a process in which some thread computes and never lets go of Python."""
 
 
 def die_with_parent(parent: int) -> None:
@@ -41,6 +44,20 @@ def end_on_signal(ending: threading.Event) -> None:
 
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, end)
+
+
+def end_unless_called(seconds: float) -> Callable[[], None]:
+    """Gives a function that is called again and again; where it is not, while this process computes for s, it ends.
+
+    The system sees to that, since no watchdog within Python could. Time of the processor is counted, so that a process
+    which was stopped for long goes on.
+    """
+
+    def alive() -> None:
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+
+    signal.signal(SEIZED, signal.SIG_DFL)
+    return alive
 
 
 def link_to_json(link: Link) -> dict[str, Any]:

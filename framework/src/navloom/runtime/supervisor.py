@@ -22,7 +22,7 @@ from navloom.runtime.links import Link
 from navloom.runtime.node_main import share_to_json
 from navloom.runtime.node_process import HUNG, Share
 from navloom.runtime.nursery import READY, Born, Nursery
-from navloom.runtime.process import link_to_json
+from navloom.runtime.process import SEIZED, link_to_json
 
 __all__ = ["Child", "Supervisor", "Task", "node_task", "router_task"]
 
@@ -231,6 +231,8 @@ def _send(child: Child, number: signal.Signals) -> None:
 
 
 def _why(code: int) -> str:
+    if code == -SEIZED:
+        return "was ended: a node computed without ever letting go of Python"
     if code < 0:
         with contextlib.suppress(ValueError):
             return f"was ended by {signal.Signals(-code).name}"

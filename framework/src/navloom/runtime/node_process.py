@@ -34,7 +34,7 @@ from navloom.runtime.services import Services
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus, BusError
 
-__all__ = ["HUNG", "NodeProcess", "Share"]
+__all__ = ["HUNG", "NodeProcess", "Share", "longest_step"]
 
 HUNG = 70
 """Exit code of a process that gave up a node which hangs."""
@@ -119,13 +119,13 @@ class NodeProcess:
                 return
             raise
         with joined as bus:
-            threads = self._start(bus, ready)
+            threads = self._start(bus, ready, alive)
             self._watch(threads, alive)
             self.ending.set()
             for thread in threads:
                 thread.join(1.0)
 
-    def _start(self, bus: Bus, ready: Callable[[], None]) -> list[threading.Thread]:
+    def _start(self, bus: Bus, ready: Callable[[], None], alive: Callable[[], None]) -> list[threading.Thread]:
         robot = self.system.config.robot
         keys = KeySpace(robot.realm, robot.name)
         clock, memory = RunClock(), Memory()
@@ -154,7 +154,7 @@ class NodeProcess:
         board.connect()
         services.offer()
         if self.share.barrier:
-            self._await_others(bus, keys)
+            self._await_others(bus, keys, alive)
         else:
             bus.watch(keys.alive("*", "*", "*"), presence.change)
             fetching.start()
@@ -166,7 +166,7 @@ class NodeProcess:
         ready()
         return threads
 
-    def _await_others(self, bus: Bus, keys: KeySpace) -> None:
+    def _await_others(self, bus: Bus, keys: KeySpace, alive: Callable[[], None]) -> None:
         """Wait until every process hears this one and is heard: under the barrier no message may be lost.
 
         A token is declared after the streams that its process reads, on the same link: who sees it can send to all.
@@ -181,7 +181,7 @@ class NodeProcess:
         bus.watch(keys.process("*", LINKED), change)
         bus.announce(keys.process(self.share.name, LINKED))
         while not wanted <= seen and not self.ending.wait(0.005):
-            continue
+            alive()
 
     def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
         """Ask every other process what must not be forgotten; whom a new link leads to is known a moment after it."""
@@ -272,26 +272,23 @@ class NodeProcess:
             if source is not None:
                 board.fetch(source)
 
-    def longest_step(self, source: Source) -> float:
-        """s that a step of a node may take before it counts as hung."""
-        limit = self.system.config.live.hang_timeout
-        return max(limit, LONG) if source[0] in PATIENT else limit
-
     def longest_seizure(self) -> float:
         """s that one node may compute here without letting go of Python, while all others wait.
 
         That of the least patient. The goal does not count: beside a mapper or a planner it has to wait.
         """
-        sources = [source for source in self.share.sources if source[0] != "goal"] or self.share.sources
-        return min(map(self.longest_step, sources))
+        limit = self.system.config.live.hang_timeout
+        roles = [role for role, _ in self.share.sources if role != "goal"]
+        return min((longest_step(role, limit) for role in roles), default=limit)
 
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
         """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
+        limit = self.system.config.live.hang_timeout
         while not self.ending.wait(0.1):
             now = time.monotonic()
             for source, runner in self.runners.items():
                 since = getattr(runner, "busy_since", None)
-                allowed = self.longest_step(source)
+                allowed = longest_step(source[0], limit)
                 if since is not None and now - since > allowed and runner.cell.instance.active:
                     self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s"
                     return
@@ -299,6 +296,11 @@ class NodeProcess:
                 self.hung = "a node's thread ended by itself"
                 return
             alive()
+
+
+def longest_step(role: str, hang_timeout: float) -> float:
+    """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
+    return max(hang_timeout, LONG) if role in PATIENT else hang_timeout
 
 
 def leave(process: NodeProcess) -> int:

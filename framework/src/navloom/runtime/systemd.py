@@ -16,7 +16,7 @@ from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.network import Network
 from navloom.runtime.node_main import CONTROL_PRIORITY
-from navloom.runtime.node_process import LONG, PATIENT
+from navloom.runtime.node_process import longest_step
 from navloom.runtime.placing import spread
 
 __all__ = ["Command", "notify", "units"]
@@ -127,8 +127,7 @@ def _node(
     process: str, sources: tuple[Source, ...], after: tuple[str, ...], command: Command, live: LiveTable
 ) -> _Service:
     roles = dict.fromkeys(role for role, _ in sources)
-    is_patient = not PATIENT.isdisjoint(roles)
-    watchdog = max(live.hang_timeout, LONG) if is_patient else live.hang_timeout
+    watchdog = max(longest_step(role, live.hang_timeout) for role in roles)
     words = ("node", command.config, process)
     return _Service(f"{process} ({', '.join(roles)})", words, after, watchdog, PLANNING.isdisjoint(roles))
 

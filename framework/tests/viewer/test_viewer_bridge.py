@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -172,6 +173,13 @@ def test_without_the_extra_one_message_says_what_to_install(monkeypatch: pytest.
     with pytest.raises(ViewerError, match=r"uv sync --group view, or pip install 'navloom\[view\]'"):
         Bridge(Order(facts_for(), None, None, "test"))
     monkeypatch.setattr(extra, "import_module", import_module)
+
+
+def test_viewers_that_start_at_once_are_not_taken_for_each_other(server: Start) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        programs = list(pool.map(lambda _: server(), range(3)))
+    assert len({program.port for program in programs}) == 3
+    assert [program.process.poll() for program in programs] == [None] * 3
 
 
 @pytest.mark.parametrize("url", ["nonsense", "rerun+http://127.0.0.1/proxy", "127.0.0.1:9876/x", "127.0.0.1:port"])

@@ -7,7 +7,8 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import IO
@@ -15,10 +16,12 @@ from urllib.parse import urlsplit
 
 from navloom.viewer.extra import ViewerError, need_rerun
 
-__all__ = ["HOST", "Program", "address_of", "free_port", "is_up"]
+__all__ = ["HOST", "Program", "address_of", "claimed_port", "is_up"]
 
 HOST = "127.0.0.1"
 PORT, WEB_PORT = 9876, 9090
+TRIES = 20
+"""Ports that are tried where the wanted one is taken."""
 STARTED = 30.0
 """s a viewer may take until it listens."""
 MEMORY = "1GiB"
@@ -50,16 +53,28 @@ def is_up(host: str, port: int, patience: float = 0.3) -> bool:
     return True
 
 
-def free_port(wanted: int) -> int:
-    """A port of the loopback: the wanted one where it is free, else any."""
-    for port in (wanted, 0):
-        with socket.socket() as probe:
+@contextmanager
+def claimed_port(wanted: int) -> Iterator[int]:
+    """A port of the loopback, the wanted one where it is free, else any: nobody else is given it here meanwhile.
+
+    A program takes a while until it listens. Till then its port's twin of UDP, which nobody uses, tells that it is
+    taken: two viewers that start at once would be one otherwise, and show both runs.
+
+    Raises:
+        ViewerError: No port is free.
+    """
+    for port in (wanted, *[0] * TRIES):
+        with socket.socket(type=socket.SOCK_DGRAM) as twin, socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
+                twin.bind((HOST, port))
+                port = twin.getsockname()[1]
                 probe.bind((HOST, port))
             except OSError:
                 continue
-            return int(probe.getsockname()[1])
+            probe.close()
+            yield port
+            return
     raise ViewerError("no port of the loopback is free")
 
 
@@ -78,14 +93,18 @@ class Program:
     def __init__(self, web: bool = False, files: Sequence[Path] = (), options: Sequence[str] = ()) -> None:
         need_rerun()
         binary = Path(str(import_module("rerun_cli").__file__)).parent / ("rerun.exe" if os.name == "nt" else "rerun")
-        self.port = free_port(PORT)
-        self.web_port = free_port(WEB_PORT) if web else None
+        self._words: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the program
+        with claimed_port(PORT) as self.port, claimed_port(WEB_PORT) as web_port:
+            self.web_port = web_port if web else None
+            self._start(binary, files, options)
+            self._await_start()
+
+    def _start(self, binary: Path, files: Sequence[Path], options: Sequence[str]) -> None:
         command = [
             str(binary), "--bind", HOST, "--port", str(self.port), "--memory-limit", MEMORY,
             "--server-memory-limit", "256MiB", "--hide-welcome-screen", *options,
         ]  # fmt: skip
-        command += ["--serve-web", "--web-viewer-port", str(self.web_port)] if web else []
-        self._words: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the program
+        command += ["--serve-web", "--web-viewer-port", str(self.web_port)] if self.web_port is not None else []
         # CI: the viewer's makers count who uses it, over the net, but not there. Nothing of a robot's host calls home.
         environment = {**os.environ, "CI": "1"}
         # A group of its own, so that Ctrl-C ends the command and leaves what there is to see.
@@ -93,7 +112,6 @@ class Program:
             [*command, *map(str, files)], stdin=subprocess.DEVNULL, stdout=self._words, stderr=self._words,
             start_new_session=True, env=environment,
         )  # fmt: skip
-        self._await_start()
 
     @property
     def url(self) -> str:

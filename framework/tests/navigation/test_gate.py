@@ -109,3 +109,18 @@ def test_a_stop_commands_zero_at_once() -> None:
         decide(gate, {"controller": offer(0.5), "avoider": offer(0.0)})
     gate.request("stop")
     assert decide(gate, BOTH)[0] == 0.0
+
+
+@pytest.mark.parametrize("reason", ["operator", "contact", "stale: operator main"])
+def test_a_gate_that_takes_up_a_stop_stands_until_resume(reason: str) -> None:
+    gate = CommandGate(LIMITS)
+    gate.latch(reason)
+    assert gate.is_latched and decide(gate, BOTH)[0] == 0.0
+    gate.request("resume")
+    assert not gate.is_latched and decide(gate, BOTH)[1] == "controller"
+
+
+def test_a_gate_that_takes_up_no_stop_drives() -> None:
+    gate = CommandGate(LIMITS)
+    gate.latch("")
+    assert decide(gate, BOTH)[1] == "controller"

@@ -294,6 +294,27 @@ def test_a_waiting_mapper_is_given_a_sweep() -> None:
     assert ports(out) == ["drive", "sweep"] and machine.state == "mapping"
 
 
+@pytest.mark.parametrize("state", ["idle", "recovering", "waiting"])
+def test_a_mapper_that_began_anew_is_given_a_sweep_whenever_the_next_plan_is_made(state: str) -> None:
+    machine = driving()
+    trapped = {"avoider": status("trapped"), "handover": HandOver(True, 1.0)}
+    if state == "idle":
+        machine.cancel(seen(3.0))
+    elif state == "waiting":
+        machine.hold(seen(3.0))
+    else:
+        machine.step(seen(3.0, **trapped))
+    assert machine.state == state
+    machine.restart_of("mapper", seen(3.5))
+    assert machine.state == state
+    now = seen(4.0, map=a_map(1.4), recovery=RecoveryStep(STILL, "done", False))
+    if state == "idle":
+        machine.submit(replace(GOAL, goal_id=2), now)
+    elif state == "waiting":
+        machine.go_on(now)
+    assert "sweep" in ports(machine.step(now)) and machine.state == "mapping"
+
+
 def test_feedback_comes_with_each_change_and_at_its_rate() -> None:
     machine = driving()
     quiet = [port for tick in range(41, 50) for port, _ in machine.step(seen(tick / 20))]

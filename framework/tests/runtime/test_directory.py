@@ -98,3 +98,15 @@ def test_clearing_takes_what_a_robot_leaves() -> None:
     (place.path / "drive.sock").touch()
     place.clear()
     assert place.read() is None and place.sockets() == []
+
+
+def test_clearing_leaves_the_socket_of_a_node_that_is_there() -> None:
+    place = made("r1", 1)
+    for name in ("gone", "there"):
+        (place.path / f"{name}.sock").touch()
+        (place.path / f"{name}.sock.lock").touch()
+    with (place.path / "there.sock.lock").open("rb") as held:  # as Zenoh keeps it while it listens
+        fcntl.flock(held, fcntl.LOCK_EX)
+        place.clear()
+    assert [Path(end).name for end in place.sockets()] == ["there.sock"]
+    assert (place.path / "there.sock.lock").exists() and not (place.path / "gone.sock.lock").exists()

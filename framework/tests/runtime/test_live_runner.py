@@ -132,6 +132,67 @@ def test_a_mapper_that_waits_for_poses_in_vain_steps_without(clock: Clock) -> No
     assert node.poses == [0]
 
 
+def test_a_mapper_of_scans_that_come_each_tick_steps_though_the_poses_are_ticks_behind(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    for tick in range(40):
+        give(mapper, "platform", "laser", SWEEP, tick)
+        give(mapper, "platform", "step", REPORT, tick)
+        if tick >= 2:
+            give_pose(mapper, tick - 2)
+        turn(runner)
+        clock.now += PERIOD
+    assert len(node.poses) > 10  # every third tick, and not once a second
+
+
+def test_a_mapper_whose_localizer_is_gone_steps_though_scans_go_on(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    for tick in range(60):
+        give(mapper, "platform", "laser", SWEEP, tick)
+        give(mapper, "platform", "step", REPORT, tick)
+        turn(runner)
+        clock.now += PERIOD
+    assert len(node.poses) == 2  # one each second
+
+
+def test_where_the_run_clock_begins_anew_a_node_steps_by_the_new_one(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    for tick in (72_000, 72_001, 5, 6, 7):
+        give_pose(mapper, tick)
+        give(mapper, "platform", "laser", SWEEP, tick)
+        give(mapper, "platform", "step", REPORT, tick)
+        turn(runner)
+    assert node.poses == [1, 2, 1, 2, 3]  # poses of the old clock cover nothing by the new one
+
+
+def test_a_message_that_was_only_overtaken_is_passed_over(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    for tick in (300, 299, 101):
+        give_pose(mapper, tick)
+        give(mapper, "platform", "laser", SWEEP, tick)
+        give(mapper, "platform", "step", REPORT, tick)
+        turn(runner)
+    assert mapper.cell.instance.stepped == 300 and len(node.poses) == 1
+
+
+def test_an_instance_in_charge_steps_after_its_process_began_anew_though_nobody_woke_it() -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    mapper.cell.instance.enabled = mapper.cell.instance.active = False  # as an alternative that is no shadow begins
+    runner = LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
+    runner.recall({"mapper": "other"}, 1)
+    assert not mapper.cell.instance.enabled
+    runner.recall({"mapper": NAMES["mapper"]}, 2)
+    assert mapper.cell.instance.enabled and mapper.cell.instance.active
+
+
 def test_a_goal_that_was_asked_for_something_does_not_run_ahead_of_the_platform(clock: Clock) -> None:
     """What it steps by itself in is a tick that the platform has had, so that the next pose finds it in time."""
     goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))

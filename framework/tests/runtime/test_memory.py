@@ -41,6 +41,30 @@ def test_a_stop_that_was_resumed_is_not_remembered() -> None:
     assert learnt.stop == (70, "")
 
 
+@pytest.mark.parametrize(
+    ("last", "kept"),
+    [
+        (stop("contact", True), "contact"),
+        (GateStatus("none", "", True, False, "stale: operator main", ()), "stale: operator main"),
+        (GateStatus("none", "", True, False, "stale: controller law", ()), ""),
+        (GateStatus("controller", "law", False, False, "", ()), ""),
+    ],
+    ids=["contact", "operator-lost", "controller-late", "drives"],
+)
+def test_the_last_word_of_a_gate_that_ends_in_order_does_not_hide_what_held_before(last: GateStatus, kept: str) -> None:
+    memory = Memory()
+    memory.note(GATE, last, at(50))
+    memory.note(GATE, stop("ending", last.latched), at(51))
+    assert memory.stop == (50, kept)
+
+
+def test_the_latest_run_clock_is_learnt() -> None:
+    memory, other = Memory(clock_ns=5), Memory(clock_ns=70)
+    memory.learn(other.to_bytes())
+    other.learn(Memory().to_bytes())
+    assert memory.clock_ns == other.clock_ns == 70
+
+
 def test_an_older_account_changes_nothing() -> None:
     old = Memory()
     old.note(GATE, Selection(1, 5, ("avoider first",)), at(4))

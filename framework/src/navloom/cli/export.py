@@ -32,12 +32,12 @@ def systemd(
 ) -> None:
     """Write a systemd unit for each process of a robot, with watchdog and restart, and a target for them all."""
     import getpass
-    import os
     import re
     import sysconfig
 
     from navloom.cli.output import print_json
     from navloom.config import ConfigError, load_config
+    from navloom.files import write_whole
     from navloom.runtime.build import assemble
     from navloom.runtime.network import network_of
     from navloom.runtime.systemd import Command, units
@@ -61,9 +61,7 @@ def systemd(
     made = units(assemble(loaded), network_of(loaded.config, host, insecure), host, command)
     out.mkdir(parents=True, exist_ok=True)
     for name, text in made.items():
-        draft = out / f".{name}.part"
-        draft.write_text(text, "utf-8")
-        os.replace(draft, out / name)
+        write_whole(out / name, text)
     if as_json:
         print_json({"folder": str(out.absolute()), "units": list(made)})
         return

@@ -34,7 +34,10 @@ Connect = Annotated[
     str | None, typer.Option("--connect", metavar="ENDPOINT", help="Router of a robot elsewhere, as tls/10.0.0.1:7447.")
 ]
 Keys = Annotated[
-    str | None, typer.Option("--keys", metavar="DIR", help="Folder of certificates made by `navloom keys`.")
+    str | None,
+    typer.Option(
+        "--keys", metavar="DIR", help="Folder of certificates made by `navloom keys`, or one in it, as DIR/alice.pem."
+    ),
 ]
 Insecure = Annotated[bool, typer.Option("--insecure", help="Plain TCP to another host, in a closed test network only.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]

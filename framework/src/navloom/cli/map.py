@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,6 +57,7 @@ def map_recording(
 
 
 def _keep(out: Path, mapped: Any, result: dict[str, Any]) -> None:
+    from navloom.files import write_whole
     from navloom.geometry.grid import GridMap
     from navloom.geometry.world import Place
     from navloom.study.picture import draw_map_update
@@ -66,9 +67,7 @@ def _keep(out: Path, mapped: Any, result: dict[str, Any]) -> None:
     grid = mapped.update.grid
     origin = Place(grid.origin.x, grid.origin.y, grid.origin.heading)
     save_rosmap(GridMap(grid.cells, grid.resolution, origin), out / "map.yaml")
-    draft = out / ".map.png.part"
-    draw_map_update(mapped.update).save(draft, format="PNG")
-    os.replace(draft, out / "map.png")
-    draft = out / ".result.json.part"
-    draft.write_text(json.dumps(result, indent=2) + "\n", "utf-8")
-    os.replace(draft, out / "result.json")
+    picture = io.BytesIO()
+    draw_map_update(mapped.update).save(picture, format="PNG")
+    write_whole(out / "map.png", picture.getvalue())
+    write_whole(out / "result.json", json.dumps(result, indent=2) + "\n")

@@ -61,14 +61,13 @@ def router(
     from pathlib import Path
 
     from navloom.cli.up import ending
-    from navloom.runtime.links import Link
+    from navloom.runtime.joining import split_name
+    from navloom.runtime.links import Link, certificate
     from navloom.runtime.router_main import route
     from navloom.runtime.systemd import notify
 
-    realm, slash, name = robot.partition("/")
-    if not slash or not realm or not name:
-        raise typer.BadParameter(f"--robot {robot}, expected REALM/NAME, as in lab/r1")
-    folder = Path(keys) if keys else None
+    realm, name = split_name(robot)
+    folder, _ = certificate(Path(keys) if keys else None, "router")
     link = Link("router", (listen,), (), folder, "router" if folder else None, insecure, realm, name)
     with ending() as event:
 

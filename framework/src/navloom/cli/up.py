@@ -92,13 +92,19 @@ def _end(running: Any) -> None:
 
     from navloom.runtime.directory import DirectoryError, RobotFolder
 
+    name = f"{running.realm}/{running.robot}"
+    if not running.supervised:
+        raise DirectoryError(
+            f"robot {name} was not brought up by `navloom up`: end each `navloom node` where it runs, with Ctrl-C, or "
+            f"all of them with `systemctl stop navloom-{running.realm}-{running.robot}.target` where systemd has them"
+        )
     with contextlib.suppress(ProcessLookupError):
         os.kill(running.pid, signal.SIGTERM)
     folder = RobotFolder(running.realm, running.robot)
     limit = time.monotonic() + DOWN
     while time.monotonic() < limit:
-        if folder.lock():  # it holds the lock for as long as it lives
-            folder.unlock()
+        now = folder.read()  # None once nobody holds the robot's lock any more
+        if now is None or now.pid != running.pid:
             return
         time.sleep(0.02)
     raise DirectoryError(
@@ -132,7 +138,7 @@ def _beside(record: Path | None, say: Callable[[str], None]) -> Callable[[Any], 
         return None
     from navloom.recording.beside import recorder_beside
 
-    return lambda robot: recorder_beside(robot.keys.prefix, record, say)
+    return lambda robot: recorder_beside(robot.keys.prefix, record, say, robot.network.insecure)
 
 
 def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, as_json: bool) -> Any:

@@ -194,6 +194,10 @@ class GateNode:
         self.selected |= selected
         self.gate.latch(latched)
 
+    def begin_anew(self) -> None:
+        """The run clock began anew: the selection in force holds from its beginning."""
+        self._from_tick = 0
+
     @property
     def pending(self) -> list[str]:
         """Swaps that wait, as "role instance", in order of role."""

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 from navloom.messages import GateStatus, Twist2D
 
-__all__ = ["STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
+__all__ = ["ENDING", "LEFT", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
+ENDING = "ending"
+"""Reason of the last stop of a gate that ends in order."""
+LEFT = "stale: operator"
+"""How the reason begins while an operator who drove is not heard: nobody else drives until `resume`."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +110,8 @@ class CommandGate:
         return self._operator_stop or self._contact
 
     def latch(self, reason: str) -> None:
-        """Take up the stop of a gate before this one."""
-        self._operator_stop = reason == "operator"
+        """Take up the stop of a gate before this one. Of an operator who drove then nothing more is known."""
+        self._operator_stop = reason == "operator" or reason.startswith(LEFT)
         self._contact = reason == "contact"
 
     def choose(

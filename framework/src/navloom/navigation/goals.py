@@ -146,10 +146,11 @@ class GoalMachine:
     def restart_of(self, role: str, seen: Seen) -> None:
         """A mapper that came back has no map, a planner that came back no request."""
         active = self._active
+        if role == "mapper":
+            self._has_scanned = False
         if active is None or self.state not in ("mapping", "planning", "driving"):
             return
         if role == "mapper" and self.rules.scans_on_request:
-            self._has_scanned = False
             self._need_map(seen)
         elif role == "planner" and self.state == "planning":
             self._ask_plan(active, seen)
@@ -214,7 +215,7 @@ class GoalMachine:
             self._recover(active, "no_progress", seen)
         elif self._is_unfollowed(active, seen):
             self._ask_plan(active, seen)
-        elif not self._drive.stop_here:
+        else:
             self._replan(active, seen)
 
     def _while_recovering(self, active: _Active, seen: Seen) -> None:

@@ -18,18 +18,20 @@ CLOSE = 15.0
 
 
 @contextmanager
-def recorder_beside(prefix: str, path: Path, say: Callable[[str], None]) -> Iterator[None]:
+def recorder_beside(prefix: str, path: Path, say: Callable[[str], None], insecure: bool = False) -> Iterator[None]:
     """Record a robot that is up, for the time of a `with` statement, which begins once it is heard.
 
     Args:
         prefix: REALM/ROBOT.
         path: File to write.
         say: Told what the recorder says.
+        insecure: Plain TCP beyond this host was asked for.
 
     Raises:
         WriteError: It could not begin.
     """
     command = [sys.executable, "-m", "navloom", "record", "--robot", prefix, "--out", str(path)]
+    command += ["--insecure"] if insecure else []
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert child.stdout is not None
     first = child.stdout.readline().removeprefix("navloom: ").strip()

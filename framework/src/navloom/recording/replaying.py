@@ -17,7 +17,7 @@ from navloom.messages.codec import encode, schema_label
 from navloom.recording.feeding import Chosen, Fed, Feeder, Step, told_of
 from navloom.recording.reader import RawRecorded, Recording
 from navloom.recording.shelf import Entry, Shelf
-from navloom.runtime.build import System, changed_params, make_plugins, role_nodes
+from navloom.runtime.build import System, configure, make_plugins, role_nodes
 from navloom.runtime.executor import own_node
 from navloom.runtime.keyspace import STEP
 
@@ -282,7 +282,7 @@ class Replayer:
                 node.notes.append(f"its parameters of version {version} are not in the recording")
                 continue
             try:
-                self.system.plugin(role, name).configure(changed_params(self.system, role, name, values))
+                configure(self.system, role, name, values)
             except ConfigError as error:
                 node.notes.append(f"its parameters of version {version} do not fit: {error}")
 

@@ -17,7 +17,11 @@ ROLES: dict[str, type[Role]] = {
 ROLE_API: dict[str, int] = dict.fromkeys(ROLES, 1)
 """Major version of each role that this framework speaks."""
 
+PATIENT = frozenset({"mapper", "planner", "recovery"})
+"""Roles whose step may take long: no motor waits for it."""
+
 __all__ = [
+    "PATIENT",
     "ROLES",
     "ROLE_API",
     "Avoider",

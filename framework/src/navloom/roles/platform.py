@@ -72,4 +72,7 @@ class Platform(Role):
 
     @abstractmethod
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Drive with the command until the time asked for, and report."""
+        """Drive with the command until the time asked for, and report.
+
+        Live it must return well within the gate's `stop_deadline`: no other command is handed on meanwhile.
+        """

@@ -185,6 +185,23 @@ def make_plugins(
         )
         with _blamed(part, "__init__"):
             part.plugin = part.cls(part.params, context)
+        if role != "platform":  # a second one might take the robot's ports from the first
+            _try_set_events(system, part, context)
+
+
+def _try_set_events(system: System, part: Part, context: Context) -> None:
+    """Refuse parameter changes that the plugin will not take when their time comes."""
+    values: dict[str, Any] = part.params.model_dump(exclude_unset=True)
+    for number, event in enumerate(system.config.event):
+        if event.do == "set" and event.role == part.role and event.name in (None, part.table.instance):
+            if event.name is None and part.place != part.role:
+                continue
+            values |= event.values
+            try:
+                with _blamed(part, "configure"):
+                    part.cls(check_params(part.cls.Params, values, part.place), context)
+            except ConfigError as error:
+                raise ConfigError(f"event.{number}.values: {error}") from None
 
 
 @contextmanager
@@ -219,6 +236,24 @@ def changed_params(system: System, role: str, instance: str, assignments: tuple[
     current = part.params if part.plugin is None else part.plugin.params
     values = {**current.model_dump(exclude_unset=True), **tomllib.loads("\n".join(assignments))}
     return check_params(part.cls.Params, values, role if part.place == role else f"{role}.{instance}")
+
+
+def configure(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> None:
+    """Change some of an instance's parameters, all or none: a plugin that refuses them is as it was before.
+
+    Raises:
+        ConfigError: They do not fit, or not together; PluginError: the plugin breaks at them.
+    """
+    params = changed_params(system, role, instance, assignments)
+    plugin = system.plugin(role, instance)
+    before = dict(vars(plugin))
+    try:
+        with _blamed(system.parts[(role, instance)], "configure"):
+            plugin.configure(params)
+    except BaseException:
+        vars(plugin).clear()
+        vars(plugin).update(before)
+        raise
 
 
 def stride_of(table: RoleTable, period: float) -> int:

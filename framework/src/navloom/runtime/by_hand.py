@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -27,6 +28,8 @@ __all__ = ["chosen_sources", "share_by_hand"]
 
 LEFT = 3.0
 """s until a node that died is no longer shown as there."""
+STAND = 0.5
+"""s between two looks whether anybody stands for the robot."""
 
 
 def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
@@ -81,27 +84,56 @@ def share_by_hand(
     if keys is not None:
         network = replace(network, keys=Path(keys))
     _refuse_doubles(network, sources)
-    name = "-".join(dict.fromkeys(role for role, _ in sources))[:24] + f"-{os.getpid()}"
-    now = time.monotonic_ns()
-    if network.router:
-        yield Share(name, sources, network.links(RobotFolder(network.realm, network.robot), [name])[name], False, now)
-        return
     folder = RobotFolder(network.realm, network.robot)
     folder.make()
-    name = ".".join(sources[0])
-    own = folder.socket(name)
-    # A process started at the same moment has no socket yet: whatever it will be called is tried until it is there.
-    possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
-    link = peer_link(own, (*folder.sockets(), *possible), network.realm, network.robot)
-    is_first = folder.lock()
-    if is_first:
-        folder.write(Running(network.realm, network.robot, os.getpid(), (own,), False, system.loaded.name, False))
+    if network.router:
+        name = "-".join(dict.fromkeys(role for role, _ in sources))[:24] + f"-{os.getpid()}"
+        link = network.links(folder, [name])[name]
+        ends = link.connect
+    else:
+        name = ".".join(sources[0])
+        # One started at the same moment has no socket yet: whatever it will be called is tried until it is there.
+        possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
+        link = peer_link(folder.socket(name), (*folder.sockets(), *possible), network.realm, network.robot)
+        ends = link.listen
+    shown = "" if network.folder is None else str(network.folder.absolute())
+    running = Running(
+        network.realm, network.robot, os.getpid(), ends, bool(network.router), system.loaded.name, False, shown, False
+    )
+    with _standing(folder, running):
+        try:
+            yield Share(name, sources, link, False, time.monotonic_ns())
+        finally:
+            with suppress(OSError):
+                (folder.path / f"{name}.sock").unlink()
+
+
+@contextmanager
+def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
+    """One of the processes that nobody supervises stands for the robot on this host, so that commands find it.
+
+    When that one ends, another does so within a moment. Beside a robot that is supervised nobody does.
+    """
+    ended = threading.Event()
+    holder = folder.read()
+    if holder is not None and holder.supervised:
+        yield
+        return
+
+    def stand() -> None:
+        while not folder.lock():
+            if ended.wait(STAND):
+                return
+        folder.write(running)
+
+    thread = threading.Thread(target=stand, daemon=True)
+    thread.start()
     try:
-        yield Share(name, sources, link, False, now)
+        yield
     finally:
-        with suppress(OSError):
-            (folder.path / f"{name}.sock").unlink()
-        if is_first:
+        ended.set()
+        thread.join()
+        if folder.is_held:
             with suppress(OSError):
                 (folder.path / "robot.json").unlink()
             folder.unlock()

@@ -12,12 +12,31 @@ from navloom.messages import Message
 from navloom.messages.codec import CodecError, decode
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.zenoh_bus import Bus
+from navloom.runtime.zenoh_bus import Answer, Bus
 
-__all__ = ["Client", "ClientError", "Refused"]
+__all__ = ["OPEN", "Client", "ClientError", "Refused"]
 
 JOIN = 2.0
 """s until a tool has found the robot's processes."""
+
+OPEN: Mapping[str, Any] = {
+    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch", "busy_s", "silence_s")),
+    **{key: {} for key in ("versions", "published", "streams", "places", "hosts")},
+    "clock_ns": -1,
+    "faulted": 0,
+    "fault": "",
+}
+"""What a node that does not answer leaves open, and one of another version perhaps."""
+_NUMBER, _NONE = (int, float), type(None)
+_TYPES: Mapping[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
+    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns"), int),
+    **dict.fromkeys(("active", "enabled"), bool),
+    **dict.fromkeys(("busy_s", "silence_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
+    **dict.fromkeys(("versions", "published", "streams", "places", "hosts"), dict),
+    "plugin": (str, _NONE),
+}
+"""What an instance says of itself, as far as others reckon with it."""
 
 
 class ClientError(RuntimeError):
@@ -49,6 +68,10 @@ class Client:
         """Whether any node of the robot is there."""
         return bool(self.bus.alive(self.keys.alive("*", "*", "*")))
 
+    def lives(self, role: str, instance: str) -> set[str]:
+        """Lives in which an instance is there: one, of which another takes the place when it begins anew."""
+        return {key.rpartition("/")[2] for key in self.bus.alive(self.keys.alive(role, instance, "*"))}
+
     def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 4.0) -> Any:
         """What an instance answers.
 
@@ -63,7 +86,12 @@ class Client:
                     if answer.refusal == "Timeout":
                         break
                     raise Refused(answer.refusal)
-                return json.loads(answer.data)
+                try:
+                    return json.loads(answer.data)
+                except ValueError:
+                    raise ClientError(
+                        f"robot {self.keys.prefix}: {role} {instance} answers {service} with no JSON"
+                    ) from None
             if time.monotonic() > limit:
                 raise ClientError(
                     f"robot {self.keys.prefix}: {role} {instance} does not answer ({service}); "
@@ -84,5 +112,31 @@ class Client:
         found = {}
         for answer in self.bus.ask(self.keys.port("*", "*", "describe"), timeout=timeout):
             if not answer.refusal:
-                found[answer.key] = json.loads(answer.data)
+                described = self.described(answer)
+                if described is not None:
+                    found[answer.key] = described
         return [found[key] for key in sorted(found)]
+
+    def described(self, answer: Answer) -> dict[str, Any] | None:
+        """What an instance says of itself; None for what is no description.
+
+        Who it is its key tells: a shadow's plugin may answer anything, but only under its own name.
+        """
+        try:
+            given = json.loads(answer.data)
+        except ValueError:
+            return None
+        if not isinstance(given, dict) or not all(
+            isinstance(given[name], kinds) for name, kinds in _TYPES.items() if name in given
+        ):
+            return None
+        told = {**OPEN, **given}
+        names = [*told["places"].items(), *told["hosts"].items()]
+        if not all(isinstance(name, str) for pair in names for name in pair) or not all(
+            " " in node for node in told["places"]
+        ):
+            return None
+        if not all(isinstance(counts, dict) for counts in told["streams"].values()):
+            return None
+        role, instance, _ = self.keys.split(answer.key)
+        return {**told, "role": role, "instance": instance}

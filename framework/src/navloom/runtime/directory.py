@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from navloom.files import write_whole
+
 __all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtime_folder"]
 
 LONGEST_SOCKET = 100
@@ -36,6 +38,7 @@ class Running:
         config: What it was started with.
         barrier: It runs under a barrier.
         keys: Folder of certificates, empty for none.
+        supervised: By `pid`; else its processes were started one by one, and `pid` is the one that stands for them.
     """
 
     realm: str
@@ -46,6 +49,7 @@ class Running:
     config: str
     barrier: bool
     keys: str = ""
+    supervised: bool = True
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,11 @@ class RobotFolder:
         os.close(claim)
         return False
 
+    @property
+    def is_held(self) -> bool:
+        """This process has claimed the robot."""
+        return self._lock is not None
+
     def unlock(self) -> None:
         """Leave the robot to another process."""
         if self._lock is not None:
@@ -128,9 +137,7 @@ class RobotFolder:
 
     def write(self, running: Running) -> None:
         """Say what runs here, at once or not at all."""
-        part = self.path / "robot.json.part"
-        part.write_text(json.dumps(asdict(running)), "utf-8")
-        part.replace(self.path / "robot.json")
+        write_whole(self.path / "robot.json", json.dumps(asdict(running)))
 
     def read(self) -> Running | None:
         """What runs here; None where nothing does any more.
@@ -141,17 +148,7 @@ class RobotFolder:
 
     def is_claimed(self) -> bool:
         """Whether a process has the robot now."""
-        try:
-            look = os.open(self.path / "lock", os.O_RDONLY | os.O_CLOEXEC)
-        except OSError:
-            return False
-        try:
-            fcntl.flock(look, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:
-            return True
-        finally:
-            os.close(look)
-        return False
+        return _is_locked(self.path / "lock")
 
     def told(self) -> Running | None:
         """What was written here, whether it still runs or not."""
@@ -163,9 +160,7 @@ class RobotFolder:
 
     def write_fates(self, fates: Mapping[str, Fate]) -> None:
         """Say what has become of each process."""
-        part = self.path / "fates.json.part"
-        part.write_text(json.dumps({name: asdict(fate) for name, fate in fates.items()}), "utf-8")
-        part.replace(self.path / "fates.json")
+        write_whole(self.path / "fates.json", json.dumps({name: asdict(fate) for name, fate in fates.items()}))
 
     def fates(self) -> dict[str, Fate]:
         """What has become of each process; empty where nobody supervises any."""
@@ -183,11 +178,28 @@ class RobotFolder:
         return ""
 
     def clear(self) -> None:
-        """Remove what a robot that ended has left."""
+        """Remove what a robot that ended has left; not the socket of a node that was started by hand and is there."""
+        kept = {path for path in self.path.glob("*.sock") if _is_locked(path.with_name(f"{path.name}.lock"))}
+        kept |= {path.with_name(f"{path.name}.lock") for path in kept}
         for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.json", "*.part"):
-            for path in self.path.glob(pattern):
+            for path in {*self.path.glob(pattern)} - kept:
                 with contextlib.suppress(OSError):
                     path.unlink()
+
+
+def _is_locked(path: Path) -> bool:
+    """Another process has the file to itself, as each that listens at a socket has the one beside it."""
+    try:
+        look = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(look, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(look)
+    return False
 
 
 def robots() -> Iterator[Running]:

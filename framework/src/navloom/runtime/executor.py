@@ -17,7 +17,7 @@ from navloom.navigation.gate import CommandGate, Limits
 from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.goals import GoalMachine
 from navloom.navigation.replanning import ReplanRules
-from navloom.runtime.build import System, changed_params, role_nodes, stride_of
+from navloom.runtime.build import System, configure, role_nodes, stride_of
 from navloom.runtime.lockstep import Lockstep, Observer
 from navloom.runtime.trace import TraceWriter
 from navloom.runtime.wiring import Instance, Slot, Wire
@@ -43,10 +43,9 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
             _wire(instance, {role: found[0] for role, found in by_role.items()})
     executor = Lockstep(
         [instance for spec in system.specs for instance in by_role[spec.role]],
-        {key: system.plugin(*key) for key in system.parts},
         period,
         schedule(system.config, system.goal),
-        lambda role, instance, values: changed_params(system, role, instance, values),
+        lambda role, instance, values: configure(system, role, instance, values),
         observers,
         trace,
     )

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from navloom.roles import PATIENT
 from navloom.runtime import links
 
 __all__ = ["Finding", "differing", "failing", "flowing", "sharing", "unheard"]
@@ -16,7 +17,6 @@ POOL = links.POOL / 2**20
 """MB of shared memory a process takes for large messages."""
 BUSY, BUSY_LONG = 0.5, 5.0
 """s in one step after which a node is said to be busy, and one that may compute for long."""
-PATIENT = ("mapper", "planner", "recovery")
 SILENT = 1.0
 """s without the platform after which a process does not hear it."""
 FEW = 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +13,10 @@ from navloom.plugins.registry import close_to
 from navloom.runtime.client import Client
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running, robots
 from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.links import Link
+from navloom.runtime.links import Link, certificate
 from navloom.runtime.zenoh_bus import Bus
 
-__all__ = ["find_robot", "join", "joined"]
+__all__ = ["find_robot", "join", "joined", "split_name"]
 
 FOUND = 2.0
 """s to wait for the robot's first process."""
@@ -44,6 +45,22 @@ def find_robot(robot: str | None) -> Running:
     raise DirectoryError(f"--robot {robot}: it is not up on this host{up}{close_to(robot, names)}")
 
 
+def split_name(robot: str) -> tuple[str, str]:
+    """REALM and NAME of a robot. Raises DirectoryError for what is no name: a wildcard would speak to several."""
+    named = re.fullmatch(r"([A-Za-z0-9_-]+)/([A-Za-z0-9_-]+)", robot)
+    if named is None:
+        raise DirectoryError(f"--robot {robot}: expected REALM/NAME of letters, digits, - and _, as in lab/r1")
+    return named[1], named[2]
+
+
+def _shown(keys: str | None, identity: str) -> tuple[Path | None, str | None]:
+    """Folder and name of the certificate that a tool shows."""
+    folder, name = certificate(Path(keys) if keys else None, identity)
+    if folder is not None and name == "viewer" and not (folder / "viewer.pem").exists():
+        name = "operator" if (folder / "operator.pem").exists() else name
+    return folder, name
+
+
 @contextmanager
 def join(
     robot: str | None = None,
@@ -57,8 +74,8 @@ def join(
     Args:
         robot: REALM/NAME; None for the only one that is up, or, with `connect`, lab/r1.
         connect: Endpoint of a router elsewhere; None looks on this host.
-        keys: Folder of certificates; None takes those the robot was started with.
-        identity: Name of the certificate.
+        keys: Folder of certificates, or one in it; None takes those the robot was started with.
+        identity: Name of the certificate, where `keys` names none. An operator's does for a viewer's.
         insecure: Plain TCP to another host was asked for.
 
     Raises:
@@ -66,18 +83,15 @@ def join(
     """
     home: RobotFolder | None = None
     if connect is not None:
-        realm, _, name = (robot or "lab/r1").partition("/")
-        if not realm or not name:
-            raise DirectoryError(f"--robot {robot}: expected REALM/NAME, as in lab/r1")
-        folder = Path(keys) if keys else None
-        link = Link("client", (), (connect,), folder, identity if folder else None, insecure, realm, name)
+        realm, name = split_name(robot or "lab/r1")
+        link = Link("client", (), (connect,), *_shown(keys, identity), insecure, realm, name)
     else:
         running = find_robot(robot)
         realm, name = running.realm, running.robot
         home = RobotFolder(realm, name)
-        folder = Path(keys or running.keys) if keys or running.keys else None
         if running.via_router:
-            link = Link("client", (), running.endpoints, folder, identity if folder else None, insecure, realm, name)
+            shown = _shown(keys or running.keys, identity)
+            link = Link("client", (), running.endpoints, *shown, insecure, realm, name)
         else:
             sockets = tuple(RobotFolder(realm, name).sockets()) or running.endpoints
             link = Link("peer", (), sockets, realm=realm, robot=name)

@@ -78,6 +78,13 @@ class Link:
     shared_memory: bool = True
 
 
+def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:
+    """Folder and name of the certificate to show: the one that a file NAME.pem is, else the usual one of a folder."""
+    if keys is None:
+        return None, None
+    return (keys.parent, keys.stem) if keys.suffix == ".pem" else (keys, usual)
+
+
 def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str) -> Link:
     """How a process joins its neighbours on one host. Of two, the one whose socket's name comes later calls the other.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from navloom.dataflow.nodes import Outputs, Tick, fault_text
@@ -95,9 +95,15 @@ class LiveRunner:
             and selection.epoch > self.cell.epoch
             and selection.from_tick <= self.clock.tick
         ):
-            self.cell.select(selection)
+            self.recall(dict(entry.split(" ", 1) for entry in selection.instances), selection.epoch)
         while self._changes:
             self._changes.popleft()()
+
+    def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
+        """Read these instances from now on; one that is itself in charge steps, woken in this life or in one before."""
+        self.cell.recall(chosen, epoch)
+        instance = self.cell.instance
+        instance.enabled = instance.enabled or instance.active
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         self.done[source] = at.tick
@@ -115,9 +121,25 @@ class LiveRunner:
                 if is_known or slot.tick - BACKWARDS < envelope.tick < slot.tick:
                     feed.inlet.counts.late += 1
                     continue
+                if envelope.tick < slot.tick:
+                    slot.tick, slot.older = -1, (None, None, -1)
+                    self.begin_anew(envelope.tick)
             slot.take(message, envelope, envelope.tick)
             if feed.source[0] == "platform" and feed.wire.input.port == "odometry":
                 self.clock.observe(envelope.stamp_ns, feed.inlet.arrived_ns, envelope.tick)
+
+    def begin_anew(self, tick: int) -> None:
+        """The run clock began anew, and is at this tick: what the old one left is as far ahead as it had run."""
+        instance, limit = self.cell.instance, tick + BACKWARDS
+        if instance.stepped >= limit:
+            instance.stepped = -1
+        self.done = {source: done for source, done in self.done.items() if done < limit}
+        self._waits_since = (-1, 0.0)
+        for wire in instance.wires:
+            if wire.queue is not None:
+                kept = [entry for entry in wire.queue if entry[0] < limit]
+                wire.queue.clear()
+                wire.queue.extend(kept)
 
     # --- when to step -----------------------------------------------------------------------------------------------
 
@@ -138,13 +160,14 @@ class LiveRunner:
         return None
 
     def _awaits_siblings(self, number: int) -> bool:
-        """Give what belongs to the same tick a moment to come in."""
-        late = [s for s in self._siblings if self.in_charge(s) and self.done.get(s, -1) < number]
+        """Give what belongs to the same tick a moment to come in; what comes after it is not waited for meanwhile."""
+        wanted = number if self._waits_since[0] < 0 else min(number, self._waits_since[0])
+        late = [s for s in self._siblings if self.in_charge(s) and self.done.get(s, -1) < wanted]
         if not late:
             self._waits_since = (-1, 0.0)
             return False
         now = time.monotonic()
-        if self._waits_since[0] != number:
+        if self._waits_since[0] < 0:
             self._waits_since = (number, now)
             return True
         if now - self._waits_since[1] < self._patience:

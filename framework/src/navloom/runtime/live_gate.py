@@ -8,6 +8,7 @@ from collections.abc import Callable
 from navloom.dataflow.nodes import Outputs, Tick
 from navloom.dataflow.own_nodes import GateNode
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
+from navloom.navigation.gate import ENDING
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
@@ -63,7 +64,12 @@ class LiveGate(LiveRunner):
         """Until the process ends; then the robot is told to stand."""
         super().run()
         tick = self._tick(self.clock.tick)
-        self._send(self.gate.stop("ending", tick.time_ns), tick)
+        self._send(self.gate.stop(ENDING, tick.time_ns), tick)
+
+    def begin_anew(self, tick: int) -> None:
+        """Selections hold at once by the new clock."""
+        super().begin_anew(tick)
+        self.gate.begin_anew()
 
     def wait_time(self) -> float:
         """s to wait for news at most."""
@@ -77,6 +83,8 @@ class LiveGate(LiveRunner):
         self.gate.now_ns = clock.now_ns()
         self.gate.is_silent = clock.silence_s() > self.deadline
         self.gate.gone = self._gone()
+        for source in [source for source in self._marks if not self.is_alive(source)]:
+            del self._marks[source], self._enabled[source]  # what takes its place has to warm up anew
         number = clock.tick
         if number > instance.stepped and (self._is_complete(number) or clock.silence_s() >= HOLD * self.period):
             self.step("tick", number)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from navloom.dataflow.nodes import Outputs, PlatformNode, Tick
+from navloom.dataflow.nodes import Outputs, PlatformNode, Tick, fault_text
 from navloom.messages import Command, Twist2D
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
@@ -53,6 +53,8 @@ class LivePlatform(LiveRunner):
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._taken: object = None
         self._twist = STILL
+        self._is_driven = True
+        self._refusal = ""
         self._cause_ns = -1
         self._next = -1
 
@@ -61,8 +63,10 @@ class LivePlatform(LiveRunner):
         while not self._may_begin() and not self.ends():
             time.sleep(CHECK)
         self._next = max(0, -(-self._now_ns() // self.period_ns))
-        super().run()
-        self._drive(STILL)
+        try:
+            super().run()
+        finally:
+            self._drive(STILL)
 
     def wait_time(self) -> float:
         """s to the next tick, or to the next look at the gate's command."""
@@ -83,18 +87,25 @@ class LivePlatform(LiveRunner):
     def _follow_gate(self) -> None:
         slot, now_ns = self._feeds["command"].slot, self._now_ns()
         message, envelope = slot.message, slot.envelope
+        wanted = None if self._is_driven else self._twist
         if message is not self._taken and isinstance(message, Command) and envelope is not None:
             self._taken = message
             if 0 <= now_ns - envelope.cause_ns <= self.deadline_ns:
-                self._cause_ns = envelope.cause_ns
-                self._drive(message.twist)
+                self._cause_ns, wanted = envelope.cause_ns, message.twist
         if self._twist != STILL and now_ns - self._cause_ns > self.deadline_ns:
             self.stops += 1
-            self._drive(STILL)
+            wanted = STILL
+        if wanted is not None:
+            self._drive(wanted)
 
     def _drive(self, twist: Twist2D) -> None:
+        """Tell the wheels; where that fails it is tried again at the next look, and the tick's report says so."""
         self._twist = twist
-        self.platform.drive(twist, max(0, self._now_ns()))
+        try:
+            self.platform.drive(twist, max(0, self._now_ns()))
+            self._is_driven = True
+        except (Exception, SystemExit) as error:
+            self._is_driven, self._refusal = False, fault_text(error, self.cell.instance.node)
 
     def _advance(self, number: int) -> None:
         cell, instance = self.cell, self.cell.instance
@@ -104,6 +115,9 @@ class LivePlatform(LiveRunner):
         given: dict[str, Any] = instance.read(number, number - 1)
         given["command"] = Command(self._twist)
         outputs, spent, fault = self.run_node(tick, given)
+        if self._refusal:
+            fault = self.fault = fault or self._refusal
+            self.faulted, self._refusal = max(1, self.faulted), ""
         instance.stepped = number
         cell.publish(_odometry_last(outputs), tick, time_ns)
         self.clock.observe(time_ns, time.monotonic_ns(), number)

@@ -11,7 +11,6 @@ from navloom.dataflow.nodes import Tick, fault_text
 from navloom.dataflow.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.messages import Envelope, GoalResult, Message, OperatorRequest, Selection, StepRecord
 from navloom.messages.codec import encode
-from navloom.roles import Role
 from navloom.runtime.trace import TraceWriter
 from navloom.runtime.wiring import Instance
 
@@ -73,10 +72,9 @@ class Lockstep:
 
     Args:
         instances: In the order they step; of a role the active one first.
-        plugins: By (role, instance), for parameter changes.
         period: s.
         requests: Operators' requests by tick.
-        params: Checks parameters for `set`: (role, instance, assignments) to the plugin's parameters.
+        configure: Changes parameters for `set`: (role, instance, assignments).
         observers: Who looks on.
         trace: Where the active nodes' messages go.
     """
@@ -84,18 +82,16 @@ class Lockstep:
     def __init__(
         self,
         instances: Sequence[Instance],
-        plugins: Mapping[tuple[str, str], Role],
         period: float,
         requests: Mapping[int, Sequence[OperatorRequest]],
-        params: Callable[[str, str, tuple[str, ...]], object],
+        configure: Callable[[str, str, tuple[str, ...]], None],
         observers: Sequence[Observer] = (),
         trace: TraceWriter | None = None,
     ) -> None:
         self.instances = list(instances)
-        self.plugins = plugins
         self.period = period
         self.requests = dict(requests)
-        self.params = params
+        self.configure = configure
         self.trace = trace or TraceWriter()
         self.log = RunLog()
         self._by_name = {(i.spec.role, i.name): i for i in self.instances}
@@ -225,8 +221,7 @@ class Lockstep:
         """Hand a request to the nodes, and do what only the executor can: parameters, and waking who waits."""
         self._operator.requests.append(request)
         if request.do == "set":
-            plugin = self.plugins[(request.role, request.instance)]
-            plugin.configure(self.params(request.role, request.instance, request.values))
+            self.configure(request.role, request.instance, request.values)
             key = (request.role, request.instance)
             self._versions[key] = self._versions.get(key, 0) + 1
         elif request.do == "swap":

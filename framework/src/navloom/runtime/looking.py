@@ -11,7 +11,7 @@ import numpy as np
 
 from navloom.messages import Envelope, GateStatus, Message, Parameters
 from navloom.messages.codec import CodecError, decode
-from navloom.runtime.client import Client
+from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.quality import is_retained
 
@@ -35,15 +35,6 @@ __all__ = [
 
 FIRST = 4
 """Entries of an array that are shown where it is summarised."""
-_OPEN: Mapping[str, Any] = {
-    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch", "busy_s", "silence_s")),
-    **{key: {} for key in ("versions", "published", "streams", "places", "hosts")},
-    "clock_ns": -1,
-    "faulted": 0,
-    "fault": "",
-}
-"""What a node that does not answer leaves open, and one of another version perhaps."""
-
 _STOPS = {
     "operator": ("an operator stopped it", "`navloom resume` lets it drive again"),
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
@@ -84,13 +75,13 @@ class Missing(NamedTuple):
 
 def listing(client: Client) -> list[dict[str, Any]]:
     """Every node, in the order of the graph: what it says of itself, and those that are announced but do not answer."""
-    nodes = [{**_OPEN, **node, "answers": True} for node in client.describe()]
+    nodes = [{**node, "answers": True} for node in client.describe()]
     answered = {(node["role"], node["instance"]) for node in nodes}
     places = _places(nodes)
     announced = {client.keys.split(key)[:2] for key in client.bus.alive(client.keys.alive("*", "*", "*"))}
     for role, name in sorted(announced - answered):
         process = places.get(f"{role} {name}")
-        nodes.append({**_OPEN, "role": role, "instance": name, "process": process, "answers": False})
+        nodes.append({**OPEN, "role": role, "instance": name, "process": process, "answers": False})
     order = {node: number for number, node in enumerate(places)}
     return sorted(nodes, key=lambda n: (order.get(f"{n['role']} {n['instance']}", len(order)), n["role"]))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.messages import Envelope, Feedback, GateStatus, Message, Parameters, Selection
+from navloom.navigation.gate import ENDING, LEFT
 
 __all__ = ["Memory"]
 
@@ -17,10 +18,11 @@ class Memory:
 
     Attributes:
         epoch, selected: Of the newest selection.
-        stop: (tick, reason of the latched stop, empty for none).
+        stop: (tick, why the robot stands until somebody resumes, empty where it does not).
         goal: (tick, number of the goal on its way, 0 for none).
         last_goal: Highest number of a goal so far.
         parameters: By "role instance": version and assignments.
+        clock_ns: Run clock when this was written down; -1 where it was not known.
     """
 
     epoch: int = -1
@@ -29,6 +31,7 @@ class Memory:
     goal: tuple[int, int] = (-1, 0)
     last_goal: int = 0
     parameters: dict[str, tuple[int, tuple[str, ...]]] = field(default_factory=dict)
+    clock_ns: int = -1
 
     def note(self, source: tuple[str, str], message: Message, at: Envelope) -> None:
         """Remember what a message says."""
@@ -36,7 +39,8 @@ class Memory:
             self.epoch = message.epoch
             self.selected = dict(entry.split(" ", 1) for entry in message.instances)
         elif isinstance(message, GateStatus):
-            self.stop = (at.tick, message.reason if message.latched else "")
+            if message.reason != ENDING:  # a gate's last word, which says nothing of what held before
+                self.stop = (at.tick, message.reason if message.latched or message.reason.startswith(LEFT) else "")
         elif isinstance(message, Feedback):
             self.goal = (at.tick, message.goal_id)
             self.last_goal = max(self.last_goal, message.goal_id)
@@ -56,6 +60,7 @@ class Memory:
             self.stop = max(self.stop, (int(other["stop"][0]), str(other["stop"][1])))
             self.goal = max(self.goal, (int(other["goal"][0]), int(other["goal"][1])))
             self.last_goal = max(self.last_goal, int(other["last_goal"]))
+            self.clock_ns = max(self.clock_ns, int(other["clock_ns"]))
             for place, (version, values) in other["parameters"].items():
                 known = self.parameters.get(place, (-1, ()))
                 self.parameters[place] = max(known, (int(version), tuple(map(str, values))))

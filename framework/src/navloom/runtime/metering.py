@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -138,7 +137,10 @@ def clock_offsets(client: Client, nodes: Sequence[Mapping[str, Any]]) -> dict[st
                 if answer.refusal:
                     continue
                 trip = time.perf_counter_ns() - started
-                offset = Offset((json.loads(answer.data)["wall_ns"] - before - trip / 2) * 1e-9, trip * 0.5e-9)
+                described = client.described(answer)
+                if described is None or "wall_ns" not in described:
+                    continue
+                offset = Offset((described["wall_ns"] - before - trip / 2) * 1e-9, trip * 0.5e-9)
                 if host not in best or offset.uncertain < best[host].uncertain:
                     best[host] = offset
     return best

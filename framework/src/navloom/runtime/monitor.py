@@ -21,7 +21,7 @@ class Monitor:
     Args:
         system: The robot.
         board: Streams of the process.
-        clock, memory: What is kept.
+        clock, memory: What is kept; without a clock the platform is not listened to.
         wake: Told of each "role instance" that is to take over.
         ends: Whether the process is ending.
     """
@@ -30,16 +30,16 @@ class Monitor:
         self,
         system: System,
         board: Switchboard,
-        clock: RunClock,
+        clock: RunClock | None,
         memory: Memory,
         wake: Callable[[str], None],
         ends: Callable[[], bool],
     ) -> None:
         self._clock, self._memory, self._wake, self._ends = clock, memory, wake, ends
         self._mailbox = Mailbox()
-        platform = ("platform", system.config.platform.instance)
-        streams = [(platform, "odometry"), (("gate", "main"), "selection"), (("gate", "main"), "status")]
-        streams.append((("goal", "main"), "feedback"))
+        streams = [(("gate", "main"), "selection"), (("gate", "main"), "status"), (("goal", "main"), "feedback")]
+        if clock is not None:
+            streams.append((("platform", system.config.platform.instance), "odometry"))
         streams += [(source, "parameters") for source in system.parts if source[0] in ROLE_TABLES]
         self._inlets: list[tuple[tuple[str, str], Inlet]] = [
             (source, board.inlet(source, port, self._mailbox, 16)) for source, port in streams
@@ -52,7 +52,7 @@ class Monitor:
             seen = self._mailbox.wait(seen, 0.1)
             for source, inlet in self._inlets:
                 for message, envelope in inlet.take():
-                    if isinstance(message, Odometry):
+                    if isinstance(message, Odometry) and self._clock is not None:
                         self._clock.observe(envelope.stamp_ns, inlet.arrived_ns, envelope.tick)
                     else:
                         for entry in getattr(message, "pending", ()):

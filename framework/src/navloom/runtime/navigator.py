@@ -19,6 +19,8 @@ __all__ = ["GoalHandle", "Navigator"]
 
 ASK_AGAIN = 1.0
 """s between looks at the robot's last result, in case it came while the link was down."""
+FORGOTTEN = 3.0
+"""s after which a goal's node that began anew, and has said nothing of a goal since, does not know it."""
 GONE = 15.0
 """s without any node of the robot after which it counts as gone; a restart takes less."""
 
@@ -53,7 +55,8 @@ class GoalHandle:
         self.result: GoalResult | None = None
         self.gate: GateStatus | None = None
         self._client, self._mailbox, self._streams = client, mailbox, streams
-        self._asked = self._seen = time.monotonic()
+        self._asked = self._seen = self._known = time.monotonic()
+        self._lives = client.lives("goal", "main")
         self._note(client.last("gate", "main", "status"))
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
@@ -76,7 +79,8 @@ class GoalHandle:
             if self.result is None and now - self._asked > ASK_AGAIN:
                 self._asked = now
                 self._note(self._client.last("goal", "main", "result"))
-                self._refuse_to_wait_for_nobody()
+                if self.result is None:
+                    self._refuse_to_wait_for_nobody()
             if timeout is not None and self.result is None and now - began > timeout:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
@@ -93,14 +97,24 @@ class GoalHandle:
         self._client.call("goal", "main", "cancel", {})
 
     def _refuse_to_wait_for_nobody(self) -> None:
-        if self.result is not None or self._client.has_nodes():
-            self._seen = time.monotonic()
-        elif self._client.was_ended:
-            raise ClientError(f"robot {self._client.keys.prefix} was ended, and goal {self.goal_id} with it")
-        elif time.monotonic() - self._seen > GONE:
+        client, now = self._client, time.monotonic()
+        lives = client.lives("goal", "main")
+        if lives or client.has_nodes():
+            self._seen = now
+        elif client.was_ended:
+            raise ClientError(f"robot {client.keys.prefix} was ended, and goal {self.goal_id} with it")
+        elif now - self._seen > GONE:
             raise ClientError(
-                f"robot {self._client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
+                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
                 f"goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
+            )
+        self._lives = self._lives or lives
+        if not lives or lives & self._lives:
+            self._known = now
+        elif now - self._known > FORGOTTEN:
+            raise ClientError(
+                f"robot {client.keys.prefix}: its goal node began anew and knows nothing of goal {self.goal_id}, "
+                "which has ended with the node before"
             )
 
     def _note(self, message: object) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from navloom.config.schema import Config
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.links import Endpoint, Link, LinkError, peer_link, settings
+from navloom.runtime.links import Endpoint, Link, LinkError, certificate, peer_link, settings
 
 __all__ = ["Network", "network_of"]
 
@@ -21,7 +21,7 @@ class Network:
         realm, robot: Its names.
         router: Endpoint of its router; empty where its processes join each other directly.
         starts_router: The router belongs to this host.
-        keys: Folder of certificates.
+        keys: Folder of certificates, or the file of the one that processes of this host show.
         insecure: Plain TCP beyond this host was asked for.
     """
 
@@ -31,6 +31,11 @@ class Network:
     starts_router: bool = False
     keys: Path | None = None
     insecure: bool = False
+
+    @property
+    def folder(self) -> Path | None:
+        """Of the certificates."""
+        return certificate(self.keys, "nodes")[0]
 
     def check(self) -> None:
         """Refuse what no process could be linked by, before any is started. Raises LinkError."""
@@ -50,8 +55,9 @@ class Network:
         """Of the router, where it is this host's to start."""
         if not self.starts_router:
             return None
+        folder = self.folder
         return Link(
-            "router", (self.router,), (), credentials=self.keys, identity="router" if self.keys else None,
+            "router", (self.router,), (), credentials=folder, identity="router" if folder else None,
             insecure=self.insecure, realm=self.realm, robot=self.robot,
         )  # fmt: skip
 
@@ -70,8 +76,10 @@ class Network:
         return Link("peer", (), sockets, realm=self.realm, robot=self.robot)
 
     def _client(self, identity: str) -> Link:
+        folder, own = certificate(self.keys, "nodes")
+        shown = own if identity == "nodes" or folder is None else identity
         return Link(
-            "client", (), (self.router,), credentials=self.keys, identity=identity if self.keys else None,
+            "client", (), (self.router,), credentials=folder, identity=shown,
             insecure=self.insecure, realm=self.realm, robot=self.robot,
         )  # fmt: skip
 

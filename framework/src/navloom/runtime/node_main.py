@@ -31,7 +31,8 @@ def main() -> int:
     roles = {role for role, _ in spec["share"]["sources"]}
     if not roles & {"mapper", "planner"}:
         go_first()
-    process = NodeProcess(assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"]))
+    system, share = assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"])
+    process = NodeProcess(system, share, known=spec["known"].encode())
     end_on_signal(process.ending)
     name = process.share.name
     alive = end_unless_called(process.longest_seizure())

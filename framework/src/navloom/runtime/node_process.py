@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from navloom.dataflow.nodes import Node
 from navloom.dataflow.own_nodes import GateNode, GoalNode
 from navloom.messages import Parameters
+from navloom.roles import PATIENT
 from navloom.runtime.barrier import BarrierEnded
 from navloom.runtime.barrier_runner import BarrierRunner
-from navloom.runtime.build import System, changed_params, make_plugins, role_nodes
+from navloom.runtime.build import System, configure, make_plugins, role_nodes
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources, make_cell
 from navloom.runtime.executor import own_node
@@ -38,10 +39,8 @@ __all__ = ["HUNG", "NodeProcess", "Share", "longest_step"]
 
 HUNG = 70
 """Exit code of a process that gave up a node which hangs."""
-PATIENT = frozenset({"mapper", "planner", "recovery"})
-"""Roles whose step may take long."""
 LONG = 30.0
-"""s their step may take."""
+"""s that a step of a patient role may take."""
 RECOLLECT = 0.5
 """s to ask for what must not be forgotten while some process does not answer."""
 ATTENDED = 20.0
@@ -77,6 +76,7 @@ class NodeProcess:
         system: The robot; plugins are made for this share alone.
         share: What runs here.
         ending: Set to end.
+        known: What who started it remembers of the time before, see `Memory`.
         runners: By source, once it runs.
         hung: Node that was given up; empty for none.
         life: Tells this process from one that takes its place.
@@ -85,6 +85,7 @@ class NodeProcess:
     system: System
     share: Share
     ending: threading.Event = field(default_factory=threading.Event)
+    known: bytes = b""
     runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
     hung: str = ""
     life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
@@ -137,9 +138,10 @@ class NodeProcess:
             runs: list[Callable[[], None]] = [runner.run for runner in self.runners.values()]
             live: dict[Source, LiveRunner] = {}
         else:
+            memory.learn(self.known)
             self._recollect(bus, keys, memory)
             presence = Presence(keys, set(nodes), self._came)
-            live = {source: self._live_runner(cell, clock, presence) for source, cell in hosted.items()}
+            live = {source: self._live_runner(cell, clock, memory, presence) for source, cell in hosted.items()}
             self.runners = dict(live)
             if self.share.attended and any(role == "platform" for role, _ in nodes):
                 bus.watch(keys.process(ATTENDANT, LINKED), lambda key, alive: self._heard.set())
@@ -217,12 +219,14 @@ class NodeProcess:
             lambda values: self.configure(source, values), check,
         )  # fmt: skip
 
-    def _live_runner(self, hosted: Hosted, clock: RunClock, presence: Presence) -> LiveRunner:
+    def _live_runner(self, hosted: Hosted, clock: RunClock, memory: Memory, presence: Presence) -> LiveRunner:
         config = self.system.config
         role = hosted.cell.source[0]
         common = (hosted, clock, config.run.period, self.ending.is_set)
         if role == "platform":
-            return LivePlatform(*common, config.gate.stop_deadline, self.share.start_ns, self._may_begin)
+            # Others that are there go by the clock of the platform before this one: it is not put back.
+            start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
+            return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
             return LiveGate(*common, config.gate.stop_deadline, presence.is_alive)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
@@ -234,13 +238,13 @@ class NodeProcess:
 
     def configure(self, source: Source, values: tuple[str, ...]) -> None:
         """Change an instance's parameters, all or none. Raises ConfigError for what does not fit."""
-        self.system.plugin(*source).configure(changed_params(self.system, *source, values))
+        configure(self.system, *source, values)
 
     def _restore(self, live: Mapping[Source, LiveRunner], memory: Memory) -> None:
         """Go on where an earlier process of this share was, as far as others remember."""
         for source, runner in live.items():
             if memory.selected:
-                runner.cell.recall(memory.selected, max(0, memory.epoch))
+                runner.recall(memory.selected, max(0, memory.epoch))
             version, values = memory.parameters.get(" ".join(source), (0, ()))
             if values:
                 self.configure(source, values)

@@ -14,11 +14,14 @@ from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running
 from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.memory import Memory
+from navloom.runtime.monitor import Monitor
 from navloom.runtime.network import Network
 from navloom.runtime.node_process import Share
 from navloom.runtime.placing import spread
 from navloom.runtime.presence import Presence
 from navloom.runtime.supervisor import Supervisor, Task, node_task, router_task
+from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Robot", "StartError"]
@@ -66,6 +69,7 @@ class Robot:
         self._say, self._ends = say, ends
         self._changed = threading.Condition()
         self._presence = Presence(self.keys, (), self._came)
+        self._memory, self._ended = Memory(), threading.Event()
 
     def __enter__(self) -> Robot:
         self.network.check()
@@ -73,13 +77,17 @@ class Robot:
         if not self.folder.lock():
             running = self.folder.read()
             who = f" (process {running.pid})" if running is not None else ""
+            ends = f"`navloom down --robot {self.keys.prefix}` ends it"
+            if running is not None and not running.supervised:
+                ends = "its nodes were started one by one: end those first"
             raise DirectoryError(
-                f"robot {self.keys.prefix} is up already{who}: `navloom down --robot {self.keys.prefix}` ends it, "
-                "--set robot.name=NAME starts another"
+                f"robot {self.keys.prefix} is up already{who}: {ends}, or --set robot.name=NAME starts another"
             )
         self.folder.clear()
         try:
-            self.supervisor = Supervisor(self.system.loaded.config.live, self.folder, self._tasks(), self._say)
+            self.supervisor = Supervisor(
+                self.system.loaded.config.live, self.folder, self._tasks(), self._say, self._memory.to_bytes
+            )
         except BaseException:
             self.folder.unlock()
             raise
@@ -89,11 +97,28 @@ class Robot:
             link = self.network.outsider(self.folder, list(self._shares), "nodes")
             patience = JOIN if self.network.starts_router else math.inf  # another host's router may come any time
             self.bus = Bus(link, patience, self._say, lambda: not self._ends())
+            if not self.barrier:
+                self._remember()
             self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
         except BaseException:
             self._stop()
             raise
         return self
+
+    def _remember(self) -> None:
+        """Keep what must outlive every process of the robot, where there may be one alone that knows it."""
+        board = Switchboard(self.bus, self.keys, lossless=False)
+        monitor = Monitor(self.system, board, None, self._memory, lambda entry: None, self._ended.is_set)
+        board.connect()
+
+        def fetch() -> None:
+            while not self._ended.is_set():
+                source = self._presence.next_arrival(0.2)
+                if source is not None:
+                    board.fetch(source)
+
+        for work in (monitor.run, fetch):
+            threading.Thread(target=work, daemon=True).start()
 
     def _tasks(self) -> list[Task]:
         """The processes of this host: its router first, where it has one."""
@@ -121,7 +146,7 @@ class Robot:
         ends = self.network.outsider(self.folder, list(self._shares))
         return Running(
             self.keys.realm, self.keys.robot, os.getpid(), ends.connect, ends.mode == "client",
-            self.system.loaded.name, self.barrier, str(ends.credentials or ""),
+            self.system.loaded.name, self.barrier, str(ends.credentials.absolute()) if ends.credentials else "",
         )  # fmt: skip
 
     def missing(self) -> list[Source]:
@@ -167,6 +192,7 @@ class Robot:
             self._changed.notify_all()
 
     def _stop(self) -> None:
+        self._ended.set()
         try:
             self.supervisor.stop()
             self.folder.clear()

@@ -17,7 +17,7 @@ from typing import Any
 from navloom.config import ConfigError
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
 from navloom.plugins.registry import nearest
-from navloom.runtime.build import System, changed_params
+from navloom.runtime.build import System, changed_params, configure
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources
 from navloom.runtime.checks import place_problem
@@ -109,6 +109,7 @@ class Services:
             question.refuse(f"request not understood: {type(error).__name__}: {error}")
 
     def _recall(self, question: Question) -> None:
+        self._memory.clock_ns = self._clock.now_ns()
         question.answer(question_key(self._keys, self._process), self._memory.to_bytes(), "json")
 
     def _show_config(self, question: Question) -> None:
@@ -173,8 +174,7 @@ class Services:
         runner = self._live[source]
 
         def apply() -> None:
-            plugin = self._system.plugin(*source)
-            plugin.configure(changed_params(self._system, *source, values))
+            configure(self._system, *source, values)
             cell = runner.cell
             cell.versions += 1
             known = {_name(value): value for value in self._memory.parameters.get(" ".join(source), (0, ()))[1]}
@@ -224,23 +224,36 @@ class Services:
         return {"pending": runner.gate.pending, "selected": runner.gate.selected[role], "epoch": runner.gate.epoch}
 
     def _gate(self, runner: LiveGate, do: str) -> dict[str, Any]:
-        self._apply(runner, lambda: runner.obey(OperatorRequest(do)))  # type: ignore[arg-type]
+        self._apply(runner, lambda: runner.obey(OperatorRequest(do)), waits=do == "stop")  # type: ignore[arg-type]
         return {"done": do}
 
-    def _apply(self, runner: LiveRunner, change: Callable[[], None]) -> None:
-        """Have a node's own thread do something, and wait for it."""
-        done, failure = threading.Event(), []
+    def _apply(self, runner: LiveRunner, change: Callable[[], None], waits: bool = False) -> None:
+        """Have a node's own thread do something, and wait for it.
+
+        Args:
+            runner: The node's.
+            change: What it is to do.
+            waits: It is to be done whenever the node comes to it. Else a refusal holds: it is not done afterwards.
+
+        Raises:
+            ServiceError: The node does not come to it, or it cannot be done.
+        """
+        begun, done, failure = threading.Lock(), threading.Event(), []
 
         def do() -> None:
-            try:
-                change()
-            except Exception as error:
-                failure.append(error)
-            done.set()
+            if begun.acquire(blocking=False):
+                try:
+                    change()
+                except Exception as error:
+                    failure.append(error)
+                done.set()
 
         runner.change(do)
         if not done.wait(APPLY):
-            raise ServiceError(f"{' '.join(runner.cell.source)} does not step: it has been asked, but did not answer")
+            node = " ".join(runner.cell.source)
+            if waits or not begun.acquire(blocking=False):
+                raise ServiceError(f"{node} has been in one step for {APPLY:g} s: this is done once that has ended")
+            raise ServiceError(f"{node} has been in one step for {APPLY:g} s: nothing was changed; ask again")
         if failure:
             raise ServiceError(str(failure[0]))
 

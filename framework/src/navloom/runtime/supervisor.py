@@ -95,10 +95,18 @@ class Supervisor:
         folder: The robot's.
         tasks: What each process does.
         say: Told what happens to them.
+        recall: What a process that is started must know of the time before, as JSON.
     """
 
-    def __init__(self, live: LiveTable, folder: RobotFolder, tasks: Sequence[Task], say: Callable[[str], None]) -> None:
-        self._live, self._folder, self._say = live, folder, say
+    def __init__(
+        self,
+        live: LiveTable,
+        folder: RobotFolder,
+        tasks: Sequence[Task],
+        say: Callable[[str], None],
+        recall: Callable[[], bytes] = bytes,
+    ) -> None:
+        self._live, self._folder, self._say, self._recall = live, folder, say, recall
         self.children = {task.name: Child(task) for task in tasks}
         self._nursery: Nursery | None = None
         if Nursery.is_possible() and any(task.module == NODE for task in tasks):
@@ -148,7 +156,9 @@ class Supervisor:
         """Start a process; patience is the s to wait for the nursery to be ready."""
         name, module = child.task.name, child.task.module
         spec = self._folder.path / f"{name}.task.json"
-        spec.write_text(json.dumps({**child.task.given, "parent": os.getpid()}), "utf-8")
+        spec.write_text(
+            json.dumps({**child.task.given, "parent": os.getpid(), "known": self._recall().decode()}), "utf-8"
+        )
         log = self._folder.path / f"{name}.log"
         if not child.restarts:
             log.write_bytes(b"")

@@ -82,7 +82,7 @@ def units(system: System, network: Network, host: str | None, command: Command) 
         if "router" in shares:
             raise ConfigError("live.processes.router: that is the name of the router's own unit; choose another")
         words = ["router", network.router, "--robot", robot]
-        keys = ["--keys", str(network.keys)] if network.keys is not None else []
+        keys = ["--keys", str(network.folder)] if network.folder is not None else []
         found["router"] = _Service("router", (*words, *keys), (), live.hang_timeout, is_control=True)
     for process, sources in shares.items():
         found[process] = _node(process, sources, _before(process, shares, network.starts_router), command, live)

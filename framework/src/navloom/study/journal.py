@@ -6,7 +6,6 @@ import csv
 import fcntl
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from types import TracebackType
 from typing import IO, Any
 
 from navloom.config import ConfigError
+from navloom.files import write_whole
 from navloom.study.rows import EpisodeKey, Row
 from navloom.study.tracks import FOLDER, file_of
 
@@ -62,7 +62,7 @@ class StudyFolder:
         if self._journal is not None and self.folder is not None:
             if row.track:
                 (self.folder / FOLDER).mkdir(exist_ok=True)
-                _write(self.folder / FOLDER / file_of(row.key), row.track)
+                write_whole(self.folder / FOLDER / file_of(row.key), row.track)
             self._journal.write(json.dumps(row.to_json(), ensure_ascii=False).encode() + b"\n")
             self._journal.flush()
 
@@ -72,12 +72,12 @@ class StudyFolder:
         """Write the tables of a whole study, each at once. Gives the names of all files that are there now."""
         if self.folder is None:
             return []
-        _write(self.folder / "timing.json", json.dumps(timing, indent=1) + "\n")
-        _write(self.folder / "episodes.csv", table_of(rows, metrics))
+        write_whole(self.folder / "timing.json", json.dumps(timing, indent=1) + "\n")
+        write_whole(self.folder / "episodes.csv", table_of(rows, metrics))
         names = ["episodes.csv", "study.json", "timing.json", "journal.jsonl"]
         if open_loop:
             names_of = self.request["open_loop"]["shadows"]
-            _write(self.folder / "open_loop.csv", open_loop_table(open_loop, names_of))
+            write_whole(self.folder / "open_loop.csv", open_loop_table(open_loop, names_of))
             names.append("open_loop.csv")
         return [*names, FOLDER] if (self.folder / FOLDER).is_dir() else names
 
@@ -96,7 +96,7 @@ class StudyFolder:
             self._check(told)
             self._read(self._journal)
         else:
-            _write(told, json.dumps(self.request, indent=1, ensure_ascii=False) + "\n")
+            write_whole(told, json.dumps(self.request, indent=1, ensure_ascii=False) + "\n")
 
     def _check(self, told: Path) -> None:
         try:
@@ -188,10 +188,3 @@ def _differences(before: Any, now: Any, place: str = "") -> list[str]:
 def _brief(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 80 else text[:77] + "…"
-
-
-def _write(path: Path, content: str | bytes) -> None:
-    """Write a file whole or not at all."""
-    draft = path.with_name(f".{path.name}.part")
-    draft.write_bytes(content.encode() if isinstance(content, str) else content)
-    os.replace(draft, path)

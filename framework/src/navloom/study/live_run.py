@@ -281,6 +281,8 @@ class LiveRun:
                 self._ended.append(GoalResult(0, "rejected", reason, Point2D(request.goal.x, request.goal.y)))
             self.say(f"{request.do}: {refusal}")
         except ClientError as error:
+            if request.goal is not None:
+                self._ended.append(GoalResult(0, "error", str(error), Point2D(request.goal.x, request.goal.y)))
             self.say(f"{request.do}: {error}")
 
     def _take(self) -> int:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from navloom.config import ConfigError
+from navloom.files import write_whole
 from navloom.plugins import Discovery
 from navloom.study.paper_cloud import cloud_of
 from navloom.study.paper_errata import Errata, Variant, errata_of, limits_of, steps_of_errata
@@ -105,9 +105,7 @@ def keep(files: Mapping[str, bytes], folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            draft = folder / f".{name}.part"
-            draft.write_bytes(content)
-            os.replace(draft, folder / name)
+            write_whole(folder / name, content)
     except OSError as error:
         raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}; name a folder") from None
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 
+from navloom.files import write_whole
 from navloom.study import html
 from navloom.study import report_tables as tables
 from navloom.study.html import Section
@@ -88,9 +88,7 @@ def write_report(folder: Path, baseline: str = "") -> Report:
     report = build_report(read_study(folder, baseline))
     contents = (report.html, report.markdown, report.summary_csv, report.differences_csv)
     for name, text in zip(FILES, contents, strict=True):
-        draft = folder / f".{name}.part"
-        draft.write_bytes(text.encode())
-        os.replace(draft, folder / name)
+        write_whole(folder / name, text)
     return report
 
 

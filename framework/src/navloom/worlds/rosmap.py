@@ -10,7 +10,6 @@ A pixel's occupancy is p = 1 - shade (p = shade with `negate`), the image's top 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.files import write_whole
 from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
 from navloom.geometry.world import Interval, Place, Raster, World
 from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of, read_bytes
@@ -223,19 +223,9 @@ def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "tr
         "occupied_thresh": _OCCUPIED_THRESH,
         "free_thresh": _FREE_THRESH,
     }
-    _replace(image, header + levels.astype(np.uint8).tobytes())
-    _replace(path, yaml.safe_dump(description, sort_keys=False, default_flow_style=None).encode("utf-8"))
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise WorldError(f"{path}: cannot be written: {error}") from error
+    text = yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
+    for file, content in ((image, header + levels.astype(np.uint8).tobytes()), (path, text.encode())):
+        try:
+            write_whole(file, content)
+        except OSError as error:
+            raise WorldError(f"{file}: cannot be written: {error}") from error

@@ -1,0 +1,74 @@
+"""How a tool finds a robot, and what it shows to be let in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from navloom.runtime.directory import DirectoryError
+from navloom.runtime.joining import join, split_name
+from navloom.runtime.links import LinkError, certificate
+from navloom.runtime.network import Network
+
+ROUTER = "tls/127.0.0.1:9"
+
+
+@pytest.mark.parametrize(
+    "name", ["r1", "lab/", "/r1", "lab/*", "*/r1", "lab/r1/", "lab/r1/gate", "lab/r 1", "l/**", ""]
+)
+def test_what_is_no_name_of_one_robot_is_refused(name: str) -> None:
+    with pytest.raises(DirectoryError, match="expected REALM/NAME"):
+        split_name(name)
+    with pytest.raises(DirectoryError, match="expected REALM/NAME"), join(name or "x", "tcp/127.0.0.1:9"):
+        pass
+
+
+def test_a_name_has_two_parts() -> None:
+    assert split_name("lab-2/r_1") == ("lab-2", "r_1")
+
+
+def test_the_certificate_is_the_usual_one_of_a_folder_or_the_file_that_was_named() -> None:
+    assert certificate(None, "operator") == (None, None)
+    assert certificate(Path("keys"), "operator") == (Path("keys"), "operator")
+    assert certificate(Path("keys/alice.pem"), "operator") == (Path("keys"), "alice")
+    assert certificate(Path("shadow.avoider.forces.pem"), "nodes") == (Path(), "shadow.avoider.forces")
+
+
+@pytest.mark.parametrize(
+    ("there", "keys", "shown"),
+    [
+        (("operator", "viewer"), "keys", "viewer.pem"),
+        (("operator",), "keys", "operator.pem"),
+        (("nodes",), "keys", "viewer.pem"),
+        (("operator", "alice"), "keys/alice.pem", "alice.pem"),
+    ],
+    ids=["viewer", "operator-may-look-too", "neither", "named"],
+)
+def test_who_looks_shows_what_lets_him(there: tuple[str, ...], keys: str, shown: str, tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    folder.mkdir(mode=0o700)
+    for name in there:
+        (folder / f"{name}.pem").write_text("no certificate")
+    (folder / "ca.pem").write_text("-----BEGIN CERTIFICATE-----")
+    with (
+        pytest.raises(LinkError, match=f"certificate file .*/{shown}"),
+        join(None, ROUTER, str(tmp_path / keys), "viewer"),
+    ):
+        pass
+
+
+def test_processes_show_the_certificate_that_was_named_and_the_router_and_tools_their_own() -> None:
+    network = Network("lab", "r1", ROUTER, True, Path("keys/brain.pem"))
+    (link,) = network.links(None, ["think"]).values()  # type: ignore[arg-type]
+    router = network.router_link()
+    assert router is not None
+    assert (link.credentials, link.identity) == (Path("keys"), "brain")
+    assert (router.credentials, router.identity) == (Path("keys"), "router")
+    tool = network.outsider(None, [], "operator")  # type: ignore[arg-type]
+    assert (tool.credentials, tool.identity) == (Path("keys"), "operator")
+    assert network.folder == Path("keys")
+
+
+def test_without_keys_nobody_shows_anything() -> None:
+    link = Network("lab", "r1", "tcp/127.0.0.1:9").outsider(None, [])  # type: ignore[arg-type]
+    assert (link.credentials, link.identity) == (None, None)

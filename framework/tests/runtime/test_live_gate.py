@@ -1,0 +1,95 @@
+"""The gate live: who may take over."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from navloom.config import load_config
+from navloom.dataflow.own_nodes import GateNode
+from navloom.messages import Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
+from navloom.runtime.build import assemble
+from navloom.runtime.cell import Source
+from navloom.runtime.cells import Hosted, make_cell
+from navloom.runtime.executor import own_node
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.live_gate import LiveGate
+from navloom.runtime.run_clock import RunClock
+from navloom.runtime.switchboard import Switchboard
+
+PERIOD = 0.05
+KEYS = KeySpace("lab", "r1")
+OTHER = ("avoider", "other")
+SYSTEM = assemble(load_config("paper", ['alternative=[{name="other", role="avoider", plugin="vfh"}]']))
+PLATFORM = ("platform", SYSTEM.config.platform.instance)
+STILL, ORIGIN = Twist2D(0.0, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0)
+
+
+class Gate:
+    """The gate's runner, with who is alive set by the test."""
+
+    def __init__(self) -> None:
+        self.alive = {OTHER}
+        bus: Any = SimpleNamespace(
+            publication=lambda *given: SimpleNamespace(put=lambda data, label: None), serve=lambda *given: None
+        )
+        node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
+        assert isinstance(node, GateNode)
+        self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
+        self.runner = LiveGate(self.hosted, RunClock(), PERIOD, lambda: False, 0.1, lambda source: source in self.alive)
+        self.node = node
+
+    def tick(self, tick: int) -> None:
+        """The platform ticks."""
+        stamp = round(tick * PERIOD * 1e9)
+        self._give(PLATFORM, "odometry", Odometry(stamp, ORIGIN, STILL), tick)
+        self.runner.take_in()
+        self.runner.act()
+
+    def report(self, source: Source, published: int, tick: int) -> None:
+        """A node says what it has published."""
+        marks = (PortMark("command", published),)
+        self._give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
+
+    def _give(self, source: Source, port: str, message: Any, tick: int) -> None:
+        key = KEYS.port(*source, port)
+        inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
+        for inlet in inlets:
+            if inlet.key == key:
+                inlet.give((message, Envelope(key, tick + 1, tick, 0, 0, 0)))
+
+
+def test_what_died_has_to_warm_up_anew_before_it_takes_over() -> None:
+    gate = Gate()
+    gate.report(OTHER, 5, 0)
+    gate.tick(0)
+    gate.alive = set()
+    gate.runner.obey(OperatorRequest("swap", None, *OTHER))
+    gate.tick(1)
+    assert gate.node.pending == ["avoider other"] and gate.node.epoch == 0
+    gate.alive = {OTHER}
+    gate.tick(2)
+    assert gate.node.pending == ["avoider other"]
+    gate.report(OTHER, 1, 3)
+    gate.tick(3)
+    assert gate.node.pending == [] and gate.node.epoch == 1 and gate.node.selected["avoider"] == "other"
+
+
+def test_where_the_run_clock_begins_anew_the_gate_decides_by_the_new_one() -> None:
+    gate = Gate()
+    gate.report(OTHER, 5, 0)
+    for tick in (72_000, 3):
+        gate.tick(tick)
+    assert gate.hosted.cell.instance.stepped == 3
+    gate.runner.obey(OperatorRequest("swap", None, *OTHER))
+    gate.tick(4)
+    assert gate.node.epoch == 1
+
+
+def test_its_last_word_says_that_it_ends() -> None:
+    gate = Gate()
+    gate.tick(0)
+    gate.runner.ends = lambda: True
+    gate.runner.run()
+    status = gate.hosted.cell.outlets["status"].last
+    assert status is not None and status[0].reason == "ending"  # type: ignore[attr-defined]

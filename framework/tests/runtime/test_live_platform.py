@@ -1,0 +1,128 @@
+"""The platform live: what its wheels are told, also where telling them fails."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from navloom.config import load_config
+from navloom.dataflow.nodes import PlatformNode
+from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, Twist2D
+from navloom.roles import PlatformOutput
+from navloom.runtime import live, live_platform
+from navloom.runtime.build import assemble
+from navloom.runtime.cells import Hosted, make_cell
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.live_platform import LivePlatform
+from navloom.runtime.run_clock import RunClock
+from navloom.runtime.switchboard import Switchboard
+
+PERIOD, DEADLINE = 0.05, 0.1
+SYSTEM = assemble(load_config("paper"))
+SOURCE = ("platform", SYSTEM.config.platform.instance)
+KEYS = KeySpace("lab", "r1")
+AHEAD, STILL = Twist2D(0.3, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
+
+
+class Base:
+    """A base whose line to the wheels can break; `told` is what got there."""
+
+    def __init__(self) -> None:
+        self.told: list[Twist2D] = []
+        self.broken = 0
+
+    def drive(self, command: Twist2D, time_ns: int) -> None:
+        if self.broken:
+            self.broken -= 1
+            raise OSError(5, "Input/output error")
+        self.told.append(command)
+
+    def advance(self, given: Any) -> PlatformOutput:
+        pose = Pose2D(0.0, 0.0, 0.0)
+        return PlatformOutput(Odometry(given.time_ns, pose, STILL), {}, Contact(False), None)
+
+
+class Robot:
+    """A platform's runner on a clock that the test sets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        self.base = Base()
+        self.ended = False
+        clock = SimpleNamespace(
+            monotonic=lambda: self.now, monotonic_ns=lambda: round(self.now * 1e9), sleep=lambda s: None
+        )
+        for module in (live, live_platform):
+            monkeypatch.setattr(module, "time", clock)
+        bus: Any = SimpleNamespace(
+            publication=lambda *given: SimpleNamespace(put=lambda data, label: None), serve=lambda *given: None
+        )
+        node = PlatformNode(self.base)  # type: ignore[arg-type]
+        self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(bus, KEYS, lossless=False))
+        self.runner = LivePlatform(
+            self.hosted, RunClock(clock.monotonic_ns), PERIOD, lambda: self.ended, DEADLINE, clock.monotonic_ns()
+        )
+        self.runner._next = 0  # as `run` does
+
+    def command(self, twist: Twist2D, sequence: int) -> None:
+        """The gate says something, from now."""
+        key = KEYS.port("gate", "main", "command")
+        (inlet,) = [feed.inlet for feed in self.hosted.cell.feeds if feed.inlet.key == key]
+        stamp = round((self.now - 1000.0) * 1e9)
+        inlet.give((Command(twist), Envelope(key, sequence, sequence, stamp, stamp, 0)))
+
+    def turn(self, seconds: float) -> None:
+        """Looks every 10 ms for some s."""
+        for _ in range(round(seconds / 0.01)):
+            self.runner.take_in()
+            self.runner.act()
+            self.now += 0.01
+
+
+@pytest.fixture
+def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
+    return Robot(monkeypatch)
+
+
+def test_without_the_gate_the_wheels_stand_after_the_deadline(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(DEADLINE)
+    assert robot.base.told == [AHEAD]
+    robot.turn(0.03)
+    assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
+
+
+def test_a_stop_that_does_not_get_through_is_told_again_until_it_does(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+    robot.base.broken = 4
+    robot.command(STILL, 2)
+    robot.turn(0.03)
+    assert robot.base.told == [AHEAD] and robot.base.broken == 1
+    assert "Input/output error" in robot.runner.fault
+    robot.turn(0.02)
+    assert robot.base.told == [AHEAD, STILL]
+    robot.turn(0.1)
+    assert robot.runner.fault == "" and robot.base.told == [AHEAD, STILL]
+
+
+def test_the_platforms_own_stop_is_told_again_as_well(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+    robot.base.broken = 9
+    robot.turn(0.2)
+    assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
+
+
+def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+
+    def breaks(*given: object) -> None:
+        raise KeyError("unknown port")
+
+    monkeypatch.setattr(robot.hosted.cell, "publish", breaks)
+    with pytest.raises(KeyError):
+        robot.runner.run()
+    assert robot.base.told[-1] == STILL

@@ -1,0 +1,75 @@
+"""What a robot must not forget: a stop, a swap and a goal outlive every process, whichever way it ended."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from live_rig import Up, up
+from navloom.runtime.navigator import Navigator
+from test_live_robot import BESIDE, _navigator
+
+ONE = ["--set", 'live.processes = { all = ["platform", "localizer", "mapper", "planner", "goal", "reference", '
+       '"controller", "avoider", "recovery", "gate"] }']  # fmt: skip
+
+
+def driven(navigator: Navigator, x: float) -> object:
+    """A goal on its way."""
+    handle = navigator.go(x, 0.0)
+    assert next(f for f in handle.updates(timeout=60) if f.state == "driving" and f.distance > 0.5)
+    return handle
+
+
+def end(robot: Up, navigator: Navigator, role: str, number: signal.Signals) -> int:
+    """End the process of a role, and wait until another is in its place; gives the lines said up to there."""
+    node = next(node for node in navigator.client.describe() if node["role"] == role)
+    seen = len(robot.said)
+    os.kill(node["pid"], number)
+    return robot.wait_for(f"process {node['process']} ", after=seen)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> str:
+    path = tmp_path / "beside.toml"
+    path.write_text(BESIDE, "utf-8")
+    return str(path)
+
+
+def test_a_robot_of_one_process_that_dies_neither_forgets_its_goal_nor_that_it_was_stopped(config: str) -> None:
+    with up(config, *ONE) as robot:
+        robot.wait_for("every node is there")
+        with _navigator(robot) as navigator:
+            handle = driven(navigator, 4.2)
+            navigator.stop()
+            stopped = robot.wait_for("stopped: operator")
+            end(robot, navigator, "gate", signal.SIGKILL)
+            result = handle.wait(30)  # type: ignore[attr-defined]
+            assert (result.outcome, result.reason) == ("error", "restarted: the goal node began anew")
+            second = navigator.go(2.0, 0.0)
+            assert second.goal_id > handle.goal_id  # type: ignore[attr-defined]
+            assert next(f for f in second.updates(timeout=60) if f.state == "driving")
+            assert navigator.client.last("gate", "main", "status").reason == "operator"  # type: ignore[union-attr]
+            navigator.resume()
+            robot.wait_for("controller lyapunov_tracker drives", after=stopped)
+
+
+def test_a_stop_outlives_a_gate_that_ends_in_order_and_a_swap_the_process_of_its_instance(config: str) -> None:
+    with up(config) as robot:
+        robot.wait_for("every node is there")
+        with _navigator(robot) as navigator:
+            handle = driven(navigator, 4.2)
+            assert navigator.swap("avoider", "other") == 1
+            seen = end(robot, navigator, "avoider", signal.SIGKILL)
+            stopped = robot.wait_for("stopped: ", after=seen - 1)
+            robot.wait_for("controller lyapunov_tracker drives", after=stopped)
+            avoiders = {node["instance"]: node for node in navigator.client.describe() if node["role"] == "avoider"}
+            assert avoiders["other"]["active"] and avoiders["other"]["enabled"]
+            navigator.stop()
+            robot.wait_for("stopped: operator", after=stopped)
+            ended = end(robot, navigator, "gate", signal.SIGTERM)
+            robot.wait_for("stopped: operator", after=ended)
+            navigator.resume()
+            robot.wait_for("controller lyapunov_tracker drives", after=ended)
+            assert handle.wait(60).outcome == "succeeded"  # type: ignore[attr-defined]

@@ -154,7 +154,7 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
         if identity.kind == "operator":
             own = _operating(prefix)
         elif identity.kind == "shadow":
-            own = _shadowing(f"{prefix}/{identity.instance.replace('.', '/', 1)}/**")
+            own = _shadowing(prefix, identity.instance.replace(".", "/", 1))
         made.grant(subject, [*_reading(prefix), *own])
     return {
         "enabled": True,
@@ -210,8 +210,14 @@ def _operating(prefix: str) -> list[dict[str, Any]]:
     ]
 
 
-def _shadowing(own: str) -> list[dict[str, Any]]:
+def _shadowing(prefix: str, own: str) -> list[dict[str, Any]]:
+    """It says and answers what is its own. Who listens to whom, and asks, it is told, with wildcards too: a question
+    reaches only who could declare that he answers it."""
     return [
-        _rule("ingress", ("put", "delete", "declare_queryable", "reply", "liveliness_token"), (own,)),
-        _rule("egress", ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"), (own,)),
+        _rule("ingress", ("put", "delete", "declare_queryable", "reply", "liveliness_token"), (f"{prefix}/{own}/**",)),
+        _rule(
+            "egress",
+            ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"),
+            (f"{prefix}/**",),
+        ),
     ]

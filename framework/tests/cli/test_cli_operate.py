@@ -51,6 +51,25 @@ def test_down_for_every_robot_says_where_there_is_none(tmp_path: Path, monkeypat
     assert (done.exit_code, done.output) == (0, "no robot of this user is up on this host\n")
 
 
+def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    from navloom.cli import up
+    from navloom.runtime.directory import DirectoryError, Running
+
+    there = [Running("lab", name, 1, (), False, "paper", False) for name in ("a", "b")]
+    ended = []
+
+    def end(running: Running) -> None:
+        if running.robot == "a":
+            raise DirectoryError("robot lab/a was not brought up by `navloom up`")
+        ended.append(running.robot)
+
+    monkeypatch.setattr("navloom.runtime.directory.robots", lambda: iter(there))
+    monkeypatch.setattr(up, "_end", end)
+    done = CliRunner().invoke(app, ["down", "--all"])
+    assert ended == ["b"] and "lab/b is down" in done.output
+    assert isinstance(done.exception, DirectoryError) and "lab/a" in str(done.exception)
+
+
 def test_with_standard_output_closed_a_command_still_does_what_it_does() -> None:
     command = f"{sys.executable} -c 'from navloom.cli import main; main()' plugins >&-"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -15,6 +16,7 @@ from navloom.runtime import by_hand
 from navloom.runtime.build import assemble
 from navloom.runtime.by_hand import share_by_hand
 from navloom.runtime.directory import RobotFolder, Running
+from navloom.runtime.host_faults import left_behind
 from navloom.runtime.joining import find_robot
 from typer.testing import CliRunner
 
@@ -51,7 +53,7 @@ def test_when_the_one_that_stands_for_the_robot_ends_another_does() -> None:
             assert find_robot(None).endpoints == first.link.listen
         until(lambda: folder().read() is not None)
         assert find_robot(None).endpoints == other.link.listen
-    assert folder().read() is None
+    assert folder().read() is None and left_behind() == []
 
 
 def test_behind_a_router_they_are_found_on_their_host_with_their_keys() -> None:
@@ -61,6 +63,20 @@ def test_behind_a_router_they_are_found_on_their_host_with_their_keys() -> None:
         assert share.link.identity == "base"
         assert found.via_router and found.endpoints == ("tls/10.0.0.1:7447",)
         assert found.keys == str(Path("keys").absolute())
+
+
+def test_behind_a_router_the_robot_can_be_brought_up_beside_them_and_comes_first() -> None:
+    with share_by_hand(SYSTEM, ["avoider"], "tls/10.0.0.1:7447", None, False):
+        until(lambda: folder().read() is not None)
+        place = folder()
+        assert place.lock()
+        place.clear()
+        assert not find_robot(None).supervised
+        place.write(Running("lab", "r1", 4711, ("tls/10.0.0.1:7447",), True, "paper", False))
+        assert find_robot(None).pid == 4711
+        place.leave()
+        assert find_robot(None).pid == os.getpid()
+    assert folder().read() is None and left_behind() == []
 
 
 def test_beside_a_robot_that_is_supervised_nobody_stands_for_it() -> None:

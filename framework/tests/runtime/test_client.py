@@ -10,6 +10,7 @@ import pytest
 from navloom.messages import GoalResult, Point2D
 from navloom.runtime import navigator
 from navloom.runtime.client import Client, ClientError
+from navloom.runtime.findings import differing, failing, flowing, sharing, unheard
 from navloom.runtime.looking import listing
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.metering import clock_offsets
@@ -44,7 +45,8 @@ def client(*answers: bytes) -> Client:
     [
         b"me", b"\xff", b"[]", b'"x"', b"null", b'{"tick": "late"}', b'{"active": 1}', b'{"streams": []}',
         b'{"streams": {"a": 1}}', b'{"places": {"avoider": "drive"}}', b'{"places": {"avoider vfh": 3}}',
-        b'{"hosts": {"drive": null}}', b'{"wall_ns": "now"}',
+        b'{"hosts": {"drive": null}}', b'{"wall_ns": "now"}', b'{"streams": {"a": {}}}', b'{"versions": {"numpy": []}}',
+        b'{"late_ticks": "many"}',
     ],
     ids=lambda data: data.decode(errors="replace"),
 )  # fmt: skip
@@ -54,6 +56,13 @@ def test_an_answer_that_is_no_description_is_passed_over(data: bytes) -> None:
     assert [node["role"] for node in asked.describe()] == ["gate"]
     assert [node["role"] for node in listing(asked) if node["answers"]] == ["gate"]
     assert clock_offsets(client(data), [described("avoider", "forces") | {"answers": True}]) == {}
+
+
+def test_doctor_makes_something_of_an_instance_that_says_nothing_of_itself() -> None:
+    nodes = [node for node in listing(client(b"{}")) if node["answers"]]
+    assert len(nodes) == 1
+    for check in (failing, flowing, differing, unheard, sharing):
+        check(nodes)
 
 
 def test_who_answers_under_another_name_is_listed_under_its_own() -> None:

@@ -53,6 +53,12 @@ def test_an_event_that_its_plugin_will_refuse_is_refused_before_the_run() -> Non
         paper(event)
 
 
+def test_events_are_tried_in_the_order_in_which_they_happen() -> None:
+    later = '{ at = 20.0, do = "set", role = "mapper", values = { floor_tolerance = 2.0 } }'
+    sooner = '{ at = 10.0, do = "set", role = "mapper", values = { z_limit = 3.0 } }'
+    paper(f"event=[{later}, {sooner}]")
+
+
 class Runner:
     """A node whose thread comes to what is to be done when the test says so."""
 

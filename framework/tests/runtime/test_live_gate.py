@@ -86,6 +86,21 @@ def test_where_the_run_clock_begins_anew_the_gate_decides_by_the_new_one() -> No
     assert gate.node.epoch == 1
 
 
+def test_a_stop_that_is_asked_for_while_it_stands_is_told_at_once() -> None:
+    """What is not told nobody remembers: the next gate would drive."""
+    gate = Gate()
+    gate.tick(0)
+    gate.runner.deadline = -1.0  # the platform is not heard
+    gate.tick(0)
+    gate.runner.obey(OperatorRequest("stop"))
+    gate.runner.act()
+    status = gate.hosted.cell.outlets["status"].last
+    assert status is not None and status[0].reason == "operator" and status[0].latched  # type: ignore[attr-defined]
+    sequence = status[1].sequence
+    gate.runner.act()
+    assert gate.hosted.cell.outlets["status"].sequence == sequence
+
+
 def test_its_last_word_says_that_it_ends() -> None:
     gate = Gate()
     gate.tick(0)

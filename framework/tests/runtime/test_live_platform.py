@@ -115,6 +115,15 @@ def test_the_platforms_own_stop_is_told_again_as_well(robot: Robot) -> None:
     assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
 
 
+def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+    robot.base.broken = 10_000
+    with pytest.raises(RuntimeError, match=r"could not be told anything for 1 s: .*Input/output error"):
+        robot.turn(3.0)
+    assert 1001.1 < robot.now < 1001.3
+
+
 def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.command(AHEAD, 1)
     robot.turn(0.05)

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 from navloom.config import load_config
 from navloom.dataflow.own_nodes import GoalNode
-from navloom.messages import Envelope, Goal, OperatorRequest, Pose2D, PoseEstimate, StepReport, Sweep, Twist2D
+from navloom.messages import (
+    ClearRequest,
+    Envelope,
+    Goal,
+    OperatorRequest,
+    Pose2D,
+    PoseEstimate,
+    StepReport,
+    Sweep,
+    Twist2D,
+)
 from navloom.navigation.goals import GoalMachine
 from navloom.runtime import live, live_goal
 from navloom.runtime.build import assemble
@@ -168,6 +178,36 @@ def test_where_the_run_clock_begins_anew_a_node_steps_by_the_new_one(clock: Cloc
         give(mapper, "platform", "step", REPORT, tick)
         turn(runner)
     assert node.poses == [1, 2, 1, 2, 3]  # poses of the old clock cover nothing by the new one
+
+
+def test_an_old_message_does_not_put_the_clock_back(clock: Clock) -> None:
+    """A command of half a minute ago that somebody replays is late, and nobody steps on it."""
+    node = Listener()
+    mapper = hosted("mapper", node)
+    run_clock = RunClock(clock.monotonic_ns)
+    runner = LiveRunner(mapper, run_clock, PERIOD, lambda: False)
+    for tick in (1000, 1001, 400, 401, 1002):
+        if tick >= 1000:
+            run_clock.observe(round(tick * PERIOD * 1e9), clock.monotonic_ns(), tick)
+            give_pose(mapper, tick)
+        give(mapper, "platform", "laser", SWEEP, tick)
+        give(mapper, "platform", "step", REPORT, 1002)
+        turn(runner)
+    assert node.poses == [1, 2, 3] and mapper.cell.instance.stepped == 1002
+
+
+def test_what_was_made_by_the_old_clock_is_no_news_by_the_new_one(clock: Clock) -> None:
+    node = Listener()
+    mapper = hosted("mapper", node)
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    give(mapper, "goal", "clear", ClearRequest(1), 72_000)
+    for tick in (72_000, 5):
+        give(mapper, "platform", "laser", SWEEP, tick)
+        give(mapper, "platform", "step", REPORT, tick)
+        give_pose(mapper, tick)
+        turn(runner)
+    assert mapper.cell.instance.stepped == 5
+    assert max(feed.slot.tick for feed in mapper.cell.feeds) == 5
 
 
 def test_a_message_that_was_only_overtaken_is_passed_over(clock: Clock) -> None:

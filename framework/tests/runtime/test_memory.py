@@ -55,7 +55,23 @@ def test_the_last_word_of_a_gate_that_ends_in_order_does_not_hide_what_held_befo
     memory = Memory()
     memory.note(GATE, last, at(50))
     memory.note(GATE, stop("ending", last.latched), at(51))
-    assert memory.stop == (50, kept)
+    assert memory.stop == (51, kept)
+
+
+def test_a_stop_of_which_only_the_last_word_tells_is_remembered() -> None:
+    memory = Memory()
+    memory.note(GATE, stop("ending", True), at(9))
+    assert memory.stop == (9, "operator")
+
+
+@pytest.mark.parametrize("reason", ["silent: platform", "silent: sensor sonars"])
+def test_what_is_told_in_place_of_an_operator_who_is_not_heard_does_not_let_others_drive(reason: str) -> None:
+    memory = Memory()
+    memory.note(GATE, stop("stale: operator main", False), at(8))
+    memory.note(GATE, stop(reason, False), at(9))
+    assert memory.stop == (9, "stale: operator main")
+    memory.note(GATE, stop("no_trajectory", False), at(10))
+    assert memory.stop == (10, "")
 
 
 def test_the_latest_run_clock_is_learnt() -> None:

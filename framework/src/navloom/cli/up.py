@@ -74,15 +74,21 @@ def down(
     every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
 ) -> None:
     """End a robot that is up on this host: it stops, then its processes end in order."""
-    from navloom.runtime.directory import robots
+    from navloom.runtime.directory import DirectoryError, robots
     from navloom.runtime.joining import find_robot
 
     found = list(robots()) if every else [find_robot(robot)]
     if not found:
         typer.echo("no robot of this user is up on this host")
+    failure: DirectoryError | None = None
     for running in found:
-        _end(running)
-        typer.echo(f"{running.realm}/{running.robot} is down")
+        try:
+            _end(running)
+            typer.echo(f"{running.realm}/{running.robot} is down")
+        except DirectoryError as error:
+            failure = failure or error
+    if failure is not None:
+        raise failure
 
 
 def _end(running: Any) -> None:

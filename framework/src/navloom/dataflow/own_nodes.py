@@ -177,7 +177,8 @@ class GateNode:
         """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
         sensed, has_contact = self._sensed(given), self.gate.has_contact
         reason = self.gate.choose(sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch)[2]
-        if not reason or (self._status is not None and self._status.stopped):
+        said = self._status
+        if not reason or (said is not None and said.stopped and said.latched == self.gate.is_latched):
             return []
         self._note(has_contact)
         return self.stop(reason, sensed.platform_ns)

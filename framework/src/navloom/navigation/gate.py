@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 from navloom.messages import GateStatus, Twist2D
 
-__all__ = ["ENDING", "LEFT", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
+__all__ = ["ENDING", "HIDING", "LEFT", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
 ENDING = "ending"
 """Reason of the last stop of a gate that ends in order."""
 LEFT = "stale: operator"
 """How the reason begins while an operator who drove is not heard: nobody else drives until `resume`."""
+
+HIDING = ("silent: platform", "silent: sensor")
+"""How reasons begin that are told in place of an operator who is not heard."""
 
 
 @dataclass(frozen=True)

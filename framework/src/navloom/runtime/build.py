@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -192,14 +192,15 @@ def make_plugins(
 def _try_set_events(system: System, part: Part, context: Context) -> None:
     """Refuse parameter changes that the plugin will not take when their time comes."""
     values: dict[str, Any] = part.params.model_dump(exclude_unset=True)
-    for number, event in enumerate(system.config.event):
+    for number, event in sorted(enumerate(system.config.event), key=lambda entry: entry[1].at):
         if event.do == "set" and event.role == part.role and event.name in (None, part.table.instance):
             if event.name is None and part.place != part.role:
                 continue
             values |= event.values
             try:
                 with _blamed(part, "configure"):
-                    part.cls(check_params(part.cls.Params, values, part.place), context)
+                    stream = stream_source(system.config.run.seed, part.role, part.table.instance)
+                    part.cls(check_params(part.cls.Params, values, part.place), replace(context, stream=stream))
             except ConfigError as error:
                 raise ConfigError(f"event.{number}.values: {error}") from None
 

@@ -100,7 +100,7 @@ def share_by_hand(
     running = Running(
         network.realm, network.robot, os.getpid(), ends, bool(network.router), system.loaded.name, False, shown, False
     )
-    with _standing(folder, running):
+    with _standing(RobotFolder(network.realm, network.robot, bool(network.router)), running):
         try:
             yield Share(name, sources, link, False, time.monotonic_ns())
         finally:
@@ -112,11 +112,12 @@ def share_by_hand(
 def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
     """One of the processes that nobody supervises stands for the robot on this host, so that commands find it.
 
-    When that one ends, another does so within a moment. Beside a robot that is supervised nobody does.
+    When that one ends, another does so within a moment. Beside a robot that is supervised nobody does, but for behind a
+    router, where who brings the rest of it up on this host comes first for who looks.
     """
     ended = threading.Event()
     holder = folder.read()
-    if holder is not None and holder.supervised:
+    if holder is not None and holder.supervised and not running.via_router:
         yield
         return
 
@@ -124,7 +125,8 @@ def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
         while not folder.lock():
             if ended.wait(STAND):
                 return
-        folder.write(running)
+        with suppress(OSError):  # a full disk: commands need --connect then
+            folder.write(running)
 
     thread = threading.Thread(target=stand, daemon=True)
     thread.start()
@@ -134,6 +136,4 @@ def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
         ended.set()
         thread.join()
         if folder.is_held:
-            with suppress(OSError):
-                (folder.path / "robot.json").unlink()
-            folder.unlock()
+            folder.leave()

@@ -25,18 +25,22 @@ OPEN: Mapping[str, Any] = {
     "clock_ns": -1,
     "faulted": 0,
     "fault": "",
+    "config_sha256": "",
+    "shared_memory_mb": None,
 }
 """What a node that does not answer leaves open, and one of another version perhaps."""
 _NUMBER, _NONE = (int, float), type(None)
 _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
-    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns"), int),
+    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns", "ticks", "late_ticks"), int),
     **dict.fromkeys(("active", "enabled"), bool),
     **dict.fromkeys(("busy_s", "silence_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
     **dict.fromkeys(("versions", "published", "streams", "places", "hosts"), dict),
     "plugin": (str, _NONE),
 }
 """What an instance says of itself, as far as others reckon with it."""
+_COUNTED = frozenset({"received", "dropped", "malformed", "late", "latest"})
+"""What it says of each stream that it reads."""
 
 
 class ClientError(RuntimeError):
@@ -126,17 +130,23 @@ class Client:
             given = json.loads(answer.data)
         except ValueError:
             return None
-        if not isinstance(given, dict) or not all(
-            isinstance(given[name], kinds) for name, kinds in _TYPES.items() if name in given
-        ):
-            return None
-        told = {**OPEN, **given}
-        names = [*told["places"].items(), *told["hosts"].items()]
-        if not all(isinstance(name, str) for pair in names for name in pair) or not all(
-            " " in node for node in told["places"]
-        ):
-            return None
-        if not all(isinstance(counts, dict) for counts in told["streams"].values()):
+        if not _is_description(given):
             return None
         role, instance, _ = self.keys.split(answer.key)
-        return {**told, "role": role, "instance": instance}
+        return {**OPEN, **given, "role": role, "instance": instance}
+
+
+def _is_description(given: Any) -> bool:
+    """It has no entry of another type than others reckon with; what it leaves out is open."""
+    if not isinstance(given, dict):
+        return False
+    if not all(isinstance(given[name], kinds) for name, kinds in _TYPES.items() if name in given):
+        return False
+    places, hosts, streams = (given.get(name, {}) for name in ("places", "hosts", "streams"))
+    names = [name for table in (places, hosts, given.get("versions", {})) for pair in table.items() for name in pair]
+    return (
+        all(isinstance(name, str) for name in names)
+        and all(" " in node for node in places)
+        and all(isinstance(counts, dict) and counts.keys() >= _COUNTED for counts in streams.values())
+        and all(isinstance(counts[name], int) for counts in streams.values() for name in _COUNTED)
+    )

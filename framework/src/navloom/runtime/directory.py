@@ -18,6 +18,8 @@ __all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtim
 
 LONGEST_SOCKET = 100
 """Characters of a socket's path that every system takes."""
+ROBOT, STANDING = ("lock", "robot.json"), ("standing", "standing.json")
+"""File that is locked by who runs a robot, or stands for it, and the one that says what runs."""
 CLAIMS, LOOK = 3, 0.005
 """Times a robot is claimed, and s between them: longer than a look at the lock lasts."""
 
@@ -79,10 +81,16 @@ def runtime_folder() -> Path:
 
 
 class RobotFolder:
-    """One robot's folder."""
+    """One robot's folder.
 
-    def __init__(self, realm: str, robot: str) -> None:
+    Args:
+        realm, robot: Its names.
+        stands: For a process that stands for a robot which another may bring up beside it, behind a router.
+    """
+
+    def __init__(self, realm: str, robot: str, stands: bool = False) -> None:
         self.path = runtime_folder() / f"{realm}.{robot}"
+        self._claim, self._word = STANDING if stands else ROBOT
         self._lock: int | None = None
 
     def make(self) -> None:
@@ -99,7 +107,7 @@ class RobotFolder:
 
     def lock(self) -> bool:
         """Claim the robot for this process; False where another has it."""
-        claim = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        claim = os.open(self.path / self._claim, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         for left in reversed(range(CLAIMS)):
             with contextlib.suppress(OSError):
                 fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -121,6 +129,12 @@ class RobotFolder:
             os.close(self._lock)
             self._lock = None
 
+    def leave(self) -> None:
+        """Leave the robot to another process, with no word of this one."""
+        with contextlib.suppress(OSError):
+            (self.path / self._word).unlink()
+        self.unlock()
+
     def socket(self, process: str) -> str:
         """Endpoint of a process's socket."""
         path = self.path / f"{process}.sock"
@@ -137,23 +151,24 @@ class RobotFolder:
 
     def write(self, running: Running) -> None:
         """Say what runs here, at once or not at all."""
-        write_whole(self.path / "robot.json", json.dumps(asdict(running)))
+        write_whole(self.path / self._word, json.dumps(asdict(running)))
 
     def read(self) -> Running | None:
         """What runs here; None where nothing does any more.
 
         The lock tells, since what runs a robot holds it for as long as it lives; its number may be another's by now.
         """
-        return self.told() if self.is_claimed() else None
+        held = (self.told(word) for claim, word in (ROBOT, STANDING) if _is_locked(self.path / claim))
+        return next((running for running in held if running is not None), None)
 
     def is_claimed(self) -> bool:
-        """Whether a process has the robot now."""
-        return _is_locked(self.path / "lock")
+        """Whether a process has the robot now, or stands for it."""
+        return any(_is_locked(self.path / claim) for claim, _ in (ROBOT, STANDING))
 
-    def told(self) -> Running | None:
+    def told(self, word: str = "robot.json") -> Running | None:
         """What was written here, whether it still runs or not."""
         try:
-            found = json.loads((self.path / "robot.json").read_text("utf-8"))
+            found = json.loads((self.path / word).read_text("utf-8"))
             return Running(**{**found, "endpoints": tuple(found["endpoints"])})
         except (OSError, ValueError, TypeError, KeyError):
             return None
@@ -180,6 +195,8 @@ class RobotFolder:
     def clear(self) -> None:
         """Remove what a robot that ended has left; not the socket of a node that was started by hand and is there."""
         kept = {path for path in self.path.glob("*.sock") if _is_locked(path.with_name(f"{path.name}.lock"))}
+        if _is_locked(self.path / STANDING[0]):
+            kept.add(self.path / STANDING[1])
         kept |= {path.with_name(f"{path.name}.lock") for path in kept}
         for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.json", "*.part"):
             for path in {*self.path.glob(pattern)} - kept:
@@ -204,8 +221,8 @@ def _is_locked(path: Path) -> bool:
 
 def robots() -> Iterator[Running]:
     """Every robot of this user that is up."""
-    for path in sorted(runtime_folder().glob("*.*/robot.json")):
-        realm, _, robot = path.parent.name.partition(".")
+    for path in sorted(runtime_folder().glob("*.*/")):
+        realm, _, robot = path.name.partition(".")
         running = RobotFolder(realm, robot).read()
         if running is not None:
             yield running

@@ -114,18 +114,21 @@ class LiveRunner:
 
     def _fill(self, feed: Feed) -> None:
         slot = feed.slot
+        is_clock = feed.source[0] == "platform" and feed.wire.input.port == "odometry"
         for message, envelope in feed.inlet.take():
             held = slot.envelope
             if held is not None and envelope.tick <= slot.tick:
                 is_known = envelope.tick == slot.tick and envelope.sequence == held.sequence
-                if is_known or slot.tick - BACKWARDS < envelope.tick < slot.tick:
+                # That the clock began anew the platform tells alone: an old message of another is only old.
+                is_near = is_clock or self.clock.tick < envelope.tick + BACKWARDS
+                is_anew = envelope.tick <= slot.tick - BACKWARDS and is_near
+                if is_known or (envelope.tick < slot.tick and not is_anew):
                     feed.inlet.counts.late += 1
                     continue
-                if envelope.tick < slot.tick:
-                    slot.tick, slot.older = -1, (None, None, -1)
+                if is_anew:
                     self.begin_anew(envelope.tick)
             slot.take(message, envelope, envelope.tick)
-            if feed.source[0] == "platform" and feed.wire.input.port == "odometry":
+            if is_clock:
                 self.clock.observe(envelope.stamp_ns, feed.inlet.arrived_ns, envelope.tick)
 
     def begin_anew(self, tick: int) -> None:
@@ -135,6 +138,9 @@ class LiveRunner:
             instance.stepped = -1
         self.done = {source: done for source, done in self.done.items() if done < limit}
         self._waits_since = (-1, 0.0)
+        for feed in self.cell.feeds:
+            if feed.slot.tick >= limit:  # what it holds stays, and is no news
+                feed.slot.tick, feed.slot.older = -1, (None, None, -1)
         for wire in instance.wires:
             if wire.queue is not None:
                 kept = [entry for entry in wire.queue if entry[0] < limit]

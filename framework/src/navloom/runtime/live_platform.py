@@ -17,6 +17,8 @@ __all__ = ["LivePlatform"]
 CHECK = 0.01
 """s between two looks at the gate's command."""
 STILL = Twist2D(0.0, 0.0, 0.0)
+UNTOLD = 1.0
+"""s that the wheels may not be told anything: then the process is given up, and another opens them anew."""
 
 
 class LivePlatform(LiveRunner):
@@ -53,7 +55,7 @@ class LivePlatform(LiveRunner):
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._taken: object = None
         self._twist = STILL
-        self._is_driven = True
+        self._untold_since: float | None = None
         self._refusal = ""
         self._cause_ns = -1
         self._next = -1
@@ -73,8 +75,14 @@ class LivePlatform(LiveRunner):
         return min(CHECK, max(0.0, (self._next * self.period_ns - self._now_ns()) * 1e-9))
 
     def act(self) -> None:
-        """Hand on what the gate said; stop where that has gone stale; tick where it is time."""
+        """Hand on what the gate said; stop where that has gone stale; tick where it is time.
+
+        Raises:
+            RuntimeError: The wheels cannot be told anything any more.
+        """
         self._follow_gate()
+        if self._untold_since is not None and time.monotonic() - self._untold_since > UNTOLD:
+            raise RuntimeError(f"the wheels could not be told anything for {UNTOLD:g} s: {self._refusal or self.fault}")
         now_ns = self._now_ns()
         if now_ns < self._next * self.period_ns:
             return
@@ -87,7 +95,7 @@ class LivePlatform(LiveRunner):
     def _follow_gate(self) -> None:
         slot, now_ns = self._feeds["command"].slot, self._now_ns()
         message, envelope = slot.message, slot.envelope
-        wanted = None if self._is_driven else self._twist
+        wanted = None if self._untold_since is None else self._twist
         if message is not self._taken and isinstance(message, Command) and envelope is not None:
             self._taken = message
             if 0 <= now_ns - envelope.cause_ns <= self.deadline_ns:
@@ -103,9 +111,10 @@ class LivePlatform(LiveRunner):
         self._twist = twist
         try:
             self.platform.drive(twist, max(0, self._now_ns()))
-            self._is_driven = True
+            self._untold_since = None
         except (Exception, SystemExit) as error:
-            self._is_driven, self._refusal = False, fault_text(error, self.cell.instance.node)
+            self._refusal = fault_text(error, self.cell.instance.node)
+            self._untold_since = time.monotonic() if self._untold_since is None else self._untold_since
 
     def _advance(self, number: int) -> None:
         cell, instance = self.cell, self.cell.instance

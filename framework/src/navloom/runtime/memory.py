@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.messages import Envelope, Feedback, GateStatus, Message, Parameters, Selection
-from navloom.navigation.gate import ENDING, LEFT
+from navloom.navigation.gate import ENDING, HIDING, LEFT
 
 __all__ = ["Memory"]
 
@@ -39,13 +39,21 @@ class Memory:
             self.epoch = message.epoch
             self.selected = dict(entry.split(" ", 1) for entry in message.instances)
         elif isinstance(message, GateStatus):
-            if message.reason != ENDING:  # a gate's last word, which says nothing of what held before
-                self.stop = (at.tick, message.reason if message.latched or message.reason.startswith(LEFT) else "")
+            self.stop = (at.tick, self._stop_of(message))
         elif isinstance(message, Feedback):
             self.goal = (at.tick, message.goal_id)
             self.last_goal = max(self.last_goal, message.goal_id)
         elif isinstance(message, Parameters):
             self.parameters[" ".join(source)] = (message.version, message.values)
+
+    def _stop_of(self, message: GateStatus) -> str:
+        """Why the robot stands until somebody resumes, by the gate's word; some words say nothing of it."""
+        before = self.stop[1]
+        if message.reason == ENDING:
+            return before or ("operator" if message.latched else "")
+        if message.reason.startswith(HIDING) and not message.latched:
+            return before
+        return message.reason if message.latched or message.reason.startswith(LEFT) else ""
 
     def to_bytes(self) -> bytes:
         """For another process."""

@@ -37,6 +37,8 @@ class ScanGrid(Mapper):
         mapping.warm_up()
 
     def update(self, given: MapperInput) -> MapUpdate | None:
+        if self._due_ns is not None and given.stamp_ns < self._due_ns - self._interval_ns:
+            self._due_ns = self._newest_ns = None  # the run clock began anew
         if given.clear:
             self._forget(given)
         for scan in given.scans:

@@ -29,6 +29,8 @@ class Base:
     """A base whose line to the wheels can break; `told` is what got there."""
 
     def __init__(self) -> None:
+        self.context = SimpleNamespace(sensors=[SimpleNamespace(name="sonars")])
+        self.scans: dict[str, Any] = {}
         self.told: list[Twist2D] = []
         self.broken = 0
 
@@ -40,7 +42,7 @@ class Base:
 
     def advance(self, given: Any) -> PlatformOutput:
         pose = Pose2D(0.0, 0.0, 0.0)
-        return PlatformOutput(Odometry(given.time_ns, pose, STILL), {}, Contact(False), None)
+        return PlatformOutput(Odometry(given.time_ns, pose, STILL), self.scans, Contact(False), None)
 
 
 class Robot:
@@ -113,6 +115,12 @@ def test_the_platforms_own_stop_is_told_again_as_well(robot: Robot) -> None:
     robot.base.broken = 9
     robot.turn(0.2)
     assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
+
+
+def test_a_scan_of_a_sensor_that_is_not_there_is_the_plugins_fault(robot: Robot) -> None:
+    robot.base.scans = {"sonar": None}
+    robot.turn(0.1)
+    assert "advance() gave a scan of 'sonar', expected one of sonars" in robot.runner.fault
 
 
 def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> None:

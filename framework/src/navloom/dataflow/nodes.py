@@ -91,12 +91,16 @@ class PlatformNode:
 
     def __init__(self, plugin: Platform) -> None:
         self.plugin = plugin
+        self._sensors = [sensor.name for sensor in plugin.context.sensors]
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         command, sweeps = given["command"], given["sweep"]
         twist = command.twist if command is not None else STILL
         answer = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
         got = _expect(answer, PlatformOutput, "advance")
+        for name in got.scans:
+            if name not in self._sensors:
+                raise ValueError(f"advance() gave a scan of {name!r}, expected one of {', '.join(self._sensors)}")
         out: Outputs = [("odometry", got.odometry), ("contact", got.contact), *got.scans.items()]
         if got.truth is not None:
             out.append(("truth", got.truth))

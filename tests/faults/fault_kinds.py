@@ -144,7 +144,8 @@ def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) 
         is_new = not goals or turned is None or turned.time_ns > goals[0]
         outcome.fresh = first is not None and not first.turns and is_new
     else:
-        outcome.ran_on = ran_on(words)
+        # What comes after a zero is driven by who is healthy again: an avoider may well say the same for a second.
+        outcome.ran_on = ran_on([word for word in words if zero is None or word.time_ns <= zero.time_ns])
         outcome.old = old_words(motors.words, began)
         standing = motors.standing_after(zero.time_ns) if zero is not None else None
         if standing is not None and zero is not None:

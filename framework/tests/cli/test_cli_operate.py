@@ -96,6 +96,18 @@ def test_what_a_plugin_prints_is_no_part_of_the_json(monkeypatch: pytest.MonkeyP
     assert json.loads(done.stdout)["outcome"] == "timeout" and "hello from a plugin" in done.stderr
 
 
+def test_a_run_that_still_compiles_is_not_said_to_hang_but_one_that_never_begins_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(typer, "echo", lambda text, err: said.append(text))
+    limit = time.monotonic() + 20.0
+    with watched_for_stalls(lambda done, total: None, patience=0.05):
+        while not said and time.monotonic() < limit:
+            pass
+    assert said[0].startswith("navloom: no tick for 0.6 s: the run is at test_cli_operate.py:")
+
+
 def test_a_run_that_does_not_come_on_says_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr(typer, "echo", lambda text, err: said.append(text))

@@ -33,6 +33,8 @@ LABELS = {
 
 STALLED = 10.0
 """s without progress after which it is said what a run is at."""
+COMPILING = 12
+"""How many times as long the first tick may take to come."""
 
 
 def run(
@@ -85,24 +87,28 @@ def run(
 def watched_for_stalls(
     progress: Callable[[float, float], None], patience: float = STALLED
 ) -> Iterator[Callable[[float, float], None]]:
-    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way."""
+    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way.
+
+    Before the first tick kernels may be compiled: until then it is given `COMPILING` times as long.
+    """
     runs, moved, ended = threading.get_ident(), [time.monotonic()], threading.Event()
+    limits = [COMPILING * patience]
 
     def tell(done: float, total: float) -> None:
-        moved[0] = time.monotonic()
+        moved[0], limits[0] = time.monotonic(), patience
         progress(done, total)
 
     def look() -> None:
         told = 0.0
         while not ended.wait(0.1 * patience):
-            last = moved[0]
-            if last != told and time.monotonic() - last > patience:
+            last, limit = moved[0], limits[0]
+            if last != told and time.monotonic() - last > limit:
                 told = last
                 frame = sys._current_frames()[runs]
                 while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in sys.stdlib_module_names:
                     frame = frame.f_back
                 place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
-                typer.echo(f"navloom: no tick for {patience:g} s: the run is at {place}; Ctrl-C ends it", err=True)
+                typer.echo(f"navloom: no tick for {limit:g} s: the run is at {place}; Ctrl-C ends it", err=True)
 
     thread = threading.Thread(target=look, daemon=True)
     thread.start()

@@ -56,7 +56,8 @@ def test_an_event_that_its_plugin_will_refuse_is_refused_before_the_run() -> Non
 def test_events_are_tried_in_the_order_in_which_they_happen() -> None:
     later = '{ at = 20.0, do = "set", role = "mapper", values = { floor_tolerance = 2.0 } }'
     sooner = '{ at = 10.0, do = "set", role = "mapper", values = { z_limit = 3.0 } }'
-    paper(f"event=[{later}, {sooner}]")
+    system = paper(f"event=[{later}, {sooner}]")
+    assert system.plugin("mapper", "ipabd").params == system.parts[("mapper", "ipabd")].params  # they were only tried
 
 
 class Runner:

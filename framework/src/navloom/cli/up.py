@@ -98,11 +98,11 @@ def _end(running: Any) -> None:
 
     from navloom.runtime.directory import DirectoryError, RobotFolder
 
-    name = f"{running.realm}/{running.robot}"
     if not running.supervised:
         raise DirectoryError(
-            f"robot {name} was not brought up by `navloom up`: end each `navloom node` where it runs, with Ctrl-C, or "
-            f"all of them with `systemctl stop navloom-{running.realm}-{running.robot}.target` where systemd has them"
+            f"robot {running.realm}/{running.robot} was not brought up by `navloom up`: end each `navloom node` where it "
+            f"runs, with Ctrl-C, or all of them with `systemctl stop navloom-{running.realm}-{running.robot}.target` where "
+            "systemd has them"
         )
     with contextlib.suppress(ProcessLookupError):
         os.kill(running.pid, signal.SIGTERM)

@@ -110,7 +110,7 @@ def _instances(selection: Selection | None) -> tuple[str, str]:
     """Instances of mapper and planner in charge."""
     if selection is None:
         return "", ""
-    chosen = dict(entry.split(" ", 1) for entry in selection.instances)
+    chosen = selection.chosen
     return chosen["mapper"], chosen["planner"]
 
 

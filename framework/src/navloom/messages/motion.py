@@ -213,3 +213,8 @@ class Selection(Message):
     epoch: int
     from_tick: int
     instances: tuple[str, ...]
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """Instance in charge, by role."""
+        return dict(entry.split(" ", 1) for entry in self.instances)

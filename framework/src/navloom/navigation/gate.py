@@ -14,7 +14,6 @@ ENDING = "ending"
 """Reason of the last stop of a gate that ends in order."""
 LEFT = "stale: operator"
 """How the reason begins while an operator who drove is not heard: nobody else drives until `resume`."""
-
 HIDING = ("silent: platform", "silent: sensor")
 """How reasons begin that are told in place of an operator who is not heard."""
 

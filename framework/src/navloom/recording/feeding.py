@@ -45,7 +45,7 @@ class Chosen:
 
     def learn(self, selection: Selection) -> None:
         """Take in a selection."""
-        chosen = self._by_epoch[0] | dict(entry.split(" ", 1) for entry in selection.instances)
+        chosen = self._by_epoch[0] | selection.chosen
         self._by_epoch[selection.epoch] = chosen
         if self._from[-1][0] < selection.from_tick:
             self._from.append((selection.from_tick, chosen))

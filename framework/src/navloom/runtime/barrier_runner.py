@@ -106,7 +106,7 @@ class BarrierRunner:
         message: Any = self.selection.slot.message
         if not isinstance(message, Selection) or message.epoch <= self.cell.epoch or message.from_tick > number:
             return
-        fresh = {(role, name) for role, _, name in (entry.partition(" ") for entry in message.instances)}
+        fresh = {*message.chosen.items()}
         for feed in self.cell.feeds:
             if feed.source in fresh and not self._in_charge(feed.source):
                 self.barrier.await_report(feed.source, number - 1)

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.loader import explain
-from navloom.config.schema import ROLE_TABLES, Config, PlaceTable, RoleTable
+from navloom.config.schema import ROLE_TABLES, Config, EventTable, PlaceTable, RoleTable
 from navloom.dataflow.graph import order
 from navloom.dataflow.nodes import fault_text, role_node
 from navloom.dataflow.ports import NodeSpec
@@ -192,17 +192,12 @@ def make_plugins(
 def _try_set_events(system: System, part: Part, context: Context) -> None:
     """Refuse parameter changes that the plugin will not take when their time comes."""
     values: dict[str, Any] = part.params.model_dump(exclude_unset=True)
-    for number, event in sorted(enumerate(system.config.event), key=lambda entry: entry[1].at):
-        if event.do == "set" and event.role == part.role and event.name in (None, part.table.instance):
-            if event.name is None and part.place != part.role:
-                continue
+    for number, event, source in sorted(_set_events(system.config), key=lambda entry: entry[1].at):
+        if source == (part.role, part.table.instance):
             values |= event.values
-            try:
-                with _blamed(part, "configure"):
-                    stream = stream_source(system.config.run.seed, part.role, part.table.instance)
-                    part.cls(check_params(part.cls.Params, values, part.place), replace(context, stream=stream))
-            except ConfigError as error:
-                raise ConfigError(f"event.{number}.values: {error}") from None
+            with _blamed_on_event(number), _blamed(part, "configure"):
+                stream = stream_source(system.config.run.seed, *source)
+                part.cls(check_params(part.cls.Params, values, part.place), replace(context, stream=stream))
 
 
 @contextmanager
@@ -372,11 +367,23 @@ def _check_set_events(system: System) -> None:
     """Refuse parameter changes that will not fit when their time comes."""
     from navloom.dataflow.events import assignments
 
-    for number, event in enumerate(system.config.event):
+    for number, event, source in _set_events(system.config):
+        with _blamed_on_event(number):
+            changed_params(system, *source, assignments(event.values))
+
+
+def _set_events(config: Config) -> Iterator[tuple[int, EventTable, tuple[str, str]]]:
+    """Number of each event that changes parameters, it, and the role and instance whose they are."""
+    for number, event in enumerate(config.event):
         if event.do == "set":
             role = event.role or ""
-            instance = event.name or system.config.role_table(role).instance
-            try:
-                changed_params(system, role, instance, assignments(event.values))
-            except ConfigError as error:
-                raise ConfigError(f"event.{number}.values: {error}") from None
+            yield number, event, (role, event.name or config.role_table(role).instance)
+
+
+@contextmanager
+def _blamed_on_event(number: int) -> Iterator[None]:
+    """Say which event of the config does not fit."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"event.{number}.values: {error}") from None

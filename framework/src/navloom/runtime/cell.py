@@ -80,7 +80,7 @@ class Cell:
 
     def select(self, selection: Selection) -> None:
         """Read the instances now in charge."""
-        self.recall(dict(entry.split(" ", 1) for entry in selection.instances), selection.epoch)
+        self.recall(selection.chosen, selection.epoch)
 
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
         """Read these instances, under this epoch."""

@@ -111,7 +111,7 @@ class Conductor:
     def _collect(self, number: int) -> None:
         """Wait for everyone's report of a tick, and take in what they published."""
         if self._selection is not None and number >= self._selection.from_tick:
-            self._chosen |= dict(entry.split(" ", 1) for entry in self._selection.instances)
+            self._chosen |= self._selection.chosen
             self.log.swaps = self._selection.epoch
             self._selection = None
         time_ns = round(number * self.system.config.run.period * 1e9)

@@ -95,7 +95,7 @@ class LiveRunner:
             and selection.epoch > self.cell.epoch
             and selection.from_tick <= self.clock.tick
         ):
-            self.recall(dict(entry.split(" ", 1) for entry in selection.instances), selection.epoch)
+            self.recall(selection.chosen, selection.epoch)
         while self._changes:
             self._changes.popleft()()
 

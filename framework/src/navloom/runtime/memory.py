@@ -37,7 +37,7 @@ class Memory:
         """Remember what a message says."""
         if isinstance(message, Selection) and message.epoch >= self.epoch:
             self.epoch = message.epoch
-            self.selected = dict(entry.split(" ", 1) for entry in message.instances)
+            self.selected = message.chosen
         elif isinstance(message, GateStatus):
             self.stop = (at.tick, self._stop_of(message))
         elif isinstance(message, Feedback):

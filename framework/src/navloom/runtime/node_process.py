@@ -146,7 +146,7 @@ class NodeProcess:
             if self.share.attended and any(role == "platform" for role, _ in nodes):
                 bus.watch(keys.process(ATTENDANT, LINKED), lambda key, alive: self._heard.set())
             monitor = Monitor(self.system, board, clock, memory, self._wake, self.ending.is_set)
-            fetching = threading.Thread(target=self._fetch, args=(board, presence), daemon=True)
+            fetching = threading.Thread(target=presence.follow, args=(board.fetch, self.ending.is_set), daemon=True)
             for source, runner in live.items():
                 if source in self.system.parts:
                     runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
@@ -271,13 +271,6 @@ class NodeProcess:
         for runner in self.runners.values():
             if isinstance(runner, LiveGoal) and again:
                 runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
-
-    def _fetch(self, board: Switchboard, presence: Presence) -> None:
-        """Ask each instance that comes up for the last of what it keeps."""
-        while not self.ending.is_set():
-            source = presence.next_arrival(0.2)
-            if source is not None:
-                board.fetch(source)
 
     def longest_seizure(self) -> float:
         """s that one node may compute here without letting go of Python, while all others wait.

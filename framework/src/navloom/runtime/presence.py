@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 from collections.abc import Callable, Iterable
 
@@ -9,6 +10,9 @@ from navloom.runtime.cell import Source
 from navloom.runtime.keyspace import KeySpace
 
 __all__ = ["Presence"]
+
+LOOK = 0.2
+"""s between two looks whether it ends, where nobody comes up."""
 
 
 class Presence:
@@ -45,9 +49,8 @@ class Presence:
         """Its token is there, or it is of this process."""
         return source in self._own or bool(self._lives.get(source))
 
-    def next_arrival(self, timeout: float) -> Source | None:
-        """Somebody who came up, once; None where nobody does within s."""
-        try:
-            return self._arrivals.get(timeout=timeout)
-        except queue.Empty:
-            return None
+    def follow(self, meet: Callable[[Source], None], ends: Callable[[], bool]) -> None:
+        """Have each that comes up met once, on the thread that calls this, until it ends."""
+        while not ends():
+            with contextlib.suppress(queue.Empty):
+                meet(self._arrivals.get(timeout=LOOK))

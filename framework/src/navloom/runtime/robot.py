@@ -110,15 +110,8 @@ class Robot:
         board = Switchboard(self.bus, self.keys, lossless=False)
         monitor = Monitor(self.system, board, None, self._memory, lambda entry: None, self._ended.is_set)
         board.connect()
-
-        def fetch() -> None:
-            while not self._ended.is_set():
-                source = self._presence.next_arrival(0.2)
-                if source is not None:
-                    board.fetch(source)
-
-        for work in (monitor.run, fetch):
-            threading.Thread(target=work, daemon=True).start()
+        threading.Thread(target=monitor.run, daemon=True).start()
+        threading.Thread(target=self._presence.follow, args=(board.fetch, self._ended.is_set), daemon=True).start()
 
     def _tasks(self) -> list[Task]:
         """The processes of this host: its router first, where it has one."""

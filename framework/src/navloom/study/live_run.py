@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 from navloom.config import ConfigError, Loaded
 from navloom.dataflow.events import schedule
@@ -275,14 +275,11 @@ class LiveRun:
                 client.call(request.role, request.instance, "params/set", {"values": list(request.values)})
             else:
                 client.call("gate", "main", request.do, {})
-        except Refused as refusal:
+        except (Refused, ClientError) as error:
             if request.goal is not None:
-                reason = str(refusal).removeprefix("rejected: ")
-                self._ended.append(GoalResult(0, "rejected", reason, Point2D(request.goal.x, request.goal.y)))
-            self.say(f"{request.do}: {refusal}")
-        except ClientError as error:
-            if request.goal is not None:
-                self._ended.append(GoalResult(0, "error", str(error), Point2D(request.goal.x, request.goal.y)))
+                outcome: Literal["rejected", "error"] = "rejected" if isinstance(error, Refused) else "error"
+                reason, place = str(error).removeprefix("rejected: "), Point2D(request.goal.x, request.goal.y)
+                self._ended.append(GoalResult(0, outcome, reason, place))
             self.say(f"{request.do}: {error}")
 
     def _take(self) -> int:
@@ -315,7 +312,7 @@ class LiveRun:
             self.status = message
             self.log.gate_stops += message.stopped and message.reason not in ("no_trajectory", "ending")
         elif isinstance(message, Selection):
-            self._chosen = dict(entry.split(" ", 1) for entry in message.instances)
+            self._chosen = message.chosen
             self.log.swaps = message.epoch
         else:
             self.recorder.on_message(role, name, active, port, message, at)

@@ -37,7 +37,7 @@ class InCharge:
         """A message of role/instance/port, as it is to be drawn."""
         role, instance, port = stream.split("/", 2)
         if isinstance(message, Selection) and message.epoch:
-            self._next = message.from_tick, dict(entry.split(" ", 1) for entry in message.instances)
+            self._next = message.from_tick, message.chosen
         if at.tick >= self._next[0]:
             self._now |= self._next[1]
             self._next = math.inf, {}

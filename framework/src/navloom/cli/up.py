@@ -99,10 +99,10 @@ def _end(running: Any) -> None:
     from navloom.runtime.directory import DirectoryError, RobotFolder
 
     if not running.supervised:
+        target = f"navloom-{running.realm}-{running.robot}.target"
         raise DirectoryError(
-            f"robot {running.realm}/{running.robot} was not brought up by `navloom up`: end each `navloom node` where it "
-            f"runs, with Ctrl-C, or all of them with `systemctl stop navloom-{running.realm}-{running.robot}.target` where "
-            "systemd has them"
+            f"robot {running.realm}/{running.robot} was not brought up by `navloom up`: end each `navloom node` where "
+            f"it runs, with Ctrl-C, or all of them with `systemctl stop {target}` where systemd has them"
         )
     with contextlib.suppress(ProcessLookupError):
         os.kill(running.pid, signal.SIGTERM)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +13,16 @@ from PIL import Image, ImageDraw, ImageFont
 
 from navloom.geometry.frames import transform
 from navloom.geometry.solids import box_corners, centre_at, overlaps
-from navloom.geometry.world import Box, World
+from navloom.geometry.world import Box
 from navloom.messages import MapUpdate
 from navloom.study.episode import Episode
 
-__all__ = ["Canvas", "draw_map_update", "draw_run"]
+__all__ = ["Canvas", "Key", "draw_map_update", "draw_run"]
 
 Floats = NDArray[np.float64]
+Colour = tuple[int, int, int]
+Rectangle = tuple[float, float, float, float]
+"""Least u, least v, greatest u and v, pixels of the canvas; or x and y, m."""
 WIDTH, OVERSAMPLING, MARGIN = 1100, 2, 60
 # Okabe & Ito's palette: told apart with any colour vision.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, GREY = (
@@ -25,9 +30,34 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, GREY = (
 )  # fmt: skip
 
 
-CELLS = (205, 205, 205)
+CELLS, FOOTPRINT = (205, 205, 205), (235, 175, 145)
 START = 0.08
 """Radius of the disc that marks a start, m."""
+OUTLINE_EVERY = 2.0
+"""s between two outlines of the robot."""
+DASH, GAP = 9.0, 6.0
+"""Of a dashed line, pixels of the finished picture."""
+ROW, SWATCH = 22, 24
+"""Height of a row of the legend and width of the sample before each name, pixels of the finished picture."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """One entry of a legend.
+
+    Attributes:
+        name: What is drawn so.
+        colour: Its colour.
+        shape: How the sample looks; "dashed" is an outline in dashes.
+    """
+
+    name: str
+    colour: Colour
+    shape: Literal["fill", "line", "outline", "dashed", "disc"] = "fill"
+
+
+DRIVEN = Key("driven", VERMILION, "line")
+TRUE, ABOVE = Key("true obstacles", SKY, "outline"), Key("above the robot", SKY, "dashed")
 
 
 class Canvas:
@@ -35,58 +65,80 @@ class Canvas:
 
     Args:
         bounds: Lowest x, lowest y, highest x, highest y, m.
+        keys: The legend, in rows above the frame.
     """
 
-    def __init__(self, bounds: tuple[float, float, float, float]) -> None:
+    def __init__(self, bounds: Rectangle, keys: Sequence[Key]) -> None:
         x0, y0, x1, y1 = bounds
         self.x0, self.y1 = x0, y1
         self.scale = OVERSAMPLING * (WIDTH - 2 * MARGIN) / max(x1 - x0, (y1 - y0) * 0.75)
-        size = (
-            round((x1 - x0) * self.scale) + 2 * OVERSAMPLING * MARGIN,
-            round((y1 - y0) * self.scale) + 2 * OVERSAMPLING * MARGIN,
-        )
-        self.image = Image.new("RGB", size, "white")
-        self.pen = ImageDraw.Draw(self.image)
         self.font = ImageFont.load_default(13 * OVERSAMPLING)
         self.bounds = bounds
+        width = round((x1 - x0) * self.scale) + 2 * OVERSAMPLING * MARGIN
+        self._legend, more = self._rows(keys, width - OVERSAMPLING * MARGIN)
+        self._top = OVERSAMPLING * MARGIN + more
+        height = round((y1 - y0) * self.scale) + self._top + OVERSAMPLING * MARGIN
+        self.image = Image.new("RGB", (width, height), "white")
+        self.pen = ImageDraw.Draw(self.image)
+        self._texts: list[Rectangle] = []
 
     def pixels(self, points: Floats) -> list[tuple[float, float]]:
         """Pixel positions of (n, 2) points, m."""
         edge = OVERSAMPLING * MARGIN
-        return [((x - self.x0) * self.scale + edge, (self.y1 - y) * self.scale + edge) for x, y in points]
+        return [((x - self.x0) * self.scale + edge, (self.y1 - y) * self.scale + self._top) for x, y in points]
 
-    def line(self, points: Floats, colour: tuple[int, int, int], width: float) -> None:
+    def line(self, points: Floats, colour: Colour, width: float) -> None:
         """A polyline; width in pixels of the finished picture."""
         if len(points) > 1:
             self.pen.line(self.pixels(points), fill=colour, width=round(width * OVERSAMPLING), joint="curve")
 
-    def polygon(self, points: Floats, fill: tuple[int, int, int] | None, outline: tuple[int, int, int]) -> None:
+    def polygon(self, points: Floats, fill: Colour | None, outline: Colour) -> None:
         """A filled or empty polygon."""
         self.pen.polygon(self.pixels(points), fill=fill, outline=outline, width=OVERSAMPLING)
 
-    def disc(
-        self, x: float, y: float, radius: float, fill: tuple[int, int, int] | None, outline: tuple[int, int, int]
-    ) -> None:
+    def dashed(self, points: Floats, outline: Colour) -> None:
+        """A polygon in dashes."""
+        _dashed_polygon(self.pen, self.pixels(points), outline)
+
+    def disc(self, x: float, y: float, radius: float, fill: Colour | None, outline: Colour) -> None:
         """A disc of a radius in m."""
         ((u, v),) = self.pixels(np.array([(x, y)]))
         r = radius * self.scale
         self.pen.ellipse((u - r, v - r, u + r, v + r), fill=fill, outline=outline, width=OVERSAMPLING)
 
-    def text(self, x: float, y: float, text: str, colour: tuple[int, int, int] = BLACK) -> None:
-        """Text to the right of a point."""
-        ((u, v),) = self.pixels(np.array([(x, y)]))
-        self.pen.text((u + 5 * OVERSAMPLING, v - 7 * OVERSAMPLING), text, fill=colour, font=self.font)
+    def text(self, x: float, y: float, text: str, clear: float = 0.0) -> None:
+        """Text beside a point, at least `clear` m away, with a white rim, so that it reads on any ground.
 
-    def cells(
-        self, occupied: NDArray[np.bool_], corner: Floats, resolution: float, colour: tuple[int, int, int]
-    ) -> None:
+        Of its four sides the one inside the frame is taken where no other text and the least of the drawing is.
+        """
+        ((u, v),) = self.pixels(np.array([(x, y)]))
+        away, rim = clear * self.scale + 5 * OVERSAMPLING, 3 * OVERSAMPLING
+        sides = ((u + away, v, "lm"), (u - away, v, "rm"), (u, v + away, "ma"), (u, v - away, "md"))
+        boxes = [self.pen.textbbox((a, b), text, self.font, anchor, stroke_width=rim) for a, b, anchor in sides]
+        number = min(range(len(boxes)), key=lambda n: (self._is_taken(boxes[n]), self._ink(boxes[n])))
+        a, b, anchor = sides[number]
+        self._texts.append(boxes[number])
+        self.pen.text((a, b), text, BLACK, self.font, anchor, stroke_width=rim, stroke_fill="white")
+
+    def _is_taken(self, box: Rectangle) -> bool:
+        """Another text is there, or part of it is outside the frame."""
+        (left, low), (right, high) = self.pixels(np.array([self.bounds[:2], self.bounds[2:]]))
+        is_inside = left <= box[0] and box[2] <= right and high <= box[1] and box[3] <= low
+        return not is_inside or any(_overlap(box, other) for other in self._texts)
+
+    def _ink(self, box: Rectangle) -> int:
+        """How many pixels there are not white."""
+        left, top, right, bottom = (round(edge) for edge in box)
+        return int((np.asarray(self.image.crop((left, top, right, bottom))) < 255).any(axis=2).sum())
+
+    def cells(self, occupied: NDArray[np.bool_], corner: Floats, resolution: float, colour: Colour) -> None:
         """Every true cell of a raster; `corner` is the pose (x, y, heading) of its lower left corner."""
         square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=np.float64)
         for row, col in np.argwhere(occupied):
             self.pen.polygon(self.pixels(transform(corner, (square + (col, row)) * resolution)), fill=colour)
 
     def frame(self) -> None:
-        """Wipes what lies outside the bounds, and draws a frame in m with a tick at every 1, 2, 5, …"""
+        """Wipes what lies outside the bounds; draws the legend, and a frame in m with a tick at every 1, 2, 5, …"""
         x0, y0, x1, y1 = self.bounds
         (left, low), (right, high) = self.pixels(np.array([(x0, y0), (x1, y1)]))
         width, height = self.image.size
@@ -103,21 +155,56 @@ class Canvas:
             self.pen.line((u - 6 * OVERSAMPLING, v, u, v), fill=GREY, width=OVERSAMPLING)
             self.pen.text((u - 9 * OVERSAMPLING, v), f"{y:g}", fill=GREY, font=self.font, anchor="rm")
         self.pen.text((right, low + 26 * OVERSAMPLING), "x, m", fill=GREY, font=self.font, anchor="ra")
-        self.pen.text((left - 9 * OVERSAMPLING, high - 4 * OVERSAMPLING), "y, m", GREY, self.font, anchor="rb")
+        self.pen.text((left - 9 * OVERSAMPLING, high - 11 * OVERSAMPLING), "y, m", GREY, self.font, anchor="rb")
 
-    def legend(self, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> None:
-        """Names of colours, in one line above the frame."""
-        u, v = float(OVERSAMPLING * MARGIN), OVERSAMPLING * MARGIN * 0.35
-        for name, colour in entries:
-            box = (u, v, u + 14 * OVERSAMPLING, v + 14 * OVERSAMPLING)
-            self.pen.rectangle(box, fill=colour)
-            self.pen.text((u + 19 * OVERSAMPLING, v - OVERSAMPLING), name, fill=BLACK, font=self.font)
-            u += (30 * OVERSAMPLING) + self.pen.textlength(name, font=self.font)
+        for key, (u, v) in self._legend:
+            _sample(self.pen, key, (u, v, u + SWATCH * OVERSAMPLING, v + 14 * OVERSAMPLING))
+            self.pen.text((u + (SWATCH + 5) * OVERSAMPLING, v - OVERSAMPLING), key.name, BLACK, self.font)
+
+    def _rows(self, keys: Sequence[Key], right: float) -> tuple[list[tuple[Key, tuple[float, float]]], int]:
+        """Where each entry of the legend begins, and how much higher it makes the picture than one row would."""
+        left, top = float(OVERSAMPLING * MARGIN), 0.3 * OVERSAMPLING * MARGIN
+        places, u, v = [], left, top
+        for key in keys:
+            wide = (SWATCH + 5) * OVERSAMPLING + self.font.getlength(key.name)
+            if left < u and right < u + wide:
+                u, v = left, v + ROW * OVERSAMPLING
+            places.append((key, (u, v)))
+            u += wide + 18 * OVERSAMPLING
+        return places, round(v - top)
 
     def finished(self) -> Image.Image:
         """The picture at its final size."""
         size = (self.image.width // OVERSAMPLING, self.image.height // OVERSAMPLING)
         return self.image.resize(size, Image.Resampling.LANCZOS)
+
+
+def _overlap(one: Rectangle, other: Rectangle) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def _dashed_polygon(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], colour: Colour) -> None:
+    """Dashes from each corner to the next, in pixels."""
+    for (u0, v0), (u1, v1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        length = math.hypot(u1 - u0, v1 - v0)
+        for begin in np.arange(0.0, length, (DASH + GAP) * OVERSAMPLING):
+            ends = [share / length for share in (begin, min(length, begin + DASH * OVERSAMPLING))]
+            pen.line([(u0 + s * (u1 - u0), v0 + s * (v1 - v0)) for s in ends], fill=colour, width=OVERSAMPLING)
+
+
+def _sample(pen: ImageDraw.ImageDraw, key: Key, box: Rectangle) -> None:
+    """The sample before a name of the legend."""
+    left, top, right, bottom = box
+    middle, half = 0.5 * (top + bottom), 0.5 * (bottom - top)
+    if key.shape == "line":
+        pen.line((left, middle, right, middle), fill=key.colour, width=3 * OVERSAMPLING)
+    elif key.shape == "dashed":
+        _dashed_polygon(pen, [(left, top), (right, top), (right, bottom), (left, bottom)], key.colour)
+    elif key.shape == "disc":
+        centre = 0.5 * (left + right)
+        pen.ellipse((centre - half, top, centre + half, bottom), key.colour, BLACK, OVERSAMPLING)
+    else:
+        pen.rectangle(box, key.colour if key.shape == "fill" else None, key.colour, OVERSAMPLING)
 
 
 def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image:
@@ -132,25 +219,29 @@ def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image
     corners = np.array([(0, 0), (cols, 0), (cols, rows), (0, rows)], dtype=np.float64) * grid.resolution
     outline = transform(np.array([grid.origin.x, grid.origin.y, grid.origin.heading]), corners)
     (x0, y0), (x1, y1) = outline.min(axis=0), outline.max(axis=0)
-    canvas = Canvas((float(x0), float(y0), float(x1), float(y1)))
+    ends = [Key("sensor", GREEN, "disc")] if way is None else [Key("start", GREEN, "disc"), DRIVEN]
+    canvas = Canvas((float(x0), float(y0), float(x1), float(y1)), [*_map_keys(update), *ends])
     _draw_map(canvas, update)
     if way is not None:
         canvas.line(way, VERMILION, 2.5)
     canvas.disc(0.0, 0.0, 0.01 * (x1 - x0), GREEN, BLACK)
     canvas.frame()
-    cells = [("segments", BLACK), ("occupied cells", CELLS)] if len(update.segments) else [("occupied cells", BLACK)]
-    canvas.legend([*cells, ("sensor", GREEN)] if way is None else [*cells, ("start", GREEN), ("driven", VERMILION)])
     return canvas.finished()
 
 
 def draw_run(episode: Episode) -> Image.Image:
     """Map, plan, trajectory and true way of a finished run, with start, goal and the world's own obstacles."""
     recorder, system = episode.recorder, episode.system
-    canvas = Canvas(_extent(episode))
+    extent = _extent(episode)
+    obstacles = _obstacles_in(extent, episode)
+    canvas = Canvas(extent, _run_keys(episode, {key for _, key in obstacles}))
     if recorder.map is not None:
         _draw_map(canvas, recorder.map)
-    if system.world is not None:
-        _draw_world(canvas, system.world, system.robot.height, recorder.truth[-1][0] if recorder.truth else 0.0)
+    for outline, key in obstacles:
+        if key is TRUE:
+            canvas.polygon(outline, None, key.colour)
+        else:
+            canvas.dashed(outline, key.colour)
     for path in recorder.plans:
         canvas.line(path.points, ORANGE, 2.5)
     for trajectory in recorder.trajectories:
@@ -158,15 +249,29 @@ def draw_run(episode: Episode) -> Image.Image:
     _draw_outlines(canvas, episode)
     canvas.line(recorder.driven, VERMILION, 2.5)
     canvas.disc(system.start.x, system.start.y, START, GREEN, BLACK)
-    canvas.text(system.start.x + START, system.start.y, "S")
+    canvas.text(system.start.x, system.start.y, "start", START)
     if system.goal is not None:
         canvas.disc(system.goal.x, system.goal.y, system.goal_tolerance, None, GREEN)
-        canvas.text(system.goal.x + system.goal_tolerance, system.goal.y, "D")
+        canvas.text(system.goal.x, system.goal.y, "goal", system.goal_tolerance)
     canvas.frame()
-    canvas.legend(
-        [("map", BLACK), ("true obstacles", SKY), ("plan", ORANGE), ("trajectory", BLUE), ("driven", VERMILION)]
-    )
     return canvas.finished()
+
+
+def _run_keys(episode: Episode, obstacles: Collection[Key]) -> list[Key]:
+    """The legend of a run: of what is drawn, and of nothing else."""
+    recorder = episode.recorder
+    keys = [] if recorder.map is None else _map_keys(recorder.map)
+    keys += [key for key in (TRUE, ABOVE) if key in obstacles]
+    keys += [Key("plan", ORANGE, "line")] * bool(recorder.plans)
+    keys += [Key("trajectory", BLUE, "line")] * bool(recorder.trajectories)
+    return [*keys, DRIVEN, Key(f"robot every {OUTLINE_EVERY:g} s", FOOTPRINT, "outline")]
+
+
+def _map_keys(update: MapUpdate) -> list[Key]:
+    """A mapper with segments has them in black, and its cells in grey; without, its cells in black."""
+    if not len(update.segments):
+        return [Key("occupied cells of the map", BLACK)]
+    return [Key("outlines in the map", BLACK, "line"), Key("occupied cells of the map", CELLS)]
 
 
 def _extent(episode: Episode) -> tuple[float, float, float, float]:
@@ -195,19 +300,26 @@ def _draw_map(canvas: Canvas, update: MapUpdate) -> None:
         canvas.line(ends, BLACK, 3.0)
 
 
-def _draw_world(canvas: Canvas, world: World, height: float, time: float) -> None:
-    """Outlines of what reaches into the robot's height, thin where only higher or lower things are."""
-    for obstacle in world.obstacles:
-        colour = SKY if overlaps(obstacle.z, (0.0, height)) else (200, 225, 240)
+def _obstacles_in(extent: Rectangle, episode: Episode) -> list[tuple[Floats, Key]]:
+    """Outline of each obstacle of the world in a part of it, m, at the end of the run; and how it is drawn."""
+    world, height, truth = episode.system.world, episode.system.robot.height, episode.recorder.truth
+    time = truth[-1][0] if truth else 0.0
+    turns = np.linspace(0.0, math.tau, 24, endpoint=False)
+    circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    found = []
+    for obstacle in () if world is None else world.obstacles:
         if isinstance(obstacle, Box):
-            canvas.polygon(box_corners(obstacle, time), None, colour)
+            outline = box_corners(obstacle, time)
         else:
-            canvas.disc(*centre_at(obstacle, time), obstacle.radius, None, colour)
+            outline = circle * obstacle.radius + centre_at(obstacle, time)
+        if _overlap((*outline.min(axis=0), *outline.max(axis=0)), extent):
+            found.append((outline, TRUE if overlaps(obstacle.z, (0.0, height)) else ABOVE))
+    return found
 
 
 def _draw_outlines(canvas: Canvas, episode: Episode) -> None:
-    """The robot's footprint every two seconds."""
+    """The robot's footprint as time passes."""
     outline = episode.system.robot.footprint
-    every = max(1, round(2.0 / episode.system.config.run.period))
+    every = max(1, round(OUTLINE_EVERY / episode.system.config.run.period))
     for _, x, y, heading, _, _ in episode.recorder.truth[::every]:
-        canvas.polygon(transform(np.array([x, y, heading]), outline), None, (240, 200, 180))
+        canvas.polygon(transform(np.array([x, y, heading]), outline), None, FOOTPRINT)

@@ -7,7 +7,11 @@ from typing import ParamSpec, TypeVar, cast
 
 import numba
 
+from navloom.kernel_cache import harden_kernel_cache
+
 __all__ = ["compiled"]
+
+harden_kernel_cache()
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -162,6 +162,10 @@ def _of_one_name(name: str, points: Iterable[EntryPoint]) -> str:
 
 def _register(point: EntryPoint) -> Registry:
     """Import one entry point's module and let it register, alone: what another one did cannot spoil it."""
+    if point.name.partition(".")[0] in ROLES:  # it may bring kernels
+        from navloom.kernel_cache import harden_kernel_cache
+
+        harden_kernel_cache()
     registry = Registry()
     hooks = pluggy.PluginManager(GROUP)
     hooks.add_hookspecs(HookSpecs)

@@ -1,0 +1,204 @@
+"""Kernels of plugins come from numba's cache or, whatever is wrong with it, from the compiler."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from importlib import invalidate_caches
+from importlib.metadata import EntryPoint
+from importlib.util import find_spec, module_from_spec
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from navloom.plugins import Discovery
+
+PLUGIN = """
+import numba
+from navloom import PlanFailure, Planner, Point2D, hookimpl
+
+@numba.njit(cache=True)
+def doubled(value):
+    return value + value
+
+class Kernels(Planner):
+    name = "kernels"
+    api = 1
+
+    @classmethod
+    def warm_up(cls):
+        assert doubled(2) == 4 and doubled(0.25) == 0.5
+
+    def plan(self, given):
+        return PlanFailure(given.request.request_id, "no_path", Point2D(0.0, 0.0), "never")
+
+@hookimpl
+def navloom_register(registry):
+    registry.add(Kernels)
+"""
+
+STARTING = """
+import sys
+from importlib.metadata import EntryPoint
+from navloom.plugins import Discovery
+
+planner = Discovery(found=[EntryPoint("planner.kernels", "fake_kernels", "navloom")]).role("planner", "kernels")
+print("ready", flush=True)
+sys.stdin.readline()
+doubled = sys.modules["fake_kernels"].doubled
+print([doubled(value) for value in eval(sys.argv[1])], flush=True)
+"""
+
+Start = Callable[[], Any]
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    """Load and warm up the plugin as a new process does, with a cache of this test; gives its kernel."""
+    (tmp_path / "fake_kernels.py").write_text(PLUGIN)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr("navloom.kernel_cache._told", set())
+
+    def load() -> Any:
+        sys.modules.pop("fake_kernels", None)
+        invalidate_caches()
+        found = Discovery(found=[EntryPoint("planner.kernels", "fake_kernels", "navloom")])
+        found.role("planner", "kernels").warm_up()
+        return sys.modules["fake_kernels"].doubled  # type: ignore[attr-defined]
+
+    yield load
+    sys.modules.pop("fake_kernels", None)
+
+
+def files(tmp_path: Path, suffix: str) -> list[Path]:
+    found = sorted((tmp_path / "cache").rglob(f"*{suffix}"))
+    assert found
+    return found
+
+
+def loaded(kernel: Any) -> int:
+    """How many signatures came from the cache."""
+    return sum(kernel.stats.cache_hits.values())
+
+
+def test_a_second_start_loads_what_the_first_one_compiled(start: Start) -> None:
+    assert loaded(start()) == 0
+    assert loaded(start()) == 2
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: os.urandom(len(data)),
+        lambda data: data[: len(data) // 2],
+        lambda data: b"",
+        lambda data: bytes(len(data)),
+        lambda data: data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1 :],
+    ],
+    ids=["random", "truncated", "empty", "zeroed", "one bit"],
+)
+def test_a_damaged_cache_is_compiled_again_and_heals(
+    start: Start, tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]
+) -> None:
+    start()
+    for path in files(tmp_path, suffix):
+        path.write_bytes(damage(path.read_bytes()))
+    assert loaded(start()) == 0
+    assert loaded(start()) == 2
+
+
+def test_plain_numba_reads_these_files_too(start: Start) -> None:
+    kernel = start()
+    spec = find_spec("numba.core.caching")
+    assert spec is not None and spec.loader is not None
+    plain = module_from_spec(spec)
+    spec.loader.exec_module(plain)  # a second copy, as nothing has changed it
+    files = plain.IndexDataCacheFile(
+        kernel._cache.cache_path, kernel._cache._impl.filename_base, kernel._cache._impl.locator.get_source_stamp()
+    )
+    for signature, compiled in kernel.overloads.items():
+        assert files.load(kernel._cache._index_key(signature, compiled.codegen)) is not None
+
+
+def test_a_kernel_under_the_name_of_another_signature_is_not_taken_for_it(start: Start, tmp_path: Path) -> None:
+    start()
+    first, second = files(tmp_path, ".nbc")
+    first.write_bytes(second.read_bytes())
+    kernel = start()
+    assert loaded(kernel) == 1
+    assert kernel(3) == 6 and kernel(0.5) == 1.0
+    assert loaded(start()) == 2
+
+
+def test_what_cannot_be_read_or_replaced_is_done_without_and_said_once(
+    start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start()
+    for path in [*files(tmp_path, ".nbi"), *files(tmp_path, ".nbc")]:
+        path.unlink()
+        path.mkdir()
+    assert loaded(start()) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and "Is a directory; kernels are compiled, and again at the next start" in said[0]
+    assert str(tmp_path / "cache") in said[0]
+
+
+def test_a_file_in_the_place_of_the_cache_folder_stops_nothing(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("no folder")
+    assert start()(np.float32(1.0)) == 2.0
+
+
+def test_a_full_disk_stops_nothing_and_is_said_once(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import errno
+
+    def full(path: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert loaded(start()) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and "cannot be written: No space left on device" in said[0]
+    assert [path for path in (tmp_path / "cache").rglob("*") if path.is_file()] == []
+
+
+def test_no_folder_for_a_cache_stops_nothing(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from numba.core import caching
+
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    assert loaded(start()) == 0
+    assert "there is no folder for the kernel cache" in capsys.readouterr().err
+
+
+def test_processes_that_start_at_once_with_a_damaged_cache_compile_it_again(start: Start, tmp_path: Path) -> None:
+    start()
+    for path in [*files(tmp_path, ".nbi"), *files(tmp_path, ".nbc")]:
+        path.write_bytes(os.urandom(300))
+    given = {"[2, 0.25]": "[4, 0.5]", "[0.25, 2]": "[0.5, 4]"}
+    words = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", STARTING, values],
+            env=os.environ | words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for values in given
+    ]
+    for process in processes:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    for process, answer in zip(processes, given.values(), strict=True):
+        out, err = process.communicate("go\n", timeout=60)
+        assert (out, err, process.returncode) == (f"{answer}\n", "", 0)
+    assert loaded(start()) == 2

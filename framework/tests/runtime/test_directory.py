@@ -19,15 +19,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "rt"
 
 
-def running(robot: str, pid: int) -> Running:
-    return Running("lab", robot, pid, ("unixsock-stream//x",), False, "paper", False)
+def running(robot: str, pid: int, realm: str = "lab") -> Running:
+    return Running(realm, robot, pid, ("unixsock-stream//x",), False, "paper", False)
 
 
-def made(robot: str, pid: int, is_up: bool = True) -> RobotFolder:
-    place = RobotFolder("lab", robot)
+def made(robot: str, pid: int, is_up: bool = True, realm: str = "lab") -> RobotFolder:
+    place = RobotFolder(realm, robot)
     place.make()
     assert place.lock()
-    place.write(running(robot, pid))
+    place.write(running(robot, pid, realm))
     if not is_up:
         place.unlock()
     return place
@@ -73,6 +73,23 @@ def test_several_need_a_name_and_a_wrong_one_is_answered_with_the_nearest() -> N
         find_robot(None)
     with pytest.raises(DirectoryError, match="--robot lab/r22: it is not up on this host; up are lab/r1, lab/r2; did"):
         find_robot("lab/r22")
+
+
+def test_a_name_without_its_realm_is_enough_where_one_robot_has_it() -> None:
+    made("r1", os.getpid())
+    made("r2", os.getpid())
+    assert find_robot("r2") == find_robot("lab/r2") == running("r2", os.getpid())
+    with pytest.raises(DirectoryError, match=r"--robot r3: it is not up on this host; up are lab/r1, lab/r2$"):
+        find_robot("r3")
+
+
+def test_a_name_that_several_realms_have_is_answered_with_all_of_them() -> None:
+    made("r1", os.getpid())
+    made("r1", os.getpid(), realm="field")
+    wanted = r"^--robot r1: several robots of that name are up: field/r1, lab/r1; add the realm$"
+    with pytest.raises(DirectoryError, match=wanted):
+        find_robot("r1")
+    assert find_robot("field/r1").realm == "field"
 
 
 def test_the_folder_is_for_this_user_alone(folder: Path) -> None:

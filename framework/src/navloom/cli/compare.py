@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from navloom.cli.config import ConfigName
 from navloom.cli.view import Rerun, View, ViewerUrl, say_so, where_of
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class Variadic(TyperCommand):
 
 
 def compare(
-    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name: paper.")],
+    config: ConfigName,
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="PATH=A,B", help="A role's plugins or alternatives, or a setting's values; repeats."),

@@ -6,17 +6,19 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = ["app"]
+from navloom.installed import config_help
+
+__all__ = ["ConfigName", "app"]
 
 app = typer.Typer(help="Show, check and describe configs.", no_args_is_help=True)
 
-Name = Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")]
+ConfigName = Annotated[str, typer.Argument(metavar="CONFIG", help=config_help())]
 Changes = Annotated[list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value; repeats.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command()
-def show(config: Name, set_: Changes = None, as_json: AsJson = False) -> None:
+def show(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> None:
     """Every value that holds and where it came from: default, file or --set."""
     from navloom.cli.output import print_json, print_table
     from navloom.config import load_config
@@ -49,7 +51,7 @@ def show(config: Name, set_: Changes = None, as_json: AsJson = False) -> None:
 
 
 @app.command()
-def check(config: Name, set_: Changes = None, as_json: AsJson = False) -> None:
+def check(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> None:
     """Check a config, its plugins' parameters, the world and the wiring, without running it."""
     from navloom.cli.output import print_json
     from navloom.config import load_config

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from navloom.cli.config import ConfigName
 from navloom.cli.live_options import AsJson, Insecure
 
 __all__ = ["app"]
@@ -21,7 +22,7 @@ def export() -> None:
 
 @app.command()
 def systemd(
-    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")],
+    config: ConfigName,
     host: Annotated[
         str | None, typer.Option(metavar="NAME", help="Units of this host's share of [live.hosts].")
     ] = None,

@@ -8,13 +8,14 @@ from typing import Annotated
 import typer
 
 from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+from navloom.installed import config_help
 
 __all__ = ["graph"]
 
 
 def graph(
     config: Annotated[
-        str | None, typer.Argument(metavar="[CONFIG]", help="Path or shipped name; without one, of a live robot.")
+        str | None, typer.Argument(metavar="[CONFIG]", help=f"{config_help()} Without one, of a live robot.")
     ] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")

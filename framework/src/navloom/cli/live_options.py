@@ -28,7 +28,8 @@ def seconds(value: float | None) -> float | None:
 
 
 RobotName = Annotated[
-    str | None, typer.Option("--robot", metavar="REALM/NAME", help="Which robot; default: the only one that is up.")
+    str | None,
+    typer.Option("--robot", metavar="REALM/NAME", help="Which robot, as lab/r1 or r1; default: the only one up."),
 ]
 Connect = Annotated[
     str | None, typer.Option("--connect", metavar="ENDPOINT", help="Router of a robot elsewhere, as tls/10.0.0.1:7447.")

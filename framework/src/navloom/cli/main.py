@@ -9,8 +9,10 @@ import sys
 import typer
 
 from navloom.cli import (
+    about,
     bench,
     compare,
+    completion,
     config,
     doctor,
     echo,
@@ -20,6 +22,7 @@ from navloom.cli import (
     import_log,
     keys,
     listing,
+    manual,
     map,
     nodes,
     operate,
@@ -40,12 +43,12 @@ from navloom.cli import (
 __all__ = ["app", "main"]
 
 app = typer.Typer(
-    help="Plugin-based navigation for mobile robots.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.callback(invoke_without_command=True)(about.about)
 app.command("run")(run.run)
 app.command("compare", cls=compare.Variadic)(compare.compare)
 app.command("report")(report.report)
@@ -76,6 +79,8 @@ app.command("worlds")(worlds.worlds)
 app.command("paper")(paper.paper)
 app.command("bench")(bench.bench)
 app.command("graph")(graph.graph)
+app.command("completion")(completion.completion)
+app.command("man")(manual.man)
 app.add_typer(keys.app, name="keys")
 app.add_typer(export.app, name="export")
 app.add_typer(config.app, name="config")

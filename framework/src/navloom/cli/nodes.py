@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
+from navloom.cli.config import ConfigName
 from navloom.cli.live_options import Insecure, Keys
 
 __all__ = ["node", "router"]
 
 
 def node(
-    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name.")],
+    config: ConfigName,
     names: Annotated[
         list[str], typer.Argument(metavar="NAME…", help="Roles, role.instance, or processes of [live.processes].")
     ],

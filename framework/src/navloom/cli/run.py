@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.config import ConfigName
 from navloom.cli.view import Rerun, View, ViewerUrl, say_so, where_of
 
 __all__ = ["print_summary", "recorded", "run"]
@@ -38,7 +39,7 @@ COMPILING = 12
 
 
 def run(
-    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name: paper.")],
+    config: ConfigName,
     seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.config import ConfigName
 from navloom.cli.live_options import RobotName
 from navloom.cli.run import print_summary
 
@@ -22,7 +23,7 @@ DOWN = 15.0
 
 
 def up(
-    config: Annotated[str, typer.Argument(metavar="CONFIG", help="Path of a config, or a shipped name: paper.")],
+    config: ConfigName,
     host: Annotated[str | None, typer.Option(metavar="NAME", help="Start this host's share of [live.hosts].")] = None,
     barrier: Annotated[
         bool, typer.Option("--barrier", help="Simulated time over the wire: the trace of `navloom run`.")

@@ -23,10 +23,10 @@ FOUND = 2.0
 
 
 def find_robot(robot: str | None) -> Running:
-    """The robot of a name REALM/NAME, or the only one that is up.
+    """The robot named REALM/NAME, or NAME where that is unique; without a name, the only one that is up.
 
     Raises:
-        DirectoryError: None, or several and no name.
+        DirectoryError: None is up, or none of that name, or several.
     """
     found = list(robots())
     names = [f"{one.realm}/{one.robot}" for one in found]
@@ -39,8 +39,12 @@ def find_robot(robot: str | None) -> Running:
                 "or reach one elsewhere with --connect ENDPOINT"
             )
         raise DirectoryError(f"several robots are up: {', '.join(names)}; choose one with --robot")
-    if robot in names:
-        return found[names.index(robot)]
+    matches = [one for one, name in zip(found, names, strict=True) if robot in (name, one.robot)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        full = [f"{one.realm}/{one.robot}" for one in matches]
+        raise DirectoryError(f"--robot {robot}: several robots of that name are up: {', '.join(full)}; add the realm")
     up = f"; up are {', '.join(names)}" if names else "; none is up"
     raise DirectoryError(f"--robot {robot}: it is not up on this host{up}{close_to(robot, names)}")
 
@@ -72,7 +76,8 @@ def join(
     """Join a robot's network as a tool, for the time of a `with` statement.
 
     Args:
-        robot: REALM/NAME; None for the only one that is up, or, with `connect`, lab/r1.
+        robot: REALM/NAME, or NAME where that is unique; None for the only one that is up. With `connect` it must be
+            REALM/NAME, and None is lab/r1.
         connect: Endpoint of a router elsewhere; None looks on this host.
         keys: Folder of certificates, or one in it; None takes those the robot was started with.
         identity: Name of the certificate, where `keys` names none. An operator's does for a viewer's.

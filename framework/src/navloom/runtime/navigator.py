@@ -132,7 +132,7 @@ class Navigator:
     """A live robot, to be used in a `with` statement.
 
     Args:
-        robot: REALM/NAME; None for the only one that is up on this host.
+        robot: REALM/NAME, or NAME where that is unique; None for the only one that is up on this host.
         connect: Endpoint of a router elsewhere.
         keys: Folder of certificates, see `navloom keys`.
         insecure: Plain TCP to another host is wanted.

@@ -1,0 +1,87 @@
+"""What is installed here and what runs, by name, found without importing any of it: for help texts and shells."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Sequence
+from importlib.metadata import EntryPoints, entry_points, version
+from pathlib import Path
+
+__all__ = [
+    "candidates",
+    "config_help",
+    "framework_version",
+    "plugin_distributions",
+    "print_candidates",
+    "print_versions",
+    "shipped_names",
+]
+
+GROUP = "navloom"
+NO_ROLES = ("world", "scheme", "metric", "panel")
+"""What an entry point may give beside a role's plugin."""
+
+
+def shipped_names() -> list[str]:
+    """Names of the configs that come with navloom."""
+    return sorted(path.stem for path in (Path(__file__).parent / "config" / "shipped").glob("*.toml"))
+
+
+def config_help() -> str:
+    """Help of an argument that takes a config."""
+    return f"Path of a config, or a shipped name: {', '.join(shipped_names())}."
+
+
+def plugin_distributions() -> dict[str, str]:
+    """Version of each installed distribution that gives plugins, the framework left out."""
+    found = {point.dist.name: point.dist.version for point in _points() if point.dist is not None}
+    return {name: found[name] for name in sorted(found) if name != "navloom"}
+
+
+def framework_version() -> str:
+    """Version of the framework."""
+    return version("navloom")
+
+
+def print_versions(as_json: bool) -> None:
+    """Versions of the framework, Python and the distributions that give plugins."""
+    python, plugins = platform.python_version(), plugin_distributions()
+    if as_json:
+        print(json.dumps({"navloom": framework_version(), "python": python, "plugins": plugins}, indent=2))
+        return
+    for name, number in {"navloom": framework_version(), "Python": python, **plugins}.items():
+        print(name, number)
+
+
+def candidates(kind: str) -> list[str]:
+    """What a word on the command line can be.
+
+    Args:
+        kind: configs, robots, plugins, roles, worlds, or a role for the names of its plugins.
+    """
+    if kind == "configs":
+        return shipped_names()
+    if kind == "robots":
+        from navloom.runtime.directory import robots
+
+        return [f"{running.realm}/{running.robot}" for running in robots()]
+    names = sorted(point.name for point in _points())
+    plugins = [name for name in names if name.partition(".")[0] not in NO_ROLES]
+    if kind == "plugins":
+        return plugins
+    if kind == "roles":
+        return list(dict.fromkeys(name.partition(".")[0] for name in plugins))
+    role = "world" if kind == "worlds" else kind
+    return [name.partition(".")[2] for name in names if name.partition(".")[0] == role]
+
+
+def print_candidates(kinds: Sequence[str]) -> None:
+    """Answer a shell: one candidate a line."""
+    for kind in kinds:
+        for name in candidates(kind):
+            print(name)
+
+
+def _points() -> EntryPoints:
+    return entry_points(group=GROUP)

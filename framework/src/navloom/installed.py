@@ -1,12 +1,16 @@
-"""What is installed here and what runs, by name, found without importing any of it: for help texts and shells."""
+"""What is installed here and what runs, by name, found without importing any of it: for help texts and shells.
+
+Every start of the command line imports this module, so that it imports what it needs when it needs it.
+"""
 
 from __future__ import annotations
 
-import json
-import platform
 from collections.abc import Sequence
-from importlib.metadata import EntryPoints, entry_points, version
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoints
 
 __all__ = [
     "candidates",
@@ -41,11 +45,16 @@ def plugin_distributions() -> dict[str, str]:
 
 def framework_version() -> str:
     """Version of the framework."""
+    from importlib.metadata import version
+
     return version("navloom")
 
 
 def print_versions(as_json: bool) -> None:
     """Versions of the framework, Python and the distributions that give plugins."""
+    import json
+    import platform
+
     python, plugins = platform.python_version(), plugin_distributions()
     if as_json:
         print(json.dumps({"navloom": framework_version(), "python": python, "plugins": plugins}, indent=2))
@@ -84,4 +93,6 @@ def print_candidates(kinds: Sequence[str]) -> None:
 
 
 def _points() -> EntryPoints:
+    from importlib.metadata import entry_points
+
     return entry_points(group=GROUP)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import typer
 
-from navloom.cli.tree import Command, Word, commands
+if TYPE_CHECKING:
+    from navloom.cli.tree import Command, Word
 
 __all__ = ["man", "page"]
 
@@ -24,6 +26,7 @@ ENVIRONMENT = (
 
 def man() -> None:
     """Print the manual page: save it as navloom.1 in a man1 folder, as ~/.local/share/man/man1, for `man navloom`."""
+    from navloom.cli.tree import commands
     from navloom.installed import framework_version
 
     typer.echo(page(commands(), framework_version()), nl=False)

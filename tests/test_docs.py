@@ -50,7 +50,7 @@ def test_the_two_set_up_commands_are_there() -> None:
     text = (TOP / "README.md").read_text("utf-8")
     for name in ("run", "test"):
         block = re.search(rf"<!-- {name} -->\n```sh\n(.*?)```", text, re.DOTALL)
-        assert block is not None and block[1].startswith("pip install uv && uv run "), name
+        assert block is not None and block[1].startswith("python3 uv.py run "), name
 
 
 def test_the_readmes_config_fits(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from navloom.plugins import Discovery, PluginError, PluginInfo
+from navloom.plugins.shipped import SHIPPED
 
 PLANNER = """
 from navloom import PlanFailure, Planner, Point2D, hookimpl
@@ -108,7 +109,26 @@ def test_an_unknown_name_is_refused_with_the_nearest_of_its_role() -> None:
     found = Discovery(found=[point("planner.astar", "x"), point("avoider.atsar", "x")])
     assert refusal(found, "planner", "atsar") == "no plugin 'planner.atsar' is installed; did you mean 'astar'?"
     assert refusal(found, "planner", "q") == "no plugin 'planner.q' is installed; known are astar"
-    assert refusal(found, "mapper", "q") == "no plugin 'mapper.q' is installed; none is installed"
+
+
+def test_a_plugin_of_the_project_that_is_missing_is_refused_with_what_to_install() -> None:
+    every = "pip install 'navloom[all]'"
+    found = Discovery(found=[point("planner.mine", "x")])
+    install = f"pip install navloom-sensors-sim, or {every} for every plugin of the project"
+    assert refusal(found, "platform", "sensors_sim") == f"no plugin 'platform.sensors_sim' is installed: {install}"
+    assert refusal(found, "planner", "asta") == "no plugin 'planner.asta' is installed; did you mean 'astar'?"
+    assert refusal(found, "planner", "q") == "no plugin 'planner.q' is installed; known are mine"
+    brings = f"{every} brings ipabd, known_map, scan_grid, union"
+    assert refusal(found, "mapper", "q") == f"no plugin 'mapper.q' is installed; no mapper is: {brings}"
+
+
+def test_what_the_messages_say_to_install_has_the_plugins_they_name() -> None:
+    entries = {
+        f"{info.role}.{info.name}": info.distribution
+        for info in Discovery().infos()
+        if info.distribution.startswith("navloom-")
+    }
+    assert entries == {key: distribution for distribution, keys in SHIPPED.items() for key in keys}
 
 
 def test_two_plugins_of_one_name_are_refused_and_the_others_work(module: Write) -> None:

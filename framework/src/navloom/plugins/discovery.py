@@ -12,7 +12,8 @@ import pluggy
 
 from navloom.geometry.world import World
 from navloom.plugins.hooks import HookSpecs
-from navloom.plugins.registry import Named, PluginError, Registry, nearest
+from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
+from navloom.plugins.shipped import distribution_of, shipped_names
 from navloom.roles import ROLES, Role
 
 __all__ = ["GROUP", "Discovery", "PluginInfo"]
@@ -127,6 +128,22 @@ class Discovery:
         """
         return self._given("panel", name, self._load("panel", name).panels)
 
+    def instead_of(self, role: str, name: str, beside: Iterable[str] = ()) -> str:
+        """What to do about a plugin that is not installed, to append to a message: install it, or ask for another.
+
+        Args:
+            role, name: The plugin.
+            beside: Names that would have been accepted too.
+        """
+        if f"{role}.{name}" in self.blocked:
+            return f"; {role}.{name} is blocked"
+        if distribution := distribution_of(f"{role}.{name}"):
+            return f": pip install {distribution}, or pip install 'navloom[all]' for every plugin of the project"
+        known, shipped = [*self.names(role), *beside], shipped_names(role)
+        if known or not shipped:
+            return close_to(name, [*known, *shipped]) or nearest(name, known)
+        return close_to(name, shipped) or f"; no {role} is: pip install 'navloom[all]' brings {', '.join(shipped)}"
+
     def _given(self, role: str, name: str, registered: Mapping[str, T]) -> T:
         """What an entry point registered under its own name."""
         if name not in registered:
@@ -144,8 +161,7 @@ class Discovery:
     def _point(self, key: str, role: str, name: str) -> EntryPoint:
         matches = [p for p in self._points if p.name == key]
         if not matches:
-            hint = f"; {key} is blocked" if key in self.blocked else nearest(name, self.names(role))
-            raise PluginError(f"no plugin {key!r} is installed{hint}")
+            raise PluginError(f"no plugin {key!r} is installed{self.instead_of(role, name)}")
         if len(matches) > 1:
             raise PluginError(_of_one_name(key, matches))
         return matches[0]

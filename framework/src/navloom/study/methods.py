@@ -12,7 +12,6 @@ from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.loader import leaves
 from navloom.config.schema import ROLE_TABLES, AlternativeTable
 from navloom.plugins import Discovery
-from navloom.plugins.registry import nearest
 from navloom.runtime.build import System
 
 __all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
@@ -153,11 +152,10 @@ def _role_change(base: Loaded, role: str, value: str, discovery: Discovery) -> s
     if value in spare:
         table = {key: entry for key, entry in _dump(spare[value]).items() if key not in ("role", "shadow")}
         return f"{role}={toml_value(table)}"
-    known = discovery.names(role)
-    if value not in known:
+    if value not in discovery.names(role):
         raise ConfigError(
-            f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name"
-            f"{nearest(value, [*known, *spare, active.instance])}"
+            f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name is installed"
+            f"{discovery.instead_of(role, value, [*spare, active.instance])}"
         )
     return f"{role}.plugin={toml_value(value)}"
 

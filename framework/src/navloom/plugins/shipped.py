@@ -1,0 +1,39 @@
+"""Which distribution of the project has which plugins, so that a message can say what to install."""
+
+from __future__ import annotations
+
+__all__ = ["SHIPPED", "distribution_of", "shipped_names"]
+
+SHIPPED = {
+    "navloom-astar": ("planner.astar", "planner.dijkstra", "planner.jps"),
+    "navloom-dwa": ("avoider.dwa",),
+    "navloom-improved-vfh": ("avoider.improved_vfh",),
+    "navloom-ipabd": ("mapper.ipabd", "mapper.union"),
+    "navloom-known-map": ("mapper.known_map",),
+    "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
+    "navloom-recoveries": ("recovery.retrace",),
+    "navloom-scan-grid": ("mapper.scan_grid",),
+    "navloom-scan-localizer": ("localizer.scan_matching",),
+    "navloom-sensors-sim": ("platform.sensors_sim",),
+    "navloom-theta-star": ("planner.lazy_theta_star", "planner.theta_star"),
+    "navloom-trackers": (
+        "controller.fierro_lewis",
+        "controller.kanayama",
+        "controller.pure_pursuit",
+        "controller.ramsete",
+    ),
+    "navloom-vff": ("avoider.vff",),
+    "navloom-vfh": ("avoider.vfh", "avoider.vfh_plus", "avoider.vfh_star"),
+}
+"""Plugins of each distribution of the extra `all`, as `role.name`; a test compares them with the entry points."""
+
+
+def distribution_of(key: str) -> str | None:
+    """The distribution of the project that has a plugin, by `role.name`; None for a plugin from elsewhere."""
+    return next((distribution for distribution, keys in SHIPPED.items() if key in keys), None)
+
+
+def shipped_names(role: str) -> list[str]:
+    """Names of one role's plugins in the project's distributions, sorted."""
+    parts = (key.partition(".") for keys in SHIPPED.values() for key in keys)
+    return sorted(name for owner, _, name in parts if owner == role)

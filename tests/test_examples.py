@@ -1,0 +1,155 @@
+"""Every file of examples/ runs, as a reader runs it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from live_rig import up
+from navloom import Envelope, GateStatus, Message, StepRecord
+from navloom.cli import main
+from navloom.config import load_config
+from navloom.study.episode import run_episode
+
+TOP = Path(__file__).resolve().parents[1]
+EXAMPLES = TOP / "examples"
+RUN: set[str] = set()
+"""Files that a test of this module runs."""
+
+Test = Callable[..., None]
+
+
+def runs(*files: str) -> Callable[[Test], Test]:
+    """Say which files a test runs."""
+    RUN.update(files)
+    return lambda test: test
+
+
+def script(name: str, *arguments: str, timeout: float = 120.0) -> list[str]:
+    """Lines that a script prints; it must end with exit code 0."""
+    command = [sys.executable, str(EXAMPLES / name), *arguments]
+    done = subprocess.run(command, cwd=TOP, capture_output=True, text=True, timeout=timeout, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.fixture
+def turtle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The distribution of examples/turtle is installed, as by an editable install from its pyproject.toml."""
+    project = tomllib.loads((EXAMPLES / "turtle" / "pyproject.toml").read_text("utf-8"))["project"]
+    folder = tmp_path / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    folder.mkdir()
+    points = [f"{name} = {module}" for name, module in project["entry-points"]["navloom"].items()]
+    (folder / "entry_points.txt").write_text("\n".join(["[navloom]", *points]), "utf-8")
+    metadata = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (folder / "METADATA").write_text(metadata, "utf-8")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{EXAMPLES / 'turtle'}")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.syspath_prepend(str(EXAMPLES / "turtle"))
+
+
+def test_every_file_is_run() -> None:
+    files = [path.relative_to(EXAMPLES) for path in EXAMPLES.rglob("*") if path.is_file()]
+    kept = {path.as_posix() for path in files if "__pycache__" not in path.parts}
+    assert kept == RUN
+
+
+@runs("README.md")
+def test_the_page_names_every_example_with_a_command_that_exists() -> None:
+    text = (EXAMPLES / "README.md").read_text("utf-8")
+    linked = set(re.findall(r"\]\(([^)]+)\)", text))
+    for name in RUN - {"README.md"}:
+        assert name in linked, name
+    for name in linked | set(re.findall(r"examples/([\w./]+)", text)):
+        assert (EXAMPLES / name).exists(), name
+
+
+@runs("own_controller.py")
+def test_a_controller_of_ones_own_keeps_closer_to_its_trajectory() -> None:
+    own, shipped = script("own_controller.py")
+    assert own.startswith("bearing: succeeded") and shipped.startswith("lyapunov_tracker: succeeded")
+    beside = [float(line.split("at most ")[1].split()[0]) for line in (own, shipped)]
+    assert beside[0] < beside[1]
+
+
+@runs("turtle/pyproject.toml", "turtle/navloom_turtle.py", "turtle/turtle.toml")
+@pytest.mark.usefixtures("turtle")
+def test_a_robot_of_ones_own_is_listed_and_drives_to_its_goal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def navloom(*words: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["navloom", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        assert not ended.value.code, err
+        return out
+
+    listed = json.loads(navloom("plugins", "--json"))
+    assert [one["distribution"] for one in listed if one["name"] == "turtle"] == ["navloom-turtle"]
+    result = json.loads(navloom("run", str(EXAMPLES / "turtle" / "turtle.toml"), "--json"))
+    assert (result["outcome"], result["recoveries"]) == ("succeeded", 0)
+    assert 1.5 < result["path_length_m"] < 2.0  # the straight way is 1.80 m, less the goal's tolerance
+
+
+@runs("mission.py")
+@pytest.mark.usefixtures("turtle")
+def test_a_mission_drives_a_live_robot_over_all_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    with up(str(EXAMPLES / "turtle" / "turtle.toml")) as robot:
+        robot.wait_for("every node is there")
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", robot.environment["NAVLOOM_RUNTIME_DIR"])
+        first, second, total = script("mission.py", "0.8,0.4", "0.4,0.8", "--robot", "turtle")
+    assert first.startswith("(0.8, 0.4): succeeded") and second.startswith("(0.4, 0.8): succeeded")
+    assert total == "2 of 2 places reached"
+
+
+class Drivers:
+    """Who has the wheels, from which time on, s; the gate says it where it changes."""
+
+    wants = frozenset({("gate", "status")})
+    wants_steps = False
+
+    def __init__(self) -> None:
+        self.changes: list[tuple[float, str]] = []
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        assert isinstance(message, GateStatus)
+        self.changes.append((at.stamp_ns * 1e-9, message.instance))
+
+    def on_step(self, record: StepRecord) -> None:
+        raise AssertionError("not asked for")
+
+    def spells(self, instance: str) -> list[tuple[float, float]]:
+        """Begin and end of each time an instance had them."""
+        ends = [time for time, _ in self.changes[1:]]
+        return [(start, end) for (start, who), end in zip(self.changes, ends, strict=False) if who == instance]
+
+
+@runs("swap_while_avoiding.toml", "warehouse.toml")
+def test_both_avoiders_drive_and_the_shadow_says_what_it_would_have_done() -> None:
+    drivers = Drivers()
+    episode = run_episode(load_config(str(EXAMPLES / "swap_while_avoiding.toml")), observers=[drivers])
+    result = episode.summary()
+    assert (result["outcome"], result["swaps"], result["collisions"]) == ("succeeded", 1, 0)
+    first, second = drivers.spells("improved_vfh"), drivers.spells("careful")
+    assert first[-1][1] == pytest.approx(11.05, abs=0.051) and second[0][0] == first[-1][1]  # at the event, in one tick
+    assert first[-1][1] - first[-1][0] > 1.0 and second[0][1] - second[0][0] > 1.0
+    (forces,) = [one for one in result["shadows"] if one["instance"] == "forces"]
+    assert forces["differing_share"] > 0.5 and not drivers.spells("forces")
+
+
+@runs("study.py")
+def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
+    head, *rows = script("study.py", "1")
+    assert head.split()[0] == "controller"
+    assert [row.split()[:3] for row in rows] == [
+        [method, world, "100%"]
+        for method in ("lyapunov_tracker", "pure_pursuit")
+        for world in ("doorway", "crossing_person")
+    ]

@@ -9,6 +9,7 @@ import pytest
 from navloom.messages import (
     AvoiderDiagnostics,
     AvoiderStatus,
+    Feedback,
     GateStatus,
     Goal,
     GoalResult,
@@ -421,3 +422,75 @@ def test_a_goal_that_was_driven_at_is_not_rejected_any_more() -> None:
     given = {"map": wall, "trajectory": straight(2), "reference": reference(2, 3.0)}
     out = machine.step(seen(2.2, answer=outside, **given))
     assert result(out) == ("no_path", "outside_map: the start is outside")
+
+
+def feedback(out: list[tuple[str, Message]]) -> Feedback:
+    (found,) = [message for _, message in out if isinstance(message, Feedback)]
+    return found
+
+
+def test_the_first_estimate_of_a_goal_is_of_its_own_path() -> None:
+    machine = driving()
+    machine.submit(Goal(2, 2.0, 0.0, None, ()), seen(3.0, map=a_map(1.4), reference=reference(2, 3.0)))
+    planning = feedback(machine.step(seen(3.0, map=a_map(1.4), reference=reference(2, 3.0))))
+    assert (planning.goal_id, planning.state, planning.distance) == (2, "planning", 0.0)
+    first = feedback(machine.step(seen(3.05, answer=path(3), reference=reference(2, 2.9))))
+    assert (first.state, first.distance, first.time_left) == ("driving", 0.0, 0.0)
+    assert feedback(machine.step(seen(3.5, reference=reference(3, 1.0)))).distance == 1.0
+
+
+def test_a_path_taken_on_the_way_leaves_the_estimate_of_the_old_one_until_it_is_followed() -> None:
+    machine = driving(replace(RULES, replan=ReplanRules(period=1.0)))
+    assert ports(machine.step(seen(3.1, reference=reference(2, 3.0)))) == ["plan"]
+    shorter = replace(path(3), length=1.0)
+    assert ports(machine.step(seen(3.2, answer=shorter, reference=reference(2, 2.9)))) == ["drive"]
+    assert feedback(machine.step(seen(3.5, answer=shorter, reference=reference(2, 2.8)))).distance == 2.8
+
+
+def beside_the_goal(machine: GoalMachine, time: float, path_id: int) -> list[str]:
+    """At the end of a path, 0.3 m from the goal."""
+    return ports(machine.step(seen(time, estimate=pose(3.7), reference=reference(path_id, 0.0), answer=path(path_id))))
+
+
+def test_at_the_end_of_its_path_beside_the_goal_it_plans_again_and_does_not_wait_to_be_stuck() -> None:
+    machine = driving()
+    assert beside_the_goal(machine, 3.0, 2) == []
+    assert beside_the_goal(machine, 3.9, 2) == []
+    assert beside_the_goal(machine, 4.0, 2) == ["plan"]
+    out = machine.step(seen(4.1, estimate=pose(3.7), answer=path(3)))
+    assert ports(out) == ["drive"] and machine.state == "driving"
+    assert result(machine.step(seen(5.0, estimate=pose(3.9), reference=reference(3, 0.1))))[0] == "succeeded"
+
+
+def test_a_robot_that_passes_the_end_of_its_path_or_is_stopped_there_has_not_missed_its_goal() -> None:
+    machine = driving()
+    assert beside_the_goal(machine, 3.0, 2) == []
+    machine.step(seen(3.5, estimate=pose(3.7), reference=reference(2, 0.2)))
+    assert beside_the_goal(machine, 4.2, 2) == []
+    stopped = GateStatus("none", "", True, True, "operator", ())
+    at_end = seen(5.3, estimate=pose(3.7), reference=reference(2, 0.0), gate=stopped)
+    assert ports(machine.step(at_end)) == []
+
+
+def test_a_goal_that_no_path_reaches_is_stuck_in_the_end() -> None:
+    machine, time, asked = driving(), 3.0, 0
+    while machine.state in ("driving", "planning") and time < 40.0:
+        time += 0.5
+        newest = 2 + asked
+        answer = path(newest) if machine.state == "planning" or asked else path(2)
+        out = machine.step(seen(time, estimate=pose(3.7), reference=reference(newest, 0.0), answer=answer))
+        asked += ports(out).count("plan")
+    assert asked == 3 and machine.state == "recovering"
+
+
+def test_what_an_avoider_said_before_a_recovery_does_not_trap_the_drive_after_it() -> None:
+    machine = driving(replace(RULES, max_recoveries=3))
+    trapped, engaged = status("trapped"), HandOver(True, 0.5)
+    old = {"avoider": trapped, "handover": engaged, "map": a_map(1.4)}
+    assert ports(machine.step(seen(3.0, **old))) == ["drive", "recovery"]
+    done = RecoveryStep(STILL, "done", False)
+    assert ports(machine.step(seen(3.1, recovery=done, **old))) == ["recovery", "plan"]
+    assert ports(machine.step(seen(3.2, answer=path(3), **old))) == ["drive"]
+    assert ports(machine.step(seen(3.3, **old))) == []
+    assert machine.state == "driving"
+    assert ports(machine.step(seen(3.4, **{**old, "avoider": status("trapped")}))) == ["drive", "recovery"]

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from navloom.messages import (
+    AvoiderStatus,
     ClearRequest,
     Drive,
     Feedback,
@@ -32,6 +33,12 @@ SILENT_RECOVERY = 10.0
 """s a recovery may say nothing."""
 UNFOLLOWED = 2.0
 """s a new path may not be followed: then it was lost on its way."""
+MISSED = 1.0
+"""Time at the end of a trajectory, but not at the goal, after which another path is asked for, s."""
+END = 0.01
+"""What is left of a trajectory, m, at whose end the robot is."""
+MISSES = 3
+"""How often a goal, or a point on the way to it, may be missed like this before it counts as no progress."""
 ASKS = 3
 """How often a map or a plan is asked for, live, within the time it may take: request and answer can be lost."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
@@ -49,6 +56,11 @@ class _Active:
     best: float = math.inf
     moved_at: float = 0.0
     followed_at: float = 0.0
+    first_path: int = 0
+    """First path of this drive: what is left of an older one says nothing of it."""
+    ended_at: float | None = None
+    """When the robot came to the end of its trajectory; None before."""
+    misses: int = 0
     asked_ns: int = 0
     plan_id: int = 0
     asked: tuple[str, Message] | None = None
@@ -56,6 +68,8 @@ class _Active:
     asked_at: float = 0.0
     heard: float = -math.inf
     why: str = ""
+    avoider: AvoiderStatus | None = None
+    """What the avoider said last before the newest recovery: it says nothing of the drive after it."""
     has_driven: bool = False
 
 
@@ -200,6 +214,7 @@ class GoalMachine:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"
             active.best, active.moved_at, active.followed_at, active.has_driven = math.inf, seen.time, seen.time, True
+            active.first_path, active.ended_at = answer.request_id, None
 
     def _while_driving(self, active: _Active, seen: Seen) -> None:
         assert seen.estimate is not None
@@ -208,12 +223,16 @@ class GoalMachine:
         if math.hypot(target.x - pose.x, target.y - pose.y) <= self.rules.tolerance or self._drive.stop_here:
             self._arrive(active, pose, seen)
             return
-        trapped = seen.avoider is not None and seen.avoider.status == "trapped"
+        said = seen.avoider if seen.avoider is not active.avoider else None
+        trapped = said is not None and said.status == "trapped"
         if trapped and seen.handover is not None and seen.handover.engaged:
             self._recover(active, "trapped", seen)
         elif self._makes_no_progress(active, seen):
             self._recover(active, "no_progress", seen)
         elif self._is_unfollowed(active, seen):
+            self._ask_plan(active, seen)
+        elif self._has_missed(active, seen):
+            active.misses += 1
             self._ask_plan(active, seen)
         else:
             self._replan(active, seen)
@@ -325,6 +344,7 @@ class GoalMachine:
     def _arrive(self, active: _Active, pose: Pose2D, seen: Seen) -> None:
         if len(active.legs) > 1:
             active.legs.pop(0)
+            active.misses = 0
             self._ask_plan(active, seen)
             return
         wanted = active.goal.heading
@@ -343,6 +363,19 @@ class GoalMachine:
             active.followed_at = seen.time
         return seen.time - active.followed_at > UNFOLLOWED
 
+    def _has_missed(self, active: _Active, seen: Seen) -> bool:
+        """The robot came to the end of its trajectory beside the goal: off it by more than the tolerance.
+
+        An avoider that drove until shortly before leaves it there. Nothing on this trajectory can bring it nearer.
+        """
+        reference = seen.reference
+        held = seen.gate is not None and seen.gate.latched
+        if held or reference is None or reference.path_id != self._drive.path_id or reference.remaining > END:
+            active.ended_at = None
+        elif active.ended_at is None:
+            active.ended_at = seen.time
+        return active.ended_at is not None and seen.time - active.ended_at >= MISSED and active.misses < MISSES
+
     def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
         held = seen.gate is not None and seen.gate.latched
         reference = seen.reference
@@ -360,7 +393,7 @@ class GoalMachine:
             self._finish("stuck", why, seen)
             return
         active.recoveries += 1
-        active.why, active.since = why, seen.time
+        active.why, active.since, active.avoider = why, seen.time, seen.avoider
         self._set_drive(NO_DRIVE)
         self._out.append(("recovery", RecoveryRequest(True, active.recoveries, why)))
         self.state = "recovering"
@@ -408,6 +441,8 @@ class GoalMachine:
             return
         self._said = now
         reference = seen.reference if self.state == "driving" else None
+        if reference is not None and active is not None and reference.path_id < active.first_path:
+            reference = None  # the new path is not followed yet
         left = reference.remaining if reference is not None else 0.0
         feedback = Feedback(
             goal_id=now[0],

@@ -124,7 +124,7 @@ def soak(given: argparse.Namespace) -> dict[str, Any]:
                 if "every node is there" in line:
                     ready.set()
                 _, found, reason = line.strip().partition("stopped: ")
-                if found and reason != "no_trajectory":
+                if found and reason not in ("no goal", "goal reached"):
                     stops[reason] = stops.get(reason, 0) + 1
             ready.set()
 

@@ -43,7 +43,7 @@ def test_a_robot_of_one_process_that_dies_neither_forgets_its_goal_nor_that_it_w
         with _navigator(robot) as navigator:
             handle = driven(navigator, 4.2)
             navigator.stop()
-            stopped = robot.wait_for("stopped: operator")
+            stopped = robot.wait_for("stopped: by an operator")
             end(robot, navigator, "gate", signal.SIGKILL)
             result = handle.wait(30)  # type: ignore[attr-defined]
             assert (result.outcome, result.reason) == ("error", "restarted: the goal node began anew")
@@ -67,9 +67,9 @@ def test_a_stop_outlives_a_gate_that_ends_in_order_and_a_swap_the_process_of_its
             avoiders = {node["instance"]: node for node in navigator.client.describe() if node["role"] == "avoider"}
             assert avoiders["other"]["active"] and avoiders["other"]["enabled"]
             navigator.stop()
-            robot.wait_for("stopped: operator", after=stopped)
+            robot.wait_for("stopped: by an operator", after=stopped)
             ended = end(robot, navigator, "gate", signal.SIGTERM)
-            robot.wait_for("stopped: operator", after=ended)
+            robot.wait_for("stopped: by an operator", after=ended)
             navigator.resume()
             robot.wait_for("controller lyapunov_tracker drives", after=ended)
             assert handle.wait(60).outcome == "succeeded"  # type: ignore[attr-defined]

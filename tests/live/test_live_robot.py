@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from live_rig import COMMAND, Up, is_running, runtime_folder, up
 from navloom.cli import main
-from navloom.runtime.client import ClientError
 from navloom.runtime.navigator import Navigator
 
 PAPER = ["paper", "--set", "navigation.drive=false", "--set", "world.ref=paper_gates"]
@@ -65,7 +64,7 @@ def test_a_goal_from_another_terminal_is_reached_and_everything_ends(tmp_path: P
         done = robot.run("goal", "0", "2.0", timeout=90)
         assert done.returncode == 0, done.stdout + done.stderr
         assert done.stdout.splitlines()[-1].startswith("succeeded: the goal was reached")
-        assert any(line.startswith("driving:") for line in done.stdout.splitlines())
+        assert any(line.startswith("driving, ") and "m/s by " in line for line in done.stdout.splitlines())
         began = time.monotonic()
         assert robot.run("down").returncode == 0
         assert robot.process.wait(10) == 0
@@ -149,10 +148,10 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             # stopped until resumed
             stopped = robot.run("stop")
             assert stopped.returncode == 0
-            robot.wait_for("stopped: operator")
+            robot.wait_for("stopped: by an operator")
             assert next(f for f in updates if handle.gate is not None and handle.gate.reason == "operator")
             refused = robot.run("teleop", "--vx", "0.2")
-            assert refused.returncode == 1 and "stands: an operator stopped it; `navloom resume`" in refused.stderr
+            assert refused.returncode == 1 and "is stopped: by an operator; `navloom resume`" in refused.stderr
             resumed = len(robot.said)
             assert robot.run("resume").returncode == 0
             robot.wait_for("controller lyapunov_tracker drives", after=resumed)
@@ -173,11 +172,28 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
                 assert wrong.returncode == 2 and text in wrong.stderr, wrong.stderr
             second_gate = robot.run("node", str(config), "gate")
             assert second_gate.returncode == 2 and "gate main of robot lab/r1: is there already" in second_gate.stderr
-            # who waits for a goal is told that the robot is gone
-            last = navigator.go(-3.0, 0.0)
-            assert robot.run("down").returncode == 0
-            with pytest.raises(ClientError, match=f"lab/r1 was ended, and goal {last.goal_id} with it"):
-                last.wait(30)
+            _go_down_during_a_goal(robot, navigator)
+
+
+def _go_down_during_a_goal(robot: Up, navigator: Navigator) -> None:
+    """Both terminals, that of the goal and that of `up`, end with its typed result."""
+    before = navigator.go(-3.0, 0.0)
+    following = subprocess.Popen(
+        [*COMMAND, "goal", "-3.0", "0", "--json"], env=robot.environment, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert before.wait(30).outcome == "cancelled"  # the next goal is on its way
+        assert robot.run("down").returncode == 0
+        out, _ = following.communicate(timeout=30)
+    finally:
+        following.kill()
+        following.wait()
+    reason = f"robot lab/r1 went down, and goal {before.goal_id + 1} with it"
+    end = {"goal_id": before.goal_id + 1, "outcome": "error", "reason": reason, "place": None}
+    assert (following.returncode, json.loads(out)) == (1, end)
+    assert robot.process.wait(10) == 1
+    assert robot.process.stdout is not None
+    assert f"error: {reason}, at (" in robot.process.stdout.read()
 
 
 @pytest.mark.slow

@@ -350,7 +350,7 @@ def test_status_of_a_robot_that_drives() -> None:
     }
     assert rows(BusInWords(everyone(gate={"silence_s": 0.031}), last=last)) == {
         "robot": "lab/r1, run clock 5.0 s",
-        "goal": "3: driving, 1.50 m and 4 s left, -0.012 m aside, recoveries 2",
+        "goal": "3: driving, 1.50 m and 4 s left, recoveries 2, cross-track -0.01 m",
         "last goal": "2: stuck, trapped, at (1.00, 2.00)",
         "drives": "avoider vfh",
         "platform": "heard 0.03 s ago",
@@ -366,12 +366,24 @@ def test_status_of_a_robot_that_lacks_much() -> None:
     assert rows(BusInWords(nodes, silent=["avoider vfh"], last=last)) == {
         "robot": "lab/r1, run clock 5.0 s",
         "goal": "unknown: its goal node does not answer",
-        "drives": "nobody: it touched something (contact), and stays stopped; `navloom resume` when the way is clear",
+        "stopped": "it touched something; `navloom resume` when the way is clear",
         "platform": "heard 0.02 s ago",
         "missing": "mapper grid (process think on brain), goal main (process think on brain), "
                    "controller law (process drive)",
         "does not answer": "avoider vfh",
     }  # fmt: skip
+
+
+def test_status_of_a_robot_that_has_reached_its_goal_reads_like_no_fault() -> None:
+    last = {
+        "goal/main/feedback": Feedback(0, "idle", 0.0, 0.0, 0.0, 0),
+        "goal/main/result": GoalResult(2, "succeeded", "the goal was reached", Point2D(1.0, 2.0)),
+        "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
+    }
+    found = rows(BusInWords(everyone(), last=last))
+    assert found["stopped"] == "goal reached; `navloom goal X Y` gives it a goal" and "drives" not in found
+    del last["goal/main/feedback"], last["goal/main/result"]
+    assert rows(BusInWords(everyone(), last=last))["stopped"] == "no goal; `navloom goal X Y` gives it a goal"
 
 
 @pytest.mark.parametrize(
@@ -380,7 +392,12 @@ def test_status_of_a_robot_that_lacks_much() -> None:
 def test_status_without_a_run_clock(tick: int, words: str) -> None:
     changes = {"silence_s": None, "clock_ns": -1, "tick": tick}  # one more by the time it is asked
     found = rows(BusInWords(everyone(**{node["role"]: changes for node in everyone()})))
-    assert found == {"robot": "lab/r1", "goal": "none", "drives": "nobody: no gate has spoken", "platform": words}
+    assert found == {
+        "robot": "lab/r1",
+        "goal": "none",
+        "drives": "unknown: its gate has said nothing so far",
+        "platform": words,
+    }
 
 
 def test_a_table_is_as_wide_as_its_longest_entries_and_brackets_are_no_markup(

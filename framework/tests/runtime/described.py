@@ -53,6 +53,8 @@ def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
         "silence_s": 0.02,
         "up_s": 5.0,
         "busy_s": None,
+        "period_s": 0.05,
+        "step_s": 0.004,
         "faulted": 0,
         "fault": "",
         "shared_memory_mb": 900.0,

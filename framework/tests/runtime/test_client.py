@@ -91,7 +91,9 @@ def handle(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> GoalHandle:
     monkeypatch.setattr(navigator, "time", Clock())
     mailbox = Mailbox()
     monkeypatch.setattr(mailbox, "wait", lambda seen, timeout: seen)
-    streams = Streams(*(Inlet(KEYS.port("goal", "main", port), mailbox, 4) for port in ("result", "feedback", "gate")))
+    streams = Streams(
+        *(Inlet(KEYS.port("goal", "main", port), mailbox, 4) for port in ("result", "feedback", "gate", "odometry"))
+    )
     return GoalHandle(Client(bus, KEYS), mailbox, streams, 3)  # type: ignore[arg-type]
 
 
@@ -100,6 +102,15 @@ def test_who_waits_for_a_goal_that_its_node_has_forgotten_is_told(monkeypatch: p
     waiting = handle(bus, monkeypatch)
     bus.lives = ["b"]
     with pytest.raises(ClientError, match="began anew and knows nothing of goal 3"):
+        waiting.wait(60)
+
+
+def test_who_waits_for_a_goal_of_a_robot_that_goes_down_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = Bus()
+    waiting = handle(bus, monkeypatch)
+    bus.lives = []
+    monkeypatch.setattr(Client, "was_ended", True)
+    with pytest.raises(ClientError, match="lab/r1 went down, and goal 3 with it"):
         waiting.wait(60)
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from described import KEYS, PLACES, BusInWords, client, described, everyone, wire
 from navloom.messages import Contact, Feedback, GateStatus, GoalResult, Parameters, Point2D, RangeScan
 from navloom.runtime.looking import (
+    NO_GOAL,
     Missing,
     NoStream,
     changed_parameters,
@@ -19,10 +21,12 @@ from navloom.runtime.looking import (
     missing,
     neighbours_names,
     platform_age,
+    progress,
     resolve,
     retained,
     streams,
     tap,
+    who_drives,
     why_stopped,
 )
 from navloom.runtime.mailbox import Mailbox
@@ -104,22 +108,58 @@ def test_the_platform_was_heard_when_the_gate_heard_it_else_when_anybody_did() -
 @pytest.mark.parametrize(
     ("reason", "words", "remedy"),
     [
-        ("operator", "an operator stopped it", "navloom resume"),
+        ("operator", "by an operator", "navloom resume"),
         ("contact", "it touched something", "navloom resume"),
-        ("no_trajectory", "there is nothing to follow", "navloom goal"),
+        ("no_trajectory", "no path to follow", "navloom goal"),
         ("ending", "its gate has ended", "navloom up"),
         ("silent: platform", "the platform is not heard", "navloom doctor"),
         ("silent: sensor sonars", "sensor sonars is not heard", "navloom hz"),
         ("gone: goal main does not step", "its goal node does not step", "navloom doctor"),
         ("gone: localizer odometry", "localizer odometry is gone", "navloom doctor"),
         ("stale: controller law", "controller law gives commands from old data", "too slow"),
+        ("stale: operator main", "the operator gives commands from old data", "too slow"),
         ("old_selection: avoider vfh", "avoider vfh does not know of the last swap", "next step"),
-        ("of a later version", "of a later version", "navloom doctor"),
+        ("of a later version", "of a later version", "navloom echo gate/status"),
     ],
 )
 def test_every_reason_to_stand_is_told_in_words_with_what_to_do(reason: str, words: str, remedy: str) -> None:
     told, advice = why_stopped(GateStatus("none", "", True, False, reason, ()))
     assert told == words and remedy in advice
+
+
+REACHED = GoalResult(1, "succeeded", "the goal was reached", Point2D(0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("feedback", "result", "words"),
+    [
+        (NO_GOAL, None, "stopped: no goal"),
+        (NO_GOAL, REACHED, "stopped: goal reached"),
+        (NO_GOAL, replace(REACHED, outcome="cancelled"), "stopped: no goal"),
+        (replace(NO_GOAL, goal_id=2, state="mapping"), REACHED, "stopped: it waits for a map"),
+        (replace(NO_GOAL, goal_id=2, state="planning"), REACHED, "stopped: it waits for a path"),
+    ],
+    ids=["new", "reached", "cancelled", "mapping", "planning"],
+)
+def test_a_robot_without_a_path_is_no_fault(feedback: Feedback, result: GoalResult | None, words: str) -> None:
+    status = GateStatus("none", "", True, False, "no_trajectory", ())
+    assert who_drives(status, feedback, result) == words
+    assert ("navloom goal X Y" in why_stopped(status, feedback, result)[1]) == (feedback.goal_id == 0)
+
+
+@pytest.mark.parametrize(
+    ("feedback", "words"),
+    [
+        (Feedback(1, "driving", 3.125, 8.4, -0.04, 0), "driving, 3.12 m and 8 s left, 0.40 m/s, cross-track -0.04 m"),
+        (Feedback(1, "driving", 3.125, 8.4, 0.0, 2),
+         "driving, 3.12 m and 8 s left, 0.40 m/s, recoveries 2, cross-track +0.00 m"),
+        (Feedback(1, "driving", 0.0, 0.0, 0.0, 0), "planning, 0.40 m/s"),
+        (Feedback(1, "recovering", 0.0, 0.0, 0.0, 1), "recovering, 0.40 m/s, recoveries 1"),
+    ],
+    ids=["driving", "after recoveries", "path not followed yet", "recovering"],
+)  # fmt: skip
+def test_the_progress_of_a_goal_says_what_is_left_and_what_holds_it_up(feedback: Feedback, words: str) -> None:
+    assert progress(feedback, "0.40 m/s") == words
 
 
 def test_nothing_is_told_of_a_robot_that_drives() -> None:

@@ -79,30 +79,37 @@ class LiveTable:
             self.say(f"{episode.result.outcome}: {episode.result.reason}")
 
     def _tell_changes(self) -> None:
-        feedback, status = self._run.feedback, self._run.status
-        parts = []
-        if feedback is not None:
-            parts.append(f"goal {feedback.goal_id}: {feedback.state}" if feedback.goal_id else "no goal")
-        if status is not None:
-            parts.append(f"stopped: {status.reason}" if status.stopped else f"{status.source} {status.instance} drives")
-        text = "; ".join(parts)
+        feedback = self._run.feedback
+        parts = [f"goal {feedback.goal_id}: {feedback.state}"] if feedback is not None and feedback.goal_id else []
+        text = "; ".join(part for part in (*parts, self._driver()[0]) if part)
         if text and text != self._told:
             self._told = text
             self.say(text)
+
+    def _driver(self) -> tuple[str, bool]:
+        """Who drives or why nothing does, empty where the goal's state says it, and whether that is a fault."""
+        from navloom.runtime.looking import NO_GOAL, NO_PATH, who_drives
+
+        feedback, status = self._run.feedback or NO_GOAL, self._run.status
+        if status is None:
+            return "", False
+        if status.reason != NO_PATH:
+            return who_drives(status), status.stopped
+        return "" if feedback.goal_id else who_drives(status, feedback, self._run.result), False
 
     def _table(self, robot: Any) -> Any:
         from rich.console import Group
         from rich.table import Table
         from rich.text import Text
 
-        feedback, status = self._run.feedback, self._run.status
+        from navloom.runtime.looking import progress
+
+        feedback = self._run.feedback
         head = Text(f"{robot.keys.prefix}  ")
         if feedback is not None and feedback.goal_id:
-            head.append(f"goal {feedback.goal_id}: {feedback.state}, {feedback.distance:.2f} m left  ")
-        if status is not None:
-            stopped = status.reason not in ("", "no_trajectory")
-            text = f"stopped: {status.reason}" if status.stopped else f"{status.source} {status.instance} drives"
-            head.append(text, "bold red" if stopped else "")
+            head.append(f"goal {feedback.goal_id}: {progress(feedback)}  ")
+        text, is_wrong = self._driver()
+        head.append(text, "bold red" if is_wrong else "")
         table = Table("process", "pid", "state", "restarts", "nodes", box=None, pad_edge=False)
         gone = set(robot.missing())
         for name, child in robot.supervisor.children.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import sys
 from typing import Annotated, Any, NoReturn
 
@@ -36,8 +35,9 @@ def goal(
     as_json: AsJson = False,
 ) -> None:
     """Send a live robot to a place and follow it there. Exit 0: the goal was reached."""
+    from navloom.cli.live_line import LiveLine, goal_line
     from navloom.cli.output import print_json
-    from navloom.runtime.client import Refused
+    from navloom.runtime.client import ClientError, Refused
     from navloom.runtime.navigator import Navigator, rejection
 
     points = [_point(text) for text in via or ()]
@@ -49,16 +49,21 @@ def goal(
         if no_wait:
             print_json({"goal_id": handle.goal_id}) if as_json else typer.echo(f"goal {handle.goal_id} accepted")
             return
+        line = LiveLine(sys.stdout)
         try:
             for feedback in handle.updates(timeout):
                 if not as_json:
-                    _tell(feedback, handle.gate)
+                    line.show(*goal_line(feedback, handle.gate, handle.speed))
+            result = handle.result
         except TimeoutError as error:
-            _leave(f"{error}; it drives on, `navloom cancel` ends it", 1)
+            _leave(line, f"{error}; it drives on, `navloom cancel` ends it", 1)
         except KeyboardInterrupt:
-            _leave(f"goal {handle.goal_id} is still on its way; `navloom cancel` ends it", 130)
-        assert handle.result is not None
-        _end(handle.result, as_json)
+            _leave(line, f"goal {handle.goal_id} is still on its way; `navloom cancel` ends it", 130)
+        except ClientError as error:
+            line.end()
+            _end_unknown(handle.goal_id, str(error), as_json)
+        line.end()
+        _end(result, as_json)
 
 
 def cancel(robot: RobotName = None, connect: Connect = None, keys: Keys = None, insecure: Insecure = False) -> None:
@@ -67,7 +72,7 @@ def cancel(robot: RobotName = None, connect: Connect = None, keys: Keys = None, 
 
     with Navigator(robot, connect, keys, insecure) as navigator:
         there_was_one = navigator.cancel()
-    typer.echo("cancelled" if there_was_one else "no goal is on its way")
+    typer.echo("cancelled" if there_was_one else "no goal to cancel")
 
 
 def stop(robot: RobotName = None, connect: Connect = None, keys: Keys = None, insecure: Insecure = False) -> None:
@@ -199,32 +204,13 @@ def _point(text: str) -> tuple[float, float]:
         raise typer.BadParameter(f"--via {text}: expected two finite numbers X,Y as in 1.0,2.5") from None
 
 
-def _tell(feedback: Any, gate: Any) -> None:
-    """One line a feedback; where somebody looks, over the one before."""
-    from navloom.runtime.looking import why_stopped
-
-    text = str(feedback.state)
-    if feedback.distance > 0.0:
-        text += f": {feedback.distance:.2f} m, {feedback.time_left:.0f} s left"
-    if feedback.recoveries:
-        text += f", recoveries {feedback.recoveries}"
-    if gate is not None and gate.stopped and gate.reason != "no_trajectory":
-        words, remedy = why_stopped(gate)
-        text += f"; it stands: {words}; {remedy}"
-    if sys.stdout.isatty():
-        print(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}", end="", flush=True)
-    else:
-        print(text, flush=True)
-
-
-def _leave(text: str, code: int) -> NoReturn:
-    if sys.stdout.isatty():
-        print()
+def _leave(line: Any, text: str, code: int) -> NoReturn:
+    line.end()
     typer.echo(f"navloom: {text}", err=True)
     raise typer.Exit(code)
 
 
-def _end(result: Any, as_json: bool) -> None:
+def _end(result: Any, as_json: bool) -> NoReturn:
     from navloom.cli.output import print_json
 
     place = result.place
@@ -233,7 +219,16 @@ def _end(result: Any, as_json: bool) -> None:
             {"goal_id": result.goal_id, "outcome": result.outcome, "reason": result.reason, "place": [place.x, place.y]}
         )
     else:
-        if sys.stdout.isatty():
-            print()
         typer.echo(f"{result.outcome}: {result.reason}, at ({place.x:.2f}, {place.y:.2f})")
     raise typer.Exit(0 if result.outcome == "succeeded" else 1)
+
+
+def _end_unknown(goal_id: int, reason: str, as_json: bool) -> NoReturn:
+    """The end of a goal whose robot is gone: no node is left to say where the robot is."""
+    from navloom.cli.output import print_json
+
+    if as_json:
+        print_json({"goal_id": goal_id, "outcome": "error", "reason": reason, "place": None})
+    else:
+        typer.echo(f"error: {reason}")
+    raise typer.Exit(1)

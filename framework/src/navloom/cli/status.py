@@ -1,4 +1,4 @@
-"""`navloom status`: what a robot is doing, and why it stands."""
+"""`navloom status`: what a robot is doing, and why it is stopped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def status(
     insecure: Insecure = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print what a live robot is doing: its goal, who drives, why it stands and what lets it drive again."""
+    """Print what a live robot is doing: its goal, who drives, why it is stopped and what lets it drive again."""
     from navloom.cli.output import print_json, print_table
     from navloom.runtime.client import ClientError
     from navloom.runtime.joining import join
@@ -36,10 +36,9 @@ def status(
 def _summary(
     name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
 ) -> dict[str, Any]:
-    from navloom.runtime.looking import message_fields, missing, platform_age, why_stopped
+    from navloom.runtime.looking import message_fields, missing, platform_age
 
-    gate = words["gate/status"]
-    reason, remedy = ("", "") if gate is None else why_stopped(gate)
+    reason, remedy = _why_stopped(words, nodes)
     clock = max(node["clock_ns"] for node in nodes)
     return {
         "robot": name,
@@ -68,7 +67,7 @@ def rows(
         ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
         ("goal", _goal(words["goal/feedback"], nodes)),
         ("last goal", _result(words["goal/result"])),
-        ("drives", _driver(words["gate/status"], words["goal/feedback"])),
+        _driver(words, nodes),
         ("platform", _platform(nodes)),
         ("in charge", _selection(words["gate/selection"])),
         ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
@@ -90,14 +89,17 @@ def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
-    if feedback is None and not any(node["role"] == "goal" and node["answers"] for node in nodes):
+    from navloom.runtime.looking import progress
+
+    if feedback is None and not _knows_goal(nodes):
         return "unknown: its goal node does not answer"
     if feedback is None or not feedback.goal_id:
         return "none"
-    text = f"{feedback.goal_id}: {feedback.state}"
-    if feedback.distance > 0.0:
-        text += f", {feedback.distance:.2f} m and {feedback.time_left:.0f} s left, {feedback.cross_track:+.3f} m aside"
-    return text + (f", recoveries {feedback.recoveries}" if feedback.recoveries else "")
+    return f"{feedback.goal_id}: {progress(feedback)}"
+
+
+def _knows_goal(nodes: Sequence[Mapping[str, Any]]) -> bool:
+    return any(node["role"] == "goal" and node["answers"] for node in nodes)
 
 
 def _result(result: Any) -> str:
@@ -106,18 +108,29 @@ def _result(result: Any) -> str:
     return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
 
 
-def _driver(gate: Any, feedback: Any) -> str:
-    from navloom.runtime.looking import why_stopped
+def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """The row of who drives, or of why nothing does."""
+    from navloom.runtime.looking import who_drives
 
+    gate = words["gate/status"]
     if gate is None:
-        return "nobody: no gate has spoken"
+        return "drives", "unknown: its gate has said nothing so far"
     if not gate.stopped:
-        return f"{gate.source} {gate.instance}"
-    words, remedy = why_stopped(gate)
-    if gate.reason == "no_trajectory" and feedback is not None and feedback.goal_id:
-        remedy = ""  # its goal is being seen to
-    held = ", and stays stopped" if gate.latched else ""
-    return f"nobody: {words} ({gate.reason}){held}" + (f"; {remedy}" if remedy else "")
+        return "drives", who_drives(gate).removesuffix(" drives")
+    why, remedy = _why_stopped(words, nodes)
+    return "stopped", why + (f"; {remedy}" if remedy else "")
+
+
+def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Why nothing drives, and what to do; both empty where something does, or the gate has said nothing."""
+    from navloom.runtime.looking import NO_GOAL, why_stopped
+
+    gate, feedback = words["gate/status"], words["goal/feedback"]
+    if gate is None:
+        return "", ""
+    if feedback is None and _knows_goal(nodes):
+        feedback = NO_GOAL
+    return why_stopped(gate, feedback, words["goal/result"])
 
 
 def _selection(selection: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ import typer
 
 from navloom.cli.live_options import Connect, Insecure, Keys, RobotName, a_number, seconds
 
-__all__ = ["teleop"]
+__all__ = ["teleop", "teleop_line"]
 
 RATE = 0.05
 """s between two commands."""
@@ -40,26 +41,50 @@ def teleop(
 ) -> None:
     """Drive a live robot: w s a d, q and e in curves, space stops, x leaves it to itself. The gate limits and watches.
 
-    While teleop runs, nothing else drives. If it dies or its link breaks, the robot stands until `navloom resume`.
+    While teleop runs, nothing else drives. If it dies or its link breaks, the robot stops until `navloom resume`.
     """
     from navloom.runtime.driver import Driver
     from navloom.runtime.joining import join
 
     if vx is None and wz is None and not sys.stdin.isatty():
         raise typer.BadParameter("standard input is no terminal: give --vx, --wz and --for")
-    with join(robot, connect, keys, insecure=insecure) as client, Driver(client) as driver:
+    with join(robot, connect, keys, insecure=insecure) as client, Driver(client) as driver, _line() as line:
         if vx is not None or wz is not None:
             limit = time.monotonic() + duration
             while time.monotonic() < limit:
-                driver.send(vx or 0.0, wz or 0.0)
+                _send(driver, vx or 0.0, wz or 0.0, line)
                 time.sleep(RATE)
             driver.send(0.0, 0.0)
             return
         typer.echo("w s a d drive, q e in curves, space stops, x ends")
-        _by_keys(driver, speed, turn)
+        _by_keys(driver, speed, turn, line)
 
 
-def _by_keys(driver: Any, speed: float, turn: float) -> None:
+@contextmanager
+def _line() -> Iterator[Any]:
+    """The line that shows how it drives; an error begins a line of its own."""
+    from navloom.cli.live_line import LiveLine
+
+    line = LiveLine(sys.stdout)
+    try:
+        yield line
+    finally:
+        line.end()
+
+
+def _send(driver: Any, vx: float, wz_deg: float, line: Any) -> None:
+    driver.send(vx, wz_deg)
+    line.show(*teleop_line(driver.asked, driver.granted, driver.measured, driver.limit))
+
+
+def teleop_line(asked: Any, granted: Any, measured: Any, limit: str) -> tuple[str, str]:
+    """What is asked for, what the gate commands and what the robot does; and what is worth a line: see `LiveLine`."""
+    shown = [f"{one.vx:+.2f} {math.degrees(one.wz):+.0f}" for one in (granted, measured)]
+    text = f"asked {asked.vx:+.2f} m/s {math.degrees(asked.wz):+.0f} deg/s | gate {shown[0]} | robot {shown[1]}"
+    return text + (f" | {limit}" if limit else ""), limit
+
+
+def _by_keys(driver: Any, speed: float, turn: float, line: Any) -> None:
     way, pressed = (0.0, 0.0), 0.0
     with _raw_terminal():
         while True:
@@ -70,7 +95,7 @@ def _by_keys(driver: Any, speed: float, turn: float) -> None:
                 way, pressed = WAYS.get(key, (0.0, 0.0)), time.monotonic()
             elif time.monotonic() - pressed > HOLD:
                 way = (0.0, 0.0)
-            driver.send(way[0] * speed, way[1] * turn)
+            _send(driver, way[0] * speed, way[1] * turn, line)
 
 
 def _key(timeout: float) -> str:

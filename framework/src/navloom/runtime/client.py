@@ -20,7 +20,8 @@ JOIN = 2.0
 """s until a tool has found the robot's processes."""
 
 OPEN: Mapping[str, Any] = {
-    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch", "busy_s", "silence_s")),
+    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
+    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s")),
     **{key: {} for key in ("versions", "published", "streams", "places", "hosts")},
     "clock_ns": -1,
     "faulted": 0,
@@ -34,7 +35,7 @@ _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
     **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns", "ticks", "late_ticks"), int),
     **dict.fromkeys(("active", "enabled"), bool),
-    **dict.fromkeys(("busy_s", "silence_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
+    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
     **dict.fromkeys(("versions", "published", "streams", "places", "hosts"), dict),
     "plugin": (str, _NONE),
 }

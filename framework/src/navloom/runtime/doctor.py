@@ -3,17 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from navloom.messages import Feedback, GateStatus
+from navloom.messages import Feedback, GateStatus, GoalResult
 from navloom.runtime.client import Client
 from navloom.runtime.directory import DirectoryError, RobotFolder, robots
-from navloom.runtime.findings import Finding, differing, failing, flowing, named, sharing, unheard, where
+from navloom.runtime.findings import (
+    Finding,
+    differing,
+    failing,
+    flowing,
+    is_slow,
+    is_stuck,
+    named,
+    sharing,
+    unheard,
+    where,
+)
 from navloom.runtime.host_faults import fate_in_words, left_behind, restarting
 from navloom.runtime.joining import find_robot, join
-from navloom.runtime.looking import Missing, last_words, listing, missing, neighbours_names, why_stopped
+from navloom.runtime.looking import (
+    NO_GOAL,
+    NO_PATH,
+    Missing,
+    last_words,
+    listing,
+    missing,
+    neighbours_names,
+    why_stopped,
+)
 from navloom.runtime.metering import clock_offsets
 from navloom.runtime.zenoh_bus import BusError
 
@@ -21,8 +41,26 @@ __all__ = ["Diagnosis", "diagnose", "examine"]
 
 CLOCKS = 0.5
 """s two hosts' wall clocks may differ. The robot minds no difference; its logs and recordings do."""
-STEPPING = ("platform", "localizer", "goal", "reference", "gate")
-"""Roles that step with the platform, whether there is a goal or not."""
+FOLLOWS: Mapping[str, tuple[str, ...]] = {
+    "platform": (),
+    "localizer": ("platform",),
+    "goal": ("platform",),
+    "reference": ("platform", "localizer"),
+    "gate": ("platform",),
+}
+"""Roles that step with the platform, whether there is a goal or not, with those that each of them waits for."""
+AGAIN = "look again in a moment"
+ADVICE = {
+    NO_PATH: f"{AGAIN}; where it stays, `navloom cancel` it and send the goal again",
+    "silent: platform": "`navloom hz platform/odometry` shows whether it comes; see the log of its process",
+    "silent: sensor": "`navloom hz platform/{who}` shows whether it comes; see its cable and the platform's log",
+    "silent": "`navloom hz {who}/command` shows whether it comes; see the log of its process",
+    "gone": f"{AGAIN}: it has just gone, and `navloom up` restarts it",
+    "stale": "no node is slow now: `navloom hz '*/command'` shows how old commands are; end other programs on its "
+    "host, or make gate.stop_deadline longer",
+    "old_selection": f"{AGAIN}; where it stays, restart the process of {{who}}",
+}
+"""What to do about a stop where no finding names its cause, by how its reason begins: the first that fits."""
 ADVANCE = 2.0
 """s within which each of them must have stepped."""
 
@@ -96,13 +134,21 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
     again = restarting(folder, silent) if folder is not None else []
     if not nodes:
         return 0, [*again, _nobody(client)]
-    found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
     answering = [node for node in nodes if node["answers"]]
+    found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
     for check in (failing, flowing, differing, unheard, sharing):
         found += check(answering)
     found += _clocks(client, answering)
+    ill = {one.role for one in gone} | {node["role"] for node in nodes if not node["answers"] or _is_ill(node)}
     stands = _standing(client, answering)
-    return len(nodes), found + stands + _stopped(client, has_cause=bool(stands) or bool(gone))
+    found = _with_waiting(found, stands, ill, folder)
+    is_slowed = any(is_slow(node) and node["active"] for node in answering)
+    return len(nodes), found + _stopped(client, has_cause=bool(stands or ill or is_slowed))
+
+
+def _is_ill(node: Mapping[str, Any]) -> bool:
+    """An active node with a finding for which others may not step."""
+    return node["active"] and bool(node["faulted"] or is_stuck(node))
 
 
 def _diagnosis(robot: str, nodes: int, found: Sequence[Finding]) -> Diagnosis:
@@ -194,31 +240,62 @@ def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]
     ]
 
 
-def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    """Nodes that should step with every tick and do not; where the platform stands, it alone."""
-    first = {named(node): node for node in nodes if node["role"] in STEPPING and node["active"]}
-    left, limit = dict(first), time.monotonic() + ADVANCE
-    is_late = False
+def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Nodes that should step with every tick and do not."""
+    left = {named(node): node for node in nodes if node["role"] in FOLLOWS and node["active"]}
+    limit, is_late = time.monotonic() + ADVANCE, False
     while left and not is_late:
         is_late = time.monotonic() > limit  # asked once more after the limit: this process may have been held up itself
         time.sleep(0.1)
         now = {named(node): node["tick"] for node in client.describe()}
         left = {name: node for name, node in left.items() if now.get(name) in (None, node["tick"])}
-    stand = [node for node in left.values() if node["role"] == "platform"] or list(left.values())
-    remedy = "see the log of its process, and restart it; a platform may wait for its hardware"
-    return [
-        Finding("problem", f"{named(node)} stands at tick {node['tick']} ({where(node)})", remedy) for node in stand
-    ]
+    return list(left.values())
+
+
+def _with_waiting(
+    found: Sequence[Finding], stands: Sequence[Mapping[str, Any]], ill: Container[str], folder: RobotFolder | None
+) -> list[Finding]:
+    """Findings and what follows from them: a node that does not step waits for the first before it that is ill.
+
+    Args:
+        found: So far.
+        stands: Nodes that do not step.
+        ill: Roles of which something is found already.
+        folder: Of the robot, where it was started on this host.
+    """
+    told = list(found)
+    still = {node["role"] for node in stands}
+    for node in stands:
+        if node["role"] in ill or any(role in ill or role in still for role in FOLLOWS[node["role"]]):
+            continue
+        since = "has not stepped so far" if node["tick"] < 0 else f"has not stepped since tick {node['tick']}"
+        told.append(Finding("problem", f"{named(node)} {since} ({where(node)})", _restart(node, folder)))
+    for cause in ("platform", "localizer"):
+        names = [named(node) for node in stands if cause in FOLLOWS[node["role"]]]
+        place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
+        if names and place is not None:
+            waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"
+            told[place] = replace(told[place], what=f"{told[place].what}; {waiting}")
+            break
+    return told
+
+
+def _restart(node: Mapping[str, Any], folder: RobotFolder | None) -> str:
+    log = f"see {folder.path / node['process']}.log" if folder is not None else "see the log of its process"
+    hardware = "it may wait for its hardware; " if node["role"] == "platform" else ""
+    return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} has `navloom up` restart it"
 
 
 def _stopped(client: Client, has_cause: bool) -> list[Finding]:
-    """A robot that is kept from driving. What is missing has been said already, and stops it as well."""
+    """A robot that is kept from driving. What is missing or ill has been told already, and stops it as well."""
     words = last_words(client)
-    status, feedback = words["gate/status"], words["goal/feedback"]
+    status, feedback, result = words["gate/status"], words["goal/feedback"], words["goal/result"]
     if not isinstance(status, GateStatus) or not status.stopped or (has_cause and not status.latched):
         return []
-    has_goal = isinstance(feedback, Feedback) and feedback.state == "driving"
-    if status.reason == "no_trajectory" and not has_goal:
+    goal = feedback if isinstance(feedback, Feedback) else NO_GOAL
+    if status.reason == NO_PATH and goal.state != "driving":
         return []
-    text, remedy = why_stopped(status)
-    return [Finding("problem", f"the robot is stopped: {text} ({status.reason})", remedy or "see `navloom status`")]
+    text, remedy = why_stopped(status, goal, result if isinstance(result, GoalResult) else None)
+    remedy = next((advice for begin, advice in ADVICE.items() if status.reason.startswith(begin)), remedy)
+    who = status.reason.partition(": ")[2].removeprefix("sensor ")
+    return [Finding("problem", f"the robot is stopped: {text}", remedy.format(who=who))]

@@ -8,16 +8,40 @@ import threading
 import time
 from types import TracebackType
 
-from navloom.messages import Command, Envelope, GateStatus, Message, Twist2D
+from navloom.messages import Command, Envelope, GateStatus, Message, Odometry, Twist2D
 from navloom.messages.codec import CodecError, decode, encode, schema_label
 from navloom.runtime.client import Client, ClientError
-from navloom.runtime.looking import why_stopped
+from navloom.runtime.looking import NO_PATH, who_drives, why_stopped
 from navloom.runtime.quality import quality_of
 
-__all__ = ["Driver"]
+__all__ = ["Driver", "limit_in_words"]
 
 HEAR = 3.0
 """s to wait for the platform."""
+
+
+SAME = 0.005
+"""Speeds, m/s or rad/s, that differ by less are the same."""
+
+
+def limit_in_words(asked: Twist2D, granted: Twist2D, before: Twist2D, status: GateStatus | None) -> str:
+    """What the gate makes of an operator's command, where that is less than was asked for; empty where it is not.
+
+    Args:
+        asked: By the operator.
+        granted, before: The gate's newest two commands.
+        status: Of the gate; None where it is not known.
+    """
+    if status is not None and status.stopped:
+        return "not taken yet" if status.reason == NO_PATH else f"stopped: {why_stopped(status)[0]}"
+    if status is not None and status.source != "operator":
+        return who_drives(status)
+    found = []
+    if abs(granted.vx - asked.vx) > SAME:
+        found.append("acceleration" if abs(granted.vx - before.vx) > SAME else "speed")
+    if abs(granted.wz - asked.wz) > SAME:
+        found.append("turn rate")
+    return f"limited: {', '.join(found)}" if found else ""
 
 
 class Driver:
@@ -26,8 +50,14 @@ class Driver:
     Args:
         client: On the robot's network.
 
+    Attributes:
+        asked: Last command.
+        granted, before: What the gate made of it, and its command before that.
+        measured: Velocity that the platform measured last.
+        status: Of the gate, or None.
+
     Raises:
-        ClientError: The platform is not heard, or the robot stands until `resume`.
+        ClientError: The platform is not heard, or the robot is stopped until `resume`.
     """
 
     def __init__(self, client: Client) -> None:
@@ -36,6 +66,8 @@ class Driver:
         self._newest = (-1, 0, 0.0)
         self._latched = ""
         self._sequence = 0
+        self.asked = self.granted = self.before = self.measured = Twist2D(0.0, 0.0, 0.0)
+        self.status: GateStatus | None = None
 
     def __enter__(self) -> Driver:
         keys, bus = self._client.keys, self._client.bus
@@ -44,7 +76,8 @@ class Driver:
         bus.subscribe(keys.port("platform", "*", "odometry"), self._hear)
         if not self._heard.wait(HEAR):
             raise ClientError(f"robot {keys.prefix}: its platform is not heard; `navloom doctor` says why")
-        bus.subscribe(keys.port("gate", "main", "status"), self._hear_gate)
+        for port in ("status", "command"):
+            bus.subscribe(keys.port("gate", "main", port), self._hear_gate)
         self._heed(self._client.last("gate", "main", "status"))
         self._refuse_where_it_stands()
         return self
@@ -63,25 +96,35 @@ class Driver:
         self._refuse_where_it_stands()
         self._sequence += 1
         envelope = Envelope(self._key, self._sequence, tick, stamp_ns, stamp_ns, 0)
-        message = Command(Twist2D(vx, 0.0, math.radians(wz_deg)))
-        self._publication.put(encode(message, envelope), schema_label(Command))
+        self.asked = Twist2D(vx, 0.0, math.radians(wz_deg))
+        self._publication.put(encode(Command(self.asked), envelope), schema_label(Command))
+
+    @property
+    def limit(self) -> str:
+        """What keeps the robot from doing what was asked for; empty for nothing."""
+        return limit_in_words(self.asked, self.granted, self.before, self.status)
 
     def _refuse_where_it_stands(self) -> None:
         if self._latched:
-            raise ClientError(f"robot {self._client.keys.prefix} stands: {self._latched}")
+            raise ClientError(f"robot {self._client.keys.prefix} is stopped: {self._latched}")
 
     def _hear_gate(self, key: str, data: bytes | None, label: str) -> None:
         with contextlib.suppress(CodecError):
             if data is not None:
                 self._heed(decode(data, label)[0])
 
-    def _heed(self, status: Message | None) -> None:
-        if isinstance(status, GateStatus):
-            self._latched = "; ".join(why_stopped(status)) if status.latched else ""
+    def _heed(self, said: Message | None) -> None:
+        if isinstance(said, Command):
+            self.before, self.granted = self.granted, said.twist
+        elif isinstance(said, GateStatus):
+            self.status = said
+            self._latched = "; ".join(why_stopped(said)) if said.latched else ""
 
     def _hear(self, key: str, data: bytes | None, label: str) -> None:
         with contextlib.suppress(CodecError):
             if data is not None:
-                envelope = decode(data, label)[1]
+                message, envelope = decode(data, label)
+                if isinstance(message, Odometry):
+                    self.measured = message.twist
                 self._newest = (envelope.stamp_ns, envelope.tick, time.monotonic())
                 self._heard.set()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,7 +10,7 @@ from typing import Any, Literal
 from navloom.roles import PATIENT
 from navloom.runtime import links
 
-__all__ = ["Finding", "differing", "failing", "flowing", "sharing", "unheard"]
+__all__ = ["Finding", "differing", "failing", "flowing", "is_slow", "is_stuck", "sharing", "unheard"]
 
 LOW = 8.0
 """MB of free shared memory below which a process that starts cannot join."""
@@ -25,6 +26,7 @@ SMALL = ("odometry", "contact", "truth", "step", "parameters")
 """Ports of a platform that are no sensor's."""
 
 Node = Mapping[str, Any]
+Severity = Literal["problem", "note"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Finding:
         remedy: What to do.
     """
 
-    severity: Literal["problem", "note"]
+    severity: Severity
     what: str
     remedy: str
 
@@ -52,22 +54,53 @@ def where(node: Node) -> str:
     return f"{node['process']} on {node['host']}"
 
 
+def is_slow(node: Node) -> bool:
+    """Its usual step takes longer than its period. A mapper or a planner may: nothing waits for it in each tick."""
+    return node["role"] not in PATIENT and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
+
+
+def is_stuck(node: Node) -> bool:
+    """It has been in one step for longer than its role may take."""
+    return (node["busy_s"] or 0.0) > (BUSY_LONG if node["role"] in PATIENT else BUSY)
+
+
 def failing(nodes: Sequence[Node]) -> list[Finding]:
-    """Plugins that raise, hang or are late."""
+    """Plugins that raise, hang or are late. Ticks of a platform that is slow itself are late for that."""
     found = []
     for node in nodes:
         if node["faulted"]:
             times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
-            remedy = f"repair the plugin, or put another in charge with `navloom swap {node['role']} NAME`"
+            remedy = f"repair the plugin; {_instead(node, nodes)}"
             found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
-        if (node["busy_s"] or 0.0) > (BUSY_LONG if node["role"] in PATIENT else BUSY):
+        if is_stuck(node):
             what = f"{named(node)} has been in one step for {node['busy_s']:.1f} s"
-            found.append(Finding("problem", what, "its plugin hangs or is too slow; live.hang_timeout ends it"))
-        if node.get("late_ticks", 0) > max(FEW, node.get("ticks", 0) // 100):
-            what = f"{named(node)}: {node['late_ticks']} of {node['ticks']} ticks since its start came late"
-            remedy = "the host is overloaded: move mapper and planner elsewhere, or make run.period longer"
+            remedy = f"its plugin hangs or is too slow; live.hang_timeout ends its process; {_instead(node, nodes)}"
             found.append(Finding("problem", what, remedy))
+        if is_slow(node):
+            what = f"{named(node)} takes {node['step_s'] * 1e3:.0f} ms a step, longer than its period"
+            remedy = f"make it faster, or run.period longer; {_instead(node, nodes)}"
+            severity: Severity = "problem" if node["active"] else "note"
+            found.append(Finding(severity, f"{what} of {node['period_s'] * 1e3:.0f} ms", remedy))
+        elif node.get("late_ticks", 0) > max(FEW, node.get("ticks", 0) // 100):
+            what = f"{named(node)}: {node['late_ticks']} of {node['ticks']} ticks since its start came late"
+            remedy = "its host is overloaded: end other programs there, make run.period longer, or move mapper and "
+            found.append(Finding("problem", what, remedy + "planner to another host (live.hosts)"))
     return found
+
+
+def _instead(node: Node, nodes: Sequence[Node]) -> str:
+    """What can be put in the place of a node that does not do its work."""
+    role = node["role"]
+    if node["plugin"] is None:
+        return "it is a node of navloom itself: report this with the log of its process"
+    if role == "platform":
+        return "a platform cannot be swapped: restart the robot with another plugin in [platform]"
+    if not node["active"]:
+        return "it is not active, so the robot drives without it"
+    others = [other["instance"] for other in nodes if other["role"] == role and not other["active"]]
+    if others:
+        return f"`navloom swap {role} {others[0]}` makes another active"
+    return f"the config has no other {role} to swap to: restart the robot with another plugin in [{role}]"
 
 
 def flowing(nodes: Sequence[Node]) -> list[Finding]:
@@ -80,7 +113,7 @@ def flowing(nodes: Sequence[Node]) -> list[Finding]:
                 found.append(
                     Finding("problem", what, "find who sends them; both ends need the same version of navloom")
                 )
-            if not counts["latest"] and counts["dropped"] > max(FEW, counts["received"] // 10):
+            if not is_slow(node) and not counts["latest"] and counts["dropped"] > max(FEW, counts["received"] // 10):
                 what = f"{named(node)}: {counts['dropped']} of {counts['received']} messages on {stream} dropped unread"
                 remedy = "it is slower than the stream: give its process a core of its own, or lower the rate"
                 found.append(Finding("problem", what, remedy))
@@ -105,15 +138,19 @@ def differing(nodes: Sequence[Node]) -> list[Finding]:
 
 def unheard(nodes: Sequence[Node]) -> list[Finding]:
     """Processes that do not hear a platform which is heard by others."""
-    ages = {where(node): node["silence_s"] for node in nodes if node["silence_s"] is not None}
-    if not ages or min(ages.values()) > SILENT:
+    silent = {where(node): node for node in nodes if node["silence_s"] is not None}
+    if not silent or min(node["silence_s"] for node in silent.values()) > SILENT:
         return []
-    remedy = "the network between them is cut or full: `navloom hz platform/odometry` there, and the router"
-    return [
-        Finding("problem", f"process {process} has not heard the platform for {age:.1f} s", remedy)
-        for process, age in ages.items()
-        if age > SILENT
-    ]
+    home = {node["host"] for node in nodes if node["role"] == "platform"}
+    found = []
+    for process, node in silent.items():
+        if node["silence_s"] > SILENT:
+            remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
+            if node["host"] in home:
+                remedy = f"it hangs, or its host gives it no time: `kill -KILL {node['pid']}` restarts it"
+            what = f"process {process} has not heard the platform for {node['silence_s']:.1f} s"
+            found.append(Finding("problem", what, remedy))
+    return found
 
 
 def sharing(nodes: Sequence[Node]) -> list[Finding]:

@@ -21,6 +21,8 @@ PATIENCE = 0.005
 """s to wait for what else belongs to the tick of a trigger."""
 LONG_PATIENCE = {"mapper": 1.0}
 """The same for roles that nobody waits for: on a slow link the poses that cover a sweep may come after it."""
+STEPS = 64
+"""Steps whose durations are kept."""
 BACKWARDS = 200
 """Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
 
@@ -45,6 +47,7 @@ class LiveRunner:
         self.busy_since: float | None = None
         self.faulted = 0
         self.fault = ""
+        self.spent_ns: deque[int] = deque(maxlen=STEPS)
         self._changes: deque[Change] = deque()
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
@@ -216,7 +219,9 @@ class LiveRunner:
         self.faulted = self.faulted + 1 if fault else 0
         self.fault = fault
         self.busy_since = None
-        return outputs, time.monotonic_ns() - before, fault
+        spent = time.monotonic_ns() - before
+        self.spent_ns.append(spent)
+        return outputs, spent, fault
 
     def say(self, tick: Tick, trigger: str, read: Sequence[InputRead], spent: int, fault: str) -> None:
         """Report the step."""

@@ -9,13 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from navloom.messages import Envelope, GateStatus, Message, Parameters
+from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.quality import is_retained
 
 __all__ = [
+    "NO_GOAL",
+    "NO_PATH",
     "Missing",
     "NoStream",
     "changed_parameters",
@@ -26,28 +28,41 @@ __all__ = [
     "missing",
     "neighbours_names",
     "platform_age",
+    "progress",
     "resolve",
     "retained",
     "streams",
     "tap",
+    "who_drives",
     "why_stopped",
 ]
 
 FIRST = 4
 """Entries of an array that are shown where it is summarised."""
+NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
+"""What a goal node that has had no goal would say."""
+NO_PATH = "no_trajectory"
+"""Reason of a gate that has nothing to drive: no fault, where the robot has no goal."""
 _STOPS = {
-    "operator": ("an operator stopped it", "`navloom resume` lets it drive again"),
+    "operator": ("by an operator", "`navloom resume` lets it drive again"),
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
-    "no_trajectory": ("there is nothing to follow", "`navloom goal X Y` gives it a goal"),
     "ending": ("its gate has ended", "`navloom up` starts it again"),
     "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
     "silent: platform": ("the platform is not heard", "`navloom doctor` looks for the cause"),
 }
+_WAITS = {
+    "mapping": "it waits for a map",
+    "planning": "it waits for a path",
+    "driving": "its new path is not followed yet",
+    "recovering": "it waits for its recovery",
+    "waiting": "it waits for the platform",
+}
+"""Why nothing drives, by the state of the goal."""
 _KINDS = {
     "silent": ("is not heard", "`navloom hz` of its stream, `navloom doctor` looks for the cause"),
     "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
-    "stale": ("gives commands from old data", "its process or the network is too slow: see `navloom doctor`"),
-    "old_selection": ("does not know of the last swap", "it passes with its next step; else see `navloom doctor`"),
+    "stale": ("gives commands from old data", "its process or the network is too slow: `navloom doctor` says which"),
+    "old_selection": ("does not know of the last swap", "it passes with its next step, else ask `navloom doctor`"),
 }
 
 
@@ -136,15 +151,60 @@ def platform_age(nodes: Sequence[Mapping[str, Any]]) -> float | None:
     return ages.get("gate", min(ages.values(), default=None))
 
 
-def why_stopped(status: GateStatus) -> tuple[str, str]:
-    """Why nobody drives, in words, and what to do; both empty while somebody does."""
+def progress(feedback: Feedback, pace: str = "") -> str:
+    """State of a goal, what is left of its way, how fast and by whom it is driven, and what holds it up.
+
+    A path that is not followed yet says nothing of what is left: to people that is still planning.
+    """
+    has_way = bool(feedback.distance or feedback.cross_track)
+    parts: list[str] = ["planning" if feedback.state == "driving" and not has_way else feedback.state]
+    if has_way:
+        parts.append(f"{feedback.distance:.2f} m and {feedback.time_left:.0f} s left")
+    if pace:
+        parts.append(pace)
+    if feedback.recoveries:
+        parts.append(f"recoveries {feedback.recoveries}")
+    if has_way:
+        parts.append(f"cross-track {feedback.cross_track:+.2f} m")
+    return ", ".join(parts)
+
+
+def who_drives(status: GateStatus, feedback: Feedback | None = None, result: GoalResult | None = None) -> str:
+    """Who drives, or why nothing does, in a few words; see `why_stopped`."""
+    if status.stopped:
+        return f"stopped: {why_stopped(status, feedback, result)[0]}"
+    return "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
+
+
+def why_stopped(
+    status: GateStatus, feedback: Feedback | None = None, result: GoalResult | None = None
+) -> tuple[str, str]:
+    """Why nothing drives, in words that follow "stopped:", and what to do; both empty while something drives.
+
+    Args:
+        status: Of the gate.
+        feedback: What the goal said last; None where that is not known, `NO_GOAL` where it has said nothing so far.
+        result: Of the last goal, if there was one.
+    """
     if not status.stopped:
         return "", ""
+    if status.reason == NO_PATH:
+        return _without_path(feedback, result)
     if status.reason in _STOPS:
         return _STOPS[status.reason]
     kind, _, who = status.reason.partition(": ")
-    words, remedy = _KINDS.get(kind, ("", "`navloom doctor` looks for the cause"))
+    words, remedy = _KINDS.get(kind, ("", "`navloom echo gate/status` shows whether it passes"))
+    who = "the operator" if who.startswith("operator") else who
     return (f"{who} {words}" if words else status.reason), remedy
+
+
+def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple[str, str]:
+    if feedback is None:
+        return "no path to follow", "`navloom goal X Y` gives it a goal"
+    if feedback.goal_id:
+        return _WAITS.get(feedback.state, "no path to follow"), ""
+    is_reached = result is not None and result.outcome == "succeeded"
+    return ("goal reached" if is_reached else "no goal"), "`navloom goal X Y` gives it a goal"
 
 
 # --- streams --------------------------------------------------------------------------------------------------------

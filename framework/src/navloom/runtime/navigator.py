@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from navloom.messages import Feedback, GateStatus, GoalResult, Point2D
+from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.joining import join
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
@@ -31,6 +31,7 @@ class Streams(NamedTuple):
     results: Inlet
     feedbacks: Inlet
     gate: Inlet
+    odometry: Inlet
 
 
 def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
@@ -46,7 +47,8 @@ class GoalHandle:
         goal_id: Its number.
         feedback: The newest, or None.
         result: How it ended, or None.
-        gate: What the gate said last: who drives, and why nobody does.
+        gate: What the gate said last: who drives, or why nothing does.
+        speed: Forward speed that the platform measured last, m/s, or None.
     """
 
     def __init__(self, client: Client, mailbox: Mailbox, streams: Streams, goal_id: int) -> None:
@@ -54,6 +56,7 @@ class GoalHandle:
         self.feedback: Feedback | None = None
         self.result: GoalResult | None = None
         self.gate: GateStatus | None = None
+        self.speed: float | None = None
         self._client, self._mailbox, self._streams = client, mailbox, streams
         self._asked = self._seen = self._known = time.monotonic()
         self._lives = client.lives("goal", "main")
@@ -69,7 +72,8 @@ class GoalHandle:
         seen = 0
         while self.result is None:
             seen = self._mailbox.wait(seen, 0.1)
-            for message, _ in (*self._streams.results.take(), *self._streams.gate.take()):
+            streams = self._streams
+            for message, _ in (*streams.results.take(), *streams.gate.take(), *streams.odometry.take()):
                 self._note(message)
             for message, _ in self._streams.feedbacks.take():
                 if isinstance(message, Feedback) and message.goal_id == self.goal_id:
@@ -102,7 +106,7 @@ class GoalHandle:
         if lives or client.has_nodes():
             self._seen = now
         elif client.was_ended:
-            raise ClientError(f"robot {client.keys.prefix} was ended, and goal {self.goal_id} with it")
+            raise ClientError(f"robot {client.keys.prefix} went down, and goal {self.goal_id} with it")
         elif now - self._seen > GONE:
             raise ClientError(
                 f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
@@ -120,6 +124,8 @@ class GoalHandle:
     def _note(self, message: object) -> None:
         if isinstance(message, GateStatus):
             self.gate = message
+        elif isinstance(message, Odometry):
+            self.speed = message.twist.vx
         elif isinstance(message, GoalResult):
             if message.goal_id == self.goal_id:
                 self.result = message
@@ -164,7 +170,10 @@ class Navigator:
         robot, connect, keys, insecure = self._given
         self._client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
         self._streams = Streams(
-            self._inlet("goal", "result"), self._inlet("goal", "feedback"), self._inlet("gate", "status")
+            self._inlet("goal", "main", "result"),
+            self._inlet("goal", "main", "feedback"),
+            self._inlet("gate", "main", "status"),
+            self._inlet("platform", "*", "odometry", limit=1),
         )
         return self
 
@@ -236,9 +245,9 @@ class Navigator:
         values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
         return values
 
-    def _inlet(self, role: str, port: str) -> Inlet:
-        key = self.client.keys.port(role, "main", port)
-        inlet = Inlet(key, self._mailbox, 64)
+    def _inlet(self, role: str, instance: str, port: str, limit: int = 64) -> Inlet:
+        key = self.client.keys.port(role, instance, port)
+        inlet = Inlet(key, self._mailbox, limit)
 
         def receive(key: str, data: bytes | None, label: str) -> None:
             if data is not None:

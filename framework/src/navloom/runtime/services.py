@@ -148,6 +148,8 @@ class Services:
             "clock_ns": self._clock.now_ns(),
             "silence_s": self._clock.silence_s() if self._clock.is_known else None,
             "up_s": now - self._began,
+            "period_s": self._system.config.run.period * cell.instance.stride,
+            "step_s": _usual(runner),
             "busy_s": None if since is None else max(0.0, now - since),
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
@@ -256,6 +258,12 @@ class Services:
             raise ServiceError(f"{node} has been in one step for {APPLY:g} s: nothing was changed; ask again")
         if failure:
             raise ServiceError(str(failure[0]))
+
+
+def _usual(runner: LiveRunner | None) -> float | None:
+    """Median duration of the newest steps, s; None before the first."""
+    steps = sorted(runner.spent_ns.copy()) if runner is not None else []
+    return steps[len(steps) // 2] * 1e-9 if steps else None
 
 
 def _punctuality(runner: LiveRunner | None) -> dict[str, int]:

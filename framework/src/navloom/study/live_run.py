@@ -21,6 +21,7 @@ from navloom.messages import (
     Message,
     OperatorRequest,
     Point2D,
+    PoseEstimate,
     Selection,
     StepReport,
 )
@@ -50,6 +51,8 @@ ASK_AGAIN = 2.0
 TELL_AGAIN = 10.0
 """s until a node that raises again is told of again."""
 Beside = Callable[[Robot], AbstractContextManager[None]]
+HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
+"""Ports heard of every robot, by role, whoever judges the run."""
 QUIET = 1.0
 """s without a goal after which a run that was to end with its goals does."""
 
@@ -112,6 +115,7 @@ class LiveRun:
     Attributes:
         judges: The run is judged here, where the platform is: other hosts are spared all that is judged by.
         feedback, status: The goal's and the gate's newest word.
+        result: Of the newest goal that has ended.
         log, recorder: As of a run in lockstep, of the newest goal: a robot may be up for weeks.
     """
 
@@ -122,6 +126,7 @@ class LiveRun:
     ending: threading.Event = field(default_factory=threading.Event)
     feedback: Feedback | None = None
     status: GateStatus | None = None
+    result: GoalResult | None = None
     log: RunLog = field(default_factory=RunLog)
     recorder: Recorder = field(default_factory=Recorder)
     beside: Beside | None = None
@@ -137,6 +142,7 @@ class LiveRun:
         self._spent: deque[tuple[int, int]] = deque(maxlen=4096)
         self._began_ns = time.perf_counter_ns()
         self._ended: deque[GoalResult] = deque()
+        self._place = Point2D(0.0, 0.0)
         self._newest_goal = self._first_tick = self._own_goal = 0
         self._told_faults: dict[tuple[str, str], float] = {}
 
@@ -186,7 +192,7 @@ class LiveRun:
         wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
         for source in all_sources(self.system):
             ports = {port for role, port in wanted if role == source[0]}
-            ports |= {"goal": {"result", "feedback"}, "gate": {"status", "selection"}}.get(source[0], set())
+            ports |= HEARD.get(source[0], set())
             if self.judges and source[0] != "operator":
                 ports.add(STEP)
             for port in sorted(ports):
@@ -227,7 +233,15 @@ class LiveRun:
         self._take()
         if self.feedback is not None and self.feedback.goal_id:
             self._catch_up(client)  # its result may be on the way
+        if is_ours:
+            self._give_up(robot.keys.prefix)
         self._tell_ended(tell)
+
+    def _give_up(self, robot: str) -> None:
+        """The robot goes down: a goal on its way ends with it."""
+        number = 0 if self.feedback is None else self.feedback.goal_id
+        if number:
+            self._end(GoalResult(number, "error", f"robot {robot} went down, and goal {number} with it", self._place))
 
     def _tell_ended(self, tell: Callable[[Episode], None] | None) -> None:
         while self._ended:
@@ -248,6 +262,7 @@ class LiveRun:
         """A goal has ended; the same may be heard twice."""
         if all(one.goal_id != result.goal_id for one in (*self.log.results, *self._ended)):
             self._ended.append(result)
+            self.result = result
             self.log.wall_ns = time.perf_counter_ns() - self._began_ns
 
     def _begin(self, goal_id: int, tick: int) -> None:
@@ -302,6 +317,8 @@ class LiveRun:
                     self.log.step_ns[role].append(message.duration_ns)
             if message.fault:
                 self._tell_fault(source, message.fault)
+        elif isinstance(message, PoseEstimate):
+            self._place = Point2D(message.pose.x, message.pose.y) if active else self._place
         elif isinstance(message, GoalResult):
             self._end(message)
         elif isinstance(message, Feedback):

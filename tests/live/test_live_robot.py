@@ -158,7 +158,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             # an operator drives himself, then leaves the robot to itself
             by_hand = len(robot.said)
             assert robot.run("teleop", "--vx", "-0.2", "--for", "0.5").returncode == 0
-            after = robot.wait_for("operator main drives", after=by_hand)
+            after = robot.wait_for("an operator drives", after=by_hand)
             robot.wait_for("controller lyapunov_tracker drives", after=after)
             # pre-empted, then cancelled
             second = navigator.go(-3.0, 0.0)

@@ -27,7 +27,6 @@ PROMPT= RPROMPT=
 fpath=($ZDOTDIR/functions $fpath)
 autoload -U compinit
 compinit -u -d $ZDOTDIR/.dump
-bindkey '^I' complete-word
 compadd() { # print what would be proposed
     local -a hits
     [[ ${@[1,(i)(-|--)]} == *-(O|A|D)\ * ]] && { builtin compadd "$@"; return }
@@ -35,8 +34,9 @@ compadd() { # print what would be proposed
     (($#hits)) && print -rn -- "<${(j:><:)hits}>"
     builtin compadd "$@"
 }
-ended() { print -n END; print ED }
-comppostfuncs=(ended)
+complete-and-say() { zle complete-word; print -n END; print ED }
+zle -N complete-and-say
+bindkey '^I' complete-and-say
 print -n REA; print DY
 """
 """Start file of a zsh that says what it proposes, each in angle brackets."""
@@ -113,6 +113,13 @@ def test_bash_completes_plugins_roles_worlds_and_shells(complete: Complete) -> N
     assert complete("navloom", "completion", "") == ["bash", "fish", "zsh"]
 
 
+def test_an_unknown_shell_is_refused_with_those_there_are(in_process: Callable[..., tuple[int, str, str]]) -> None:
+    code, out, err = in_process("completion", "tcsh")
+    assert (code, out) == (2, "") and "shell 'tcsh': expected bash, zsh, fish" in err
+    code, out, _ = in_process("completion", "bash")
+    assert code == 0 and out.endswith("complete -F _navloom navloom\n")
+
+
 def test_candidates_are_those_that_the_framework_finds() -> None:
     found = Discovery()
     roles = [info for info in found.infos() if info.role not in ("world", "scheme", "metric", "panel")]
@@ -140,26 +147,32 @@ def test_zsh_completes(here: Path) -> None:
     (here / "functions" / "_navloom").write_text(SCRIPTS["zsh"](commands()), "utf-8")
     (here / ".zshrc").write_text(ZSHRC)
 
-    def ask(line: str) -> list[str]:
-        reader, writer = pty.openpty()
-        with subprocess.Popen(
-            ["zsh", "-i"], stdin=writer, stdout=writer, stderr=writer, env={**os.environ, "ZDOTDIR": str(here)}
-        ) as shell:
-            os.close(writer)
-            try:
-                wait_for(reader, "READY")
-                os.write(reader, f"{line}\t".encode())
-                found = wait_for(reader, "ENDED")
-            finally:
-                shell.kill()
-                os.close(reader)
-        return sorted(set(re.findall(r"<(.*?)>", found)))
+    reader, writer = pty.openpty()
+    environment = {**os.environ, "ZDOTDIR": str(here)}
+    shell = subprocess.Popen(["zsh", "-i"], stdin=writer, stdout=writer, stderr=writer, env=environment)
+    os.close(writer)
 
+    def ask(line: str) -> list[str]:
+        os.write(reader, f"\x15{line}\t".encode())  # after Ctrl-U, which empties the line
+        return sorted(set(re.findall(r"<(.*?)>", wait_for(reader, "ENDED"))))
+
+    try:
+        wait_for(reader, "READY")
+        check_zsh(ask)
+    finally:
+        shell.kill()
+        shell.wait()
+        os.close(reader)
+
+
+def check_zsh(ask: Complete) -> None:
+    """The first completion loads the functions, and later ones find them loaded."""
     assert ask("navloom re") == ["record", "replay", "report", "resume"]
     assert ask("navloom params ") == ["get", "set"]
     assert ask("navloom run paper --se") == ["--seed", "--set"]
     assert {"paper", "explore", r"my\ robot.toml"} <= set(ask("navloom run "))
     assert ask("navloom status --robot ") == ["lab/r2"]
+    assert ask("bin/navloom status --robot ") == ["lab/r2"]
     assert ask("navloom replay run.mcap --avoider=vfh") == ["vfh", "vfh_plus", "vfh_star"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -10,17 +9,7 @@ import typer
 __all__ = ["completion"]
 
 
-class Shell(StrEnum):
-    """Shells that can complete."""
-
-    bash = "bash"
-    zsh = "zsh"
-    fish = "fish"
-
-
-def completion(
-    shell: Annotated[Shell, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
-) -> None:
+def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]) -> None:
     """Print a script that lets a shell complete commands, options, configs, plugins, worlds and robots.
 
     Save it where the shell looks for it: bash, ~/.local/share/bash-completion/completions/navloom; zsh, a file _navloom
@@ -29,4 +18,6 @@ def completion(
     from navloom.cli.shells import SCRIPTS
     from navloom.cli.tree import commands
 
-    typer.echo(SCRIPTS[shell.value](commands()), nl=False)
+    if shell not in SCRIPTS:
+        raise typer.BadParameter(f"shell {shell!r}: expected {', '.join(SCRIPTS)}")
+    typer.echo(SCRIPTS[shell](commands()), nl=False)

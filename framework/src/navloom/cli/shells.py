@@ -10,6 +10,7 @@ from navloom.cli.tree import Command, Word
 __all__ = ["SCRIPTS"]
 
 SHELLS = "bash zsh fish"
+"""What the argument of `navloom completion` can be."""
 
 BASH = r"""# bash completion of navloom, made by `navloom completion bash`
 
@@ -84,7 +85,7 @@ ZSH = r"""#compdef navloom
 
 _navloom_values() { # options of compadd, then what to propose
     local -a found
-    found=(${(f)"$($program __complete $@[-1] 2>/dev/null)"})
+    found=(${(f)"$($_navloom_program __complete $@[-1] 2>/dev/null)"})
     compadd "${@[1,-2]}" -a found
     case $@[-1] in
     configs) _files -g '*.toml' ;;
@@ -95,11 +96,11 @@ _navloom_values() { # options of compadd, then what to propose
 
 @GROUPS@
 
-local program=${words[1]/#\~/$HOME}
 _navloom "$@"
 """
 
 ZSH_GROUP = r"""@FUNCTION@() {
+    local _navloom_program=${_navloom_program:-${words[1]/#\~/$HOME}} # also for groups within
     local curcontext=$curcontext state line
     local -a commands
     _arguments -C \

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom.geometry import field_space, free_space, lazy_theta, tangents
+from navloom.geometry import (
+    field_space,
+    free_space,
+    lazy_tangents,
+    lazy_theta,
+    shape_space,
+    shortest,
+    tangents,
+    visible,
+)
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import polygon
 from navloom.geometry.grid import world_to_grid
@@ -221,8 +230,111 @@ def test_the_path_found_is_free_and_as_long_as_it_says(seed: int) -> None:
             assert clearance(DISC * 0.99, pose, world, height=1.2)[0] > 0.0
 
 
+def scattered(stream: np.random.Generator, count: int, size: float) -> World:
+    """Boxes, turned boxes, thin walls, cells of a grid that touch, and cylinders, about `size` m square."""
+    obstacles: list[Box | Cylinder] = []
+    for k in range(count):
+        x, y, wide, tall = *stream.uniform(0.0, size, 2).tolist(), *stream.uniform(0.1, 1.5, 2).tolist()
+        box = ((x, x + wide), (y, y + tall))
+        cell = ((math.floor(x), math.floor(x) + 1.0), (math.floor(y), math.floor(y) + 1.0))
+        made = (
+            Box(f"{k}", *box),
+            Box(f"{k}", *box, yaw=7.0 * tall),
+            Box(f"{k}", (x, x + 4.0 * wide), (y, y + 0.1), yaw=math.pi / 2 * math.floor(2.0 * tall)),
+            Box(f"{k}", *cell),
+            Cylinder(f"{k}", x, y, 0.4 * wide),
+        )
+        obstacles.append(made[k % 5])
+    return World("scattered", tuple(obstacles))
+
+
+def compare_with_the_whole_graph(seed: int) -> bool:
+    """Whether there is a way, which must be as long as in the graph of all tangents."""
+    stream = np.random.default_rng(seed)
+    world, radius = scattered(stream, int(stream.integers(2, 40)), 10.0), float(stream.choice([0.1, 0.25, 0.5]))
+    ends = Place(-0.7, -0.7), Place(11.5, 11.5)
+    found = optimal_length(world, *ends, radius, 1.2)
+    shapes = shortest._shapes(list(world.obstacles), Place(0.0, 0.0), radius)
+    points = shortest._points(np.array([(end.x, end.y) for end in ends]))
+    space = shape_space.ShapeSpace(shapes)
+    path = tangents.shortest_among(shortest._joined(points, shortest._shape_circles(shapes)), space)
+    free = space.points_free(points.places[:, :2]).all()
+    if path is None or not free:
+        assert found is None
+    else:
+        assert found == pytest.approx(path.length, abs=1e-9, rel=0.0)
+    return found is not None
+
+
+def test_the_lazy_search_finds_the_way_of_the_whole_tangent_graph() -> None:
+    assert sum(compare_with_the_whole_graph(seed) for seed in range(60)) >= 40
+
+
+@pytest.mark.slow
+def test_the_lazy_search_finds_the_way_of_the_whole_tangent_graph_in_hundreds_of_worlds() -> None:
+    assert sum(compare_with_the_whole_graph(seed) for seed in range(100, 900)) >= 500
+
+
+def test_buckets_answer_as_all_shapes_would() -> None:
+    stream = np.random.default_rng(3)
+    world = scattered(stream, 200, 20.0)
+    shapes = shortest._shapes([*world.obstacles, Box("long", (-30.0, 50.0), (9.0, 9.1), yaw=0.4)], Place(0.0, 0.0), 0.3)
+    space = shape_space.ShapeSpace(shapes)
+    segments = stream.uniform(-6.0, 26.0, (300, 4))
+    segments[:, 2:] = segments[:, :2] + stream.normal(0.0, 2.0, (300, 2))
+    circles = np.concatenate([segments[:, :2], stream.uniform(0.0, 1.0, (300, 1))], axis=1)
+    angles = np.sort(stream.uniform(-math.pi, math.pi, (300, 2)), axis=1)
+    free = space.segments_free(segments)
+    all_shapes = shapes.boxes, shapes.discs, 0.3
+    near = [[free_space.is_near_segment(k, *ends, *all_shapes) for k in range(201)] for ends in segments.tolist()]
+    assert free.tolist() == [not any(one) for one in near]
+    arcs = space.arcs_free(circles, angles, np.full(300, -1, dtype=np.int64))
+    for (x, y, r), (first, last), is_free in zip(circles.tolist(), angles.tolist(), arcs, strict=True):
+        at = np.linspace(first, last, 200)
+        gaps = [free_space.shape_gap(x + r * math.cos(a), y + r * math.sin(a), *all_shapes) for a in at.tolist()]
+        assert min(gaps) >= -1e-6 if is_free else min(gaps) < 0.01
+    assert 60 < free.sum() < 240
+    assert 20 < arcs.sum() < 280
+
+
+def looked_at(count: int) -> tuple[int, int]:
+    """Sides that the search opened, and tangents it looked at, in a world of `count` boxes of one density."""
+    size = math.sqrt(count / 0.15)
+    corners = np.random.default_rng(7).uniform(0.0, size, (count, 2)).tolist()
+    boxes = [Box(f"{k}", (x, x + 0.8), (y, y + 0.5), yaw=x) for k, (x, y) in enumerate(corners)]
+    shapes = shortest._shapes(list(boxes), Place(0.0, 0.0), 0.4)
+    points = shortest._points(np.array([(-1.5, -1.5), (size + 1.5, size + 1.5)]))
+    circles = shortest._joined(points, shortest._shape_circles(shapes))
+    search = lazy_tangents.TangentSearch(circles, shape_space.ShapeSpace(shapes))
+    assert search.run() is not None
+    return len(search.sides), search.looked_at
+
+
+def test_the_work_grows_with_the_boxes_and_not_with_their_square() -> None:
+    """The whole graph looks at 8 times n (n - 1) / 2 tangents of n circles: 4 million for 250 boxes, 64 for 1000."""
+    few, many = looked_at(250), looked_at(1000)
+    assert many[0] < 8 * few[0]
+    assert many[1] < 8 * few[1]
+    assert many[1] < 400_000
+
+
+@pytest.mark.parametrize("is_goal_closed_in", [True, False])
+def test_there_is_no_way_between_a_closed_room_and_a_crowded_plain(is_goal_closed_in: bool) -> None:
+    corners = np.random.default_rng(1).uniform(0.0, 40.0, (250, 2)).tolist()
+    boxes = [Box(f"{k}", (x, x + 0.8), (y, y + 0.5)) for k, (x, y) in enumerate(corners)]
+    ring = np.linspace(0.0, math.tau, 24, endpoint=False).tolist()
+    room = [Cylinder(f"post {a}", 50.0 + 4.0 * math.cos(a), 50.0 + 4.0 * math.sin(a), 0.2) for a in ring]
+    ends = Place(-1.5, -1.5), Place(50.0, 50.0)
+    if not is_goal_closed_in:
+        ends = ends[::-1]
+    assert length(*boxes, *room, start=ends[0], goal=ends[1], radius=0.4) is None
+
+
+KERNELS = (free_space, shape_space, visible, field_space, tangents, lazy_theta)
+
+
 def test_the_warm_up_compiles_all_there_is_to_compile() -> None:
-    kernels = [k for m in (free_space, field_space, tangents, lazy_theta) for k in vars(m).values() if is_kernel(k)]
+    kernels = [k for m in KERNELS for k in vars(m).values() if is_kernel(k)]
     warm_up()
     compiled = [len(k.nopython_signatures) for k in kernels]
     of_paper(paper_gates())

@@ -101,7 +101,7 @@ def field_gap(
             if feature[0, i, j] >= 0:
                 row, col = feature[0, i, j], feature[1, i, j]
                 best = min(best, _nearest_cell(x, y, row, col, occupied, per_cell, step))
-    gap: float = min(best - radius, shape_gap(x, y, boxes, discs, radius, -1))
+    gap: float = min(best - radius, shape_gap(x, y, boxes, discs, radius))
     return gap
 
 

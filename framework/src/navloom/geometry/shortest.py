@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from navloom.geometry.field_space import FieldSpace
 from navloom.geometry.frames import inverse, transform
-from navloom.geometry.free_space import Shapes, ShapeSpace, Space
+from navloom.geometry.free_space import Shapes, Space
+from navloom.geometry.lazy_tangents import TangentSearch
 from navloom.geometry.lazy_theta import any_angle_path
+from navloom.geometry.shape_space import ShapeSpace
 from navloom.geometry.solids import centre_at, is_fixed, overlaps
 from navloom.geometry.tangents import Circles, ShortestPath, shortest_among
 from navloom.geometry.world import Box, Obstacle, Place, Raster, World
@@ -96,8 +98,7 @@ def _among_shapes(shapes: Shapes, ends: Floats) -> ShortestPath | None:
     space = ShapeSpace(shapes)
     if not space.points_free(ends).all():
         return None
-    straight = _straight(space, ends)
-    return straight or shortest_among(_joined(_points(ends), _shape_circles(shapes)), space)
+    return _straight(space, ends) or TangentSearch(_joined(_points(ends), _shape_circles(shapes)), space).run()
 
 
 def _straight(space: Space, ends: Floats) -> ShortestPath | None:

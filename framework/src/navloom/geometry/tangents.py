@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from navloom.geometry.compiled import compiled
 from navloom.geometry.free_space import Space
 
-__all__ = ["Circles", "ShortestPath", "shortest_among"]
+__all__ = ["Circles", "ShortestPath", "on_arc", "shortest_among"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -92,14 +92,14 @@ def shortest_among(circles: Circles, space: Space, longest: float = math.inf) ->
         if arc >= 0:
             from_first = arc_ends[arc, 0] == vertex
             track.append(
-                _on_arc(circles.places[on_circle[vertex]], arc_angles[arc] if from_first else arc_angles[arc, ::-1])
+                on_arc(circles.places[on_circle[vertex]], arc_angles[arc] if from_first else arc_angles[arc, ::-1])
             )
         vertex = int(previous[vertex])
         track.append(points[vertex][None])
     return ShortestPath(float(total), np.concatenate(track)[::-1])
 
 
-def _on_arc(circle: Floats, angles: Floats) -> Floats:
+def on_arc(circle: Floats, angles: Floats) -> Floats:
     """(n, 2) points of an arc on a circle (3,), from the first to the last of two angles, rad."""
     sampled = np.linspace(angles[0], angles[1], 2 + int(abs(angles[1] - angles[0]) / _ARC_SAMPLE))
     points: Floats = circle[:2] + circle[2] * np.stack([np.cos(sampled), np.sin(sampled)], axis=-1)

@@ -374,18 +374,6 @@ def test_status_of_a_robot_that_lacks_much() -> None:
     }  # fmt: skip
 
 
-def test_status_of_a_robot_that_has_reached_its_goal_reads_like_no_fault() -> None:
-    last = {
-        "goal/main/feedback": Feedback(0, "idle", 0.0, 0.0, 0.0, 0),
-        "goal/main/result": GoalResult(2, "succeeded", "the goal was reached", Point2D(1.0, 2.0)),
-        "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
-    }
-    found = rows(BusInWords(everyone(), last=last))
-    assert found["stopped"] == "goal reached; `navloom goal X Y` gives it a goal" and "drives" not in found
-    del last["goal/main/feedback"], last["goal/main/result"]
-    assert rows(BusInWords(everyone(), last=last))["stopped"] == "no goal; `navloom goal X Y` gives it a goal"
-
-
 @pytest.mark.parametrize(
     ("tick", "words"), [(7, "at tick 8, in simulated time"), (-2, "never heard")], ids=["barrier", "never"]
 )

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from described import KEYS, PLACES, BusInWords, client, described, everyone, wire
-from navloom.messages import Contact, Feedback, GateStatus, GoalResult, Parameters, Point2D, RangeScan
+from navloom.cli.status import rows
+from navloom.messages import Contact, Feedback, GateStatus, GoalResult, Message, Parameters, Point2D, RangeScan
 from navloom.runtime.looking import (
     NO_GOAL,
     Missing,
@@ -160,6 +161,24 @@ def test_a_robot_without_a_path_is_no_fault(feedback: Feedback, result: GoalResu
 )  # fmt: skip
 def test_the_progress_of_a_goal_says_what_is_left_and_what_holds_it_up(feedback: Feedback, words: str) -> None:
     assert progress(feedback, "0.40 m/s") == words
+
+
+def status_rows(last: dict[str, Message]) -> dict[str, str]:
+    """What `navloom status` says of a robot."""
+    asked = client(BusInWords(everyone(), last=last))
+    return dict(rows("lab/r1", listing(asked), last_words(asked), changed_parameters(asked)))
+
+
+def test_status_of_a_robot_that_has_reached_its_goal_reads_like_no_fault() -> None:
+    last: dict[str, Message] = {
+        "goal/main/feedback": Feedback(0, "idle", 0.0, 0.0, 0.0, 0),
+        "goal/main/result": GoalResult(2, "succeeded", "the goal was reached", Point2D(1.0, 2.0)),
+        "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
+    }
+    found = status_rows(last)
+    assert found["stopped"] == "goal reached; `navloom goal X Y` gives it a goal" and "drives" not in found
+    del last["goal/main/feedback"], last["goal/main/result"]
+    assert status_rows(last)["stopped"] == "no goal; `navloom goal X Y` gives it a goal"
 
 
 def test_nothing_is_told_of_a_robot_that_drives() -> None:

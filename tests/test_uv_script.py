@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import runpy
 import shutil
 import subprocess
@@ -13,8 +14,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import yaml
 
-SCRIPT = Path(__file__).resolve().parents[1] / "uv.py"
+TOP = Path(__file__).resolve().parents[1]
+SCRIPT = TOP / "uv.py"
 FAKE_PIP = """
 import pathlib, sys
 if "--target" not in sys.argv:
@@ -94,3 +97,11 @@ def test_an_older_python_gets_one_sentence_that_says_what_to_do(
         "error: navloom needs Python 3.11 or newer, and /p/python3 is Python 3.8.18; "
         "run the command with a newer one, for example `python3.12 uv.py run`\n"
     )
+
+
+def test_hosted_ci_runs_the_readmes_two_commands_on_every_python() -> None:
+    readme = (TOP / "README.md").read_text("utf-8")
+    commands = re.findall(r"<!-- (?:run|test) -->\n```sh\n(.*?)\n```", readme, re.DOTALL)
+    job = yaml.safe_load((TOP / ".github" / "workflows" / "ci.yml").read_text("utf-8"))["jobs"]["commands"]
+    assert [step["run"] for step in job["steps"] if "run" in step] == commands and len(commands) == 2
+    assert job["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13", "3.14"]

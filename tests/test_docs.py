@@ -1,64 +1,108 @@
-"""Every block of the README and the docs runs, and what the README tells people to type works."""
+"""README and docs: the commands that exist, the blocks, the links. tests/live/test_docs_pages.py types the commands."""
 
 from __future__ import annotations
 
+import functools
 import re
-import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
-from navloom.cli import main
+import typer.main
+from doc_pages import NOT_RUN, PAGES, PROGRAMS, STAND_INS, TOP, Step, listed, steps, words
+from navloom.cli.main import app
 from navloom.config import load_config
+from navloom.messages import Envelope, GateStatus, Message, StepRecord
 from navloom.plugins import Registry
-from navloom.runtime.build import assemble
+from navloom.study.episode import run_episode
 
-TOP = Path(__file__).resolve().parents[1]
-PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
+STEPS = [step for page in PAGES for step in steps(page)]
+TYPED = [step for step in STEPS if step.kind in ("command", "inline")]
 
 
 def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
 
 
-def commands() -> list[list[str]]:
-    """The navloom commands of each block of the README but the two set-up blocks; one may use what another left."""
-    found = []
-    for block in blocks(TOP / "README.md", "sh"):
-        lines = [line.partition("#")[0].strip() for line in block.splitlines()]
-        found.append([line.removeprefix("uv run navloom ") for line in lines if line.startswith("uv run navloom ")])
-    return [lines for lines in found if lines]
+@functools.cache
+def command_line() -> Any:
+    """The commands of navloom with their options."""
+    return typer.main.get_command(app)
+
+
+def faults_of(step: Step) -> list[str]:
+    """What the command line does not know of a command: its name, or an option."""
+    known: Any = command_line()
+    options = {"--help"}
+    for word in words(step.text.replace("'", " ")):
+        options |= {name for one in known.params for name in (*one.opts, *one.secondary_opts)}
+        if word.startswith("--"):
+            if word not in options:
+                return [f"{step}: no option {word}"]
+        elif word.isupper():
+            return []  # a placeholder of the command itself
+        elif hasattr(known, "commands") and word not in known.commands:
+            return [f"{step}: no command {word}"]
+        elif hasattr(known, "commands"):
+            known = known.commands[word]
+    return []
 
 
 def test_there_are_commands_to_check() -> None:
-    assert sum(map(len, commands())) >= 8
+    assert len(TYPED) >= 50 and len({step.page for step in TYPED}) >= 7
 
 
-@pytest.mark.parametrize("lines", commands(), ids=lambda lines: lines[0])
-def test_the_commands_of_the_readme_succeed(
-    lines: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for line in lines:
-        monkeypatch.setattr(sys, "argv", ["navloom", *line.split()])
-        with pytest.raises(SystemExit) as caught:
-            main()
-        assert not caught.value.code, (line, capsys.readouterr().err)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_and_option_that_a_page_names_is_known(page: Path) -> None:
+    named = [step for step in steps(page) if step.kind in ("command", "inline", "form")]
+    assert [fault for step in named if step.text.startswith("navloom ") for fault in faults_of(step)] == []
+
+
+def test_every_other_program_is_listed_with_a_reason() -> None:
+    others = [step for step in TYPED if step.text.split()[0] not in PROGRAMS]
+    assert [str(step) for step in others if not listed(NOT_RUN, step)] == []
+
+
+@pytest.mark.parametrize("table", [NOT_RUN, STAND_INS], ids=["not-run", "stand-ins"])
+def test_no_entry_of_a_table_is_left_over(table: dict[tuple[str, str], str]) -> None:
+    assert {*table} - {listed(table, step) for step in TYPED} == set()
+    assert all(table.values())
 
 
 def test_the_two_set_up_commands_are_there() -> None:
-    text = (TOP / "README.md").read_text("utf-8")
-    for name in ("run", "test"):
-        block = re.search(rf"<!-- {name} -->\n```sh\n(.*?)```", text, re.DOTALL)
-        assert block is not None and block[1].startswith("python3 uv.py run "), name
+    set_up = [step.text for step in STEPS if step.kind == "set-up" and step.page == "README.md"]
+    assert len(set_up) == 2 and all(text.startswith("python3 uv.py run ") for text in set_up)
 
 
-def test_the_readmes_config_fits(tmp_path: Path) -> None:
-    first, more = blocks(TOP / "README.md", "toml")
-    path = tmp_path / "robot.toml"
-    path.write_text(first + more, "utf-8")
-    system = assemble(load_config(str(path)))
-    assert ("avoider", "wary") in system.parts and system.map is not None
+def test_the_readmes_swap_changes_the_avoider_that_drives(tmp_path: Path) -> None:
+    (step,) = [step for step in STEPS if step.kind == "file" and step.page == "README.md"]
+    path = tmp_path / step.name
+    path.write_text(step.text, "utf-8")
+    drove = Drove()
+    assert run_episode(load_config(str(path)), observers=[drove]).result.outcome == "succeeded"
+    by_avoider = [(since, name) for since, name in drove.since if name in ("improved_vfh", "wary")]
+    assert [name for _, name in by_avoider] == ["improved_vfh", "wary"]
+    assert by_avoider[1][0] == 6.0
+
+
+class Drove:
+    """Who drives, from which s of run time on."""
+
+    wants = frozenset({("gate", "status")})
+    wants_steps = False
+
+    def __init__(self) -> None:
+        self.since: list[tuple[float, str]] = []
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        """Keep each change."""
+        assert isinstance(message, GateStatus)
+        if not self.since or self.since[-1][1] != message.instance:
+            self.since.append((at.stamp_ns * 1e-9, message.instance))
+
+    def on_step(self, record: StepRecord) -> None:
+        """Not asked for."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -78,5 +122,6 @@ def test_the_plugin_of_the_docs_registers_and_steers() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text("utf-8")):
+    text = page.read_text("utf-8")
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", text) + re.findall(r'src="([^"]+)"', text):
         assert (page.parent / target).exists(), target

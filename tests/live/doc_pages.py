@@ -1,0 +1,147 @@
+"""What README and docs tell their readers to type, as steps in the order of each page."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+TOP = Path(__file__).resolve().parents[2]
+PAGES = [TOP / "README.md", *sorted((TOP / "docs").glob("*.md"))]
+
+NOT_RUN = {
+    ("README.md", "navloom run paper --view"): "opens a window; framework/tests/viewer looks at what it shows",
+    ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vfh,"): "960 episodes",
+    ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
+    ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
+    ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
+    ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
+    ("security.md", "tar "): "needs two hosts; test_the_two_hosts_of_the_security_page copies the files itself",
+    ("security.md", "cd robot && navloom up"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
+    ("security.md", "navloom up"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
+    ("security.md", "navloom goal"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
+    ("security.md", "navloom stop --connect"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
+    ("security.md", "navloom node robot.toml"): "needs a third host, and an alternative `forces` in the config",
+    ("command-line.md", "navloom man | man"): "shows a page in a pager",
+    ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
+    ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",
+    ("installing.md", "pip "): "asks an index; tests/test_wheels.py installs the wheels alone",
+    ("installing.md", "python3 -m pip wheel"): "tests/test_wheels.py builds the wheels",
+    ("installing.md", "python3 uv.py build"): "tests/test_wheels.py builds the wheels",
+    ("installing.md", "navloom run paper"): "in an environment of wheels; tests/test_wheels.py runs it there",
+    ("viewing.md", "navloom view --web"): "serves a browser; framework/tests/cli/test_cli_view.py asks for it",
+}  # fmt: skip
+"""Commands that no test types, by page and beginning, and why."""
+
+SHORT_STUDY = "navloom compare paper --vary avoider=improved_vfh,vff --worlds empty --seeds 0:1 --jobs 1 --out study"
+
+PROGRAMS = {"mkdir", "navloom"}
+"""What a command may begin with without a reason here why it is not run."""
+
+STAND_INS = {
+    ("README.md", "navloom paper"): "navloom paper --help",
+    ("paper.md", "navloom paper"): "navloom paper --help",
+    ("bench.md", "navloom bench"): "navloom bench --help",
+    ("README.md", "navloom compare"): SHORT_STUDY,
+    ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
+}  # fmt: skip
+"""Commands of more than some seconds, by page and beginning, and what is typed instead but with `-m slow`."""
+
+TOKENS = re.compile(
+    r"^<!-- (?P<direction>[^\n]*?) -->$|^```(?P<language>\w*)\n(?P<block>.*?)^```$|"
+    r"`(?P<inline>(?:uv run (?:--group \w+ )*)?navloom [^`]+)`",
+    re.MULTILINE | re.DOTALL,
+)
+PROMPT = re.compile(r"\w*\$\s+")
+GROUPS = {"config", "export", "keys", "params"}
+"""Commands that have commands."""
+UV = re.compile(r"uv run (?:--group \w+ )*")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do on a page.
+
+    Attributes:
+        kind: command; inline, a command within the text; form, a command with placeholders or a name alone; python;
+            file, to be written; set-up, taken by `.ci/run`; scene, what the page supposes, by a comment `before: …`.
+        text: The command as it is typed, the code, the file's content, or the scene.
+        name: Of the file.
+        output: Lines that the page shows below the command.
+    """
+
+    page: str
+    line: int
+    kind: str
+    text: str
+    name: str = ""
+    output: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.page}:{self.line}: {self.text}"
+
+
+def steps(page: Path) -> list[Step]:
+    """Everything on a page, in its order."""
+    text = page.read_text("utf-8")
+    found: list[Step] = []
+    marked = ""
+    for token in TOKENS.finditer(text):
+        line = text.count("\n", 0, token.start()) + 1
+        if token["direction"] is not None:
+            marked = token["direction"]
+            if marked.startswith("before: "):
+                found.append(Step(page.name, line, "scene", marked.removeprefix("before: ")))
+            continue
+        if token["inline"] is not None:
+            command = UV.sub("", " ".join(token["inline"].split()))
+            found.append(Step(page.name, line, "inline" if _is_whole(command) else "form", command))
+        else:
+            found += _of_block(page.name, line, token["language"], token["block"], marked)
+        marked = ""
+    in_blocks = {step.text for step in found if step.kind == "command"}
+    return [step for step in found if step.kind != "inline" or step.text not in in_blocks]
+
+
+def _is_whole(command: str) -> bool:
+    """It can be typed: it has arguments, and none of them is a placeholder."""
+    parts = command.split()
+    return len(parts) > (3 if parts[1] in GROUPS else 2) and re.search(r"[A-Z…|]", command) is None
+
+
+def _of_block(page: str, line: int, language: str, block: str, marked: str) -> list[Step]:
+    if marked in ("run", "test"):
+        return [Step(page, line, "set-up", block)]
+    if marked.startswith("file: "):
+        return [Step(page, line, "file", block, marked.removeprefix("file: "))]
+    if language == "python":
+        return [Step(page, line, "python", block)]
+    if language not in ("sh", "bash", "console"):
+        return []
+    found: list[Step] = []
+    for number, text in enumerate(block.splitlines(), line + 1):
+        if language == "console" and not PROMPT.match(text):
+            last = found[-1]
+            found[-1] = Step(page, last.line, last.kind, last.text, output=(*last.output, text))
+            continue
+        command = UV.sub("", re.split(r"\s+# ", PROMPT.sub("", text, count=1) if language == "console" else text)[0])
+        if command.strip():
+            found.append(Step(page, number, "command", command.strip()))
+    return found
+
+
+def listed(table: dict[tuple[str, str], str], step: Step) -> tuple[str, str] | None:
+    """The entry of a table that a command falls under: the longest beginning."""
+    found = [entry for entry in table if entry[0] == step.page and step.text.startswith(entry[1])]
+    return max(found, key=lambda entry: len(entry[1]), default=None)
+
+
+def needs_a_shell(command: str) -> bool:
+    """It is more than one navloom command by itself."""
+    return not command.startswith("navloom ") or re.search(r" [|>] | && ", command) is not None
+
+
+def words(command: str) -> list[str]:
+    """A navloom command's arguments."""
+    return shlex.split(command)[1:]

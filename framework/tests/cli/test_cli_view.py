@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
+import sys
+import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +15,7 @@ from urllib.request import urlopen
 
 import pytest
 from navloom.viewer import extra
-from navloom.viewer.program import Program
+from navloom.viewer.program import Program, is_up
 
 rerun = pytest.importorskip("rerun", reason="the extra `view` is not installed")
 CONFIG = """
@@ -115,21 +116,100 @@ def test_methods_drive_side_by_side_for_a_viewer_that_runs(config: str, in_proce
     assert {"/run/kanayama/driven", "/run/pure_pursuit/driven"} <= entities(file)
 
 
-@pytest.mark.slow
-def test_a_browser_is_served_until_the_command_that_is_told_ends_it(in_process: Run, tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
+def test_a_browser_is_served_until_the_command_ends(number: signal.Signals, tmp_path: Path) -> None:
     kept = tmp_path / "kept.rrd"
     rerun.RecordingStream("navloom").save(kept)
-    code, _, err = in_process("view", str(kept), "--web")
-    assert code == 0
-    found = re.search(r"the viewer is at (http://127.0.0.1:\d+)\?url=\S+ until `kill (\d+)`", err)
-    assert found is not None, err
-    pid = int(found[2])
-    try:
+    words = [sys.executable, "-m", "navloom", "view", str(kept), "--web"]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, preexec_fn=obeys_ctrl_c) as command:
+        assert command.stderr is not None
+        line = command.stderr.readline()
+        found = re.search(r"the viewer is served at (http://127.0.0.1:(\d+))\?url=\S+ until Ctrl-C", line)
+        assert found is not None, line
         with urlopen(found[1], timeout=10.0) as page:
             assert b"<canvas" in page.read()
-    finally:
-        os.kill(pid, signal.SIGTERM)
-    os.waitpid(pid, 0)
+        command.send_signal(number)
+        assert command.wait(20.0) == (0 if number == signal.SIGINT else -number)
+    limit = time.monotonic() + 10.0
+    while is_up("127.0.0.1", int(found[2])):
+        assert time.monotonic() < limit, "the server outlives its command"
+        time.sleep(0.02)
+
+
+def obeys_ctrl_c() -> None:
+    """As at a terminal: whoever runs the tests may ignore it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+# --- no display -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a robot's computer, or over SSH."""
+    if sys.platform != "linux":
+        pytest.skip("only Linux tells by the environment whether there is a display")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("no_display")
+@pytest.mark.parametrize("command", ["run", "compare", "view rrd", "view mcap", "view"])
+def test_without_a_display_nothing_runs_and_the_message_says_what_to_do(
+    command: str, config: str, in_process: Run, tmp_path: Path
+) -> None:
+    file, out = tmp_path / "some.rrd", tmp_path / "out"
+    words = {
+        "run": ("run", config, "--view", "--out", str(out), "--record", str(tmp_path / "run.mcap")),
+        "compare": ("compare", config, "--vary", "controller=kanayama,pure_pursuit", "--view"),
+        "view rrd": ("view", str(file)),
+        "view mcap": ("view", str(file.with_suffix(".mcap"))),
+        "view": ("view",),
+    }[command]
+    for kept in (file, file.with_suffix(".mcap")):
+        kept.touch()
+    before = set(tmp_path.iterdir())
+    code, said, err = in_process(*words)
+    assert (code, said) == (2, "")
+    ways = "--web serves the viewer to a browser"
+    if command != "view rrd":
+        ways += ", --rerun F.rrd keeps what it would show in a file"
+    last = f"navloom: there is no display here, neither DISPLAY nor WAYLAND_DISPLAY is set: {ways}"
+    assert err.splitlines()[-1] == last
+    assert set(tmp_path.iterdir()) == before
+
+
+@pytest.mark.usefixtures("no_display")
+def test_a_display_that_does_not_answer_is_said_before_anything_runs(
+    config: str, in_process: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DISPLAY", ":98765")  # no X server has such a number: its port would be above 65535
+    code, said, err = in_process("run", config, "--view", "--out", str(tmp_path / "out"))
+    assert (code, said) == (2, "")
+    assert re.fullmatch(r"navloom: the viewer opens no window: [^/]+; --web serves .*, --rerun F.rrd keeps .*\n", err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_viewer_that_fails_later_is_said_after_the_result_and_the_exit_code_is_1(
+    config: str, in_process: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Failing(Program):
+        """A server in place of a window, killed once it is fed."""
+
+        def __init__(self, web: bool = False, files: tuple[Path, ...] = (), options: tuple[str, ...] = ()) -> None:
+            super().__init__(web, files, ("--serve-grpc",))
+
+        def await_window(self) -> None:
+            """It had one, and fails."""
+            self.process.kill()
+            self.process.wait()
+
+    monkeypatch.setattr("navloom.viewer.showing.Program", Failing)
+    monkeypatch.setenv("DISPLAY", ":0")
+    code, out, err = in_process("run", config, "--view")
+    assert code == 1
+    assert out.startswith("succeeded: the goal was reached")
+    assert err.splitlines()[-1].startswith("navloom: the viewer ended: ")
 
 
 @pytest.mark.parametrize("command", ["run", "view", "compare"])

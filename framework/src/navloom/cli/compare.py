@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -13,12 +13,13 @@ import typer
 from typer.core import TyperCommand
 
 from navloom.cli.config import ConfigName
-from navloom.cli.view import Rerun, View, ViewerUrl, say_so, where_of
+from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from navloom.study.compare import Study, StudyResult
+    from navloom.study.episode import Episode
     from navloom.viewer.showing import Where
 
 __all__ = ["Variadic", "compare"]
@@ -78,15 +79,16 @@ def compare(
         float, typer.Option(metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.")
     ] = 300.0,
     view: View = False,
+    web: Web = False,
     viewer: ViewerUrl = None,
     rerun: Rerun = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
     """Run methods over worlds and seeds in closed loop. The same command goes on where it was interrupted.
 
-    With --view, --viewer or --rerun the methods drive side by side in one picture instead, in the first world with
-    the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2: the
-    request was wrong.
+    With --view, --web, --viewer or --rerun the methods drive side by side in one picture instead, in the first world
+    with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2:
+    the request was wrong.
     """
     from navloom.cli.output import print_json
     from navloom.study.compare import plan_study, run_study
@@ -101,8 +103,8 @@ def compare(
         if places:
             belong = "belongs" if len(places) == 1 else "belong"
             typer.echo(f"navloom: {method}: {', '.join(places)} {belong} to the replaced plugin: dropped", err=True)
-    if view or viewer or rerun:
-        _show(study, where_of(view, rerun, viewer), as_json)
+    if view or web or viewer or rerun:
+        _show(study, where_of(view, rerun, viewer, web), as_json)
         return
     try:
         with _executor(scheduler) as executor, _progress(as_json) as progress:
@@ -133,15 +135,18 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
     world, seed = study.worlds[0], study.seeds[0]
     methods = {m.name: placed(m.loaded.to_json(), world.values, seed, study.here) for m in study.methods}
     title = f"{study.config}: {world.ref}, seed {seed}"
-    episodes = drive_side_by_side(methods, where, title, say_so)
-    found = {name: episode.summary() for name, episode in episodes.items()}
-    if as_json:
-        print_json({"world": world.ref, "seed": seed, "methods": found})
-        return
-    typer.echo(title)
-    columns = ("sim_time_s", "path_length_m", "min_clearance_m")
-    lines = [(name, one["outcome"], *(one[column] for column in columns), one["reason"]) for name, one in found.items()]
-    print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
+
+    def tell(episodes: Mapping[str, Episode]) -> None:
+        found = {name: episode.summary() for name, episode in episodes.items()}
+        if as_json:
+            print_json({"world": world.ref, "seed": seed, "methods": found})
+            return
+        typer.echo(title)
+        keys = ("sim_time_s", "path_length_m", "min_clearance_m")
+        lines = [(name, one["outcome"], *(one[key] for key in keys), one["reason"]) for name, one in found.items()]
+        print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
+
+    drive_side_by_side(methods, where, title, say_so, tell)
 
 
 def _reported(result: StudyResult, out: Path) -> StudyResult:

@@ -143,8 +143,9 @@ def _is_failure(error: Exception) -> bool:
     from navloom.runtime.client import ClientError
     from navloom.runtime.conductor import BarrierError
     from navloom.runtime.robot import StartError
+    from navloom.viewer.extra import ViewerLost
 
-    return isinstance(error, (ClientError, BarrierError, StartError))
+    return isinstance(error, (ClientError, BarrierError, StartError, ViewerLost))
 
 
 def _words(error: Exception) -> str:

@@ -8,12 +8,15 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navloom.cli.config import ConfigName
-from navloom.cli.view import Rerun, View, ViewerUrl, say_so, where_of
+from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
+
+if TYPE_CHECKING:
+    from navloom.viewer.showing import Where
 
 __all__ = ["print_summary", "recorded", "run"]
 
@@ -51,6 +54,7 @@ def run(
         Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, of shadows too.")
     ] = None,
     view: View = False,
+    web: Web = False,
     viewer: ViewerUrl = None,
     rerun: Rerun = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
@@ -64,23 +68,21 @@ def run(
     loaded = load_config(config, set_ or (), seed)
     for place in loaded.dropped:
         typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
-    with (
-        ResultFolder(out) as folder,
-        recorded(loaded, record) as looking,
-        watched(loaded, view, rerun, viewer) as watch,
-        stage(as_json) as (say, progress),
-    ):
-        observers = [*looking, *watch.observers]
-        with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
-            episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
-        summary = episode.summary()
-        folder.keep(episode, summary)
-    for fault in episode.log.faults:
-        typer.echo(f"navloom: {fault}", err=True)
-    if as_json:
-        print_json(summary)
-    else:
-        print_summary(episode, summary, out, folder.names)
+    is_seen = view or web or viewer is not None or rerun is not None
+    where = where_of(view, rerun, viewer, web) if is_seen else None
+    with watched(loaded, where) as watch:
+        with ResultFolder(out) as folder, recorded(loaded, record) as looking, stage(as_json) as (say, progress):
+            observers = [*looking, *watch.observers]
+            with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
+                episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
+            summary = episode.summary()
+            folder.keep(episode, summary)
+        for fault in episode.log.faults:
+            typer.echo(f"navloom: {fault}", err=True)
+        if as_json:
+            print_json(summary)
+        else:
+            print_summary(episode, summary, out, folder.names)
     raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
 
 
@@ -139,14 +141,14 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[list[Any]]:
 
 
 @contextmanager
-def watched(loaded: Any, view: bool, rerun: Path | None, viewer: str | None) -> Iterator[Any]:
-    """What looks on for the viewer, if one is asked for."""
+def watched(loaded: Any, where: Where | None) -> Iterator[Any]:
+    """What looks on for the viewer; nothing where nobody wants to see the run."""
     from navloom.viewer.watching import Watch, watch_run
 
-    if not (view or rerun or viewer):
+    if where is None:
         yield Watch()
         return
-    with watch_run(loaded, where_of(view, rerun, viewer), say_so) as watch:
+    with watch_run(loaded, where, say_so) as watch:
         yield watch
 
 

@@ -25,7 +25,9 @@ ViewerUrl = Annotated[
     str | None,
     typer.Option("--viewer", metavar="URL", help="Show it in a viewer that runs already, as 127.0.0.1:9876."),
 ]
-Web = Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this host instead of a window.")]
+Web = Annotated[
+    bool, typer.Option("--web", help="Serve the viewer to a browser instead of opening a window; Ctrl-C ends it.")
+]
 
 
 def view(
@@ -43,7 +45,12 @@ def view(
     as_json: AsJson = False,
 ) -> None:
     """Show a live robot until Ctrl-C, or a recording. Only looks: no state of the viewer can slow the robot."""
-    where = where_of(view=viewer is None and rerun is None, rerun=rerun, viewer=viewer, web=web)
+    from navloom.viewer.extra import ViewerError
+
+    if file is not None and not file.is_file():
+        raise ViewerError(f"{file}: there is no such file; expected a recording, as `navloom record` writes it")
+    is_kept = file is not None and file.suffix == ".rrd"
+    where = where_of(viewer is None and rerun is None, rerun, viewer, web, keeps=not is_kept)
     if file is None:
         counts = _live(where, seconds, robot, connect, keys, insecure)
     else:
@@ -54,14 +61,23 @@ def view(
         print_json(vars(counts) if counts is not None else {})
 
 
-def where_of(view: bool, rerun: Path | None, viewer: str | None = None, web: bool = False) -> Where:
-    """The options as what to show it in. Raises ViewerError for two of them that contradict each other."""
-    from navloom.viewer.extra import ViewerError
+def where_of(view: bool, rerun: Path | None, viewer: str | None, web: bool, *, keeps: bool = True) -> Where:
+    """The options as what to show it in; `keeps` where --rerun is one of them.
+
+    Raises:
+        ViewerError: Two of them contradict each other, the viewer is not installed, or there is no display for it.
+    """
+    from navloom.viewer.extra import ViewerError, need_rerun
+    from navloom.viewer.program import need_display
     from navloom.viewer.showing import Where
 
     if viewer is not None and web:
         raise ViewerError("--viewer and --web: choose the viewer that runs, or a new one")
-    return Where(rerun, viewer, viewer is None and (view or web), web)
+    need_rerun()
+    opens = viewer is None and (view or web)
+    if opens and not web:
+        need_display(keeps)
+    return Where(rerun, viewer, opens, web)
 
 
 def say_so(text: str) -> None:
@@ -74,14 +90,12 @@ def _file(file: Path, where: Where) -> Any:
     from navloom.viewer.program import Program
     from navloom.viewer.showing import showing
 
-    if not file.is_file():
-        raise ViewerError(f"{file}: there is no such file; expected a recording, as `navloom record` writes it")
     if file.suffix == ".rrd":
         if not where.opens:
             raise ViewerError(f"{file}: it is what a viewer shows already; leave out --viewer and --rerun")
         program = Program(where.web, [file.absolute()], where.options)
-        if program.page is not None:
-            say_so(f"the viewer is at {program.page}")
+        program.await_window()
+        program.leave(say_so)
         return None
     from navloom.recording.reader import Recording
     from navloom.viewer.sources import facts_of_recording, recorded_messages

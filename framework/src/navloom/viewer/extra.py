@@ -6,11 +6,15 @@ from importlib import import_module
 
 from navloom.config import ConfigError
 
-__all__ = ["ViewerError", "need_rerun"]
+__all__ = ["ViewerError", "ViewerLost", "need_rerun"]
 
 
 class ViewerError(ConfigError):
     """The viewer is not installed, does not start, or cannot be reached; the text says what to do."""
+
+
+class ViewerLost(Exception):
+    """The viewer failed while something was shown: what was asked for was right, and has been done but for that."""
 
 
 def need_rerun() -> None:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import socket
 import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import IO
 from urllib.parse import urlsplit
 
-from navloom.viewer.extra import ViewerError, need_rerun
+from navloom.viewer.extra import ViewerError, ViewerLost, need_rerun
 
-__all__ = ["HOST", "Program", "address_of", "claimed_port", "is_up"]
+__all__ = ["HOST", "Program", "address_of", "claimed_port", "is_up", "need_display"]
 
 HOST = "127.0.0.1"
 PORT, WEB_PORT = 9876, 9090
@@ -24,6 +27,18 @@ TRIES = 20
 """Ports that are tried where the wanted one is taken."""
 STARTED = 30.0
 """s a viewer may take until it listens."""
+WINDOW = 2.0
+"""s within which a viewer that cannot open a window ends: it listens first."""
+WINDOWLESS = {"--headless", "--serve-grpc"}
+"""Options of the viewer's program that make it open no window."""
+SERVED, KEPT = "--web serves the viewer to a browser", "--rerun F.rrd keeps what it would show in a file"
+LAUNCH = """
+import os, sys
+from navloom.runtime.process import die_with_parent
+die_with_parent(int(sys.argv[1]))
+os.execv(sys.argv[2], sys.argv[2:])
+"""
+"""Runs a program that ends with the process that started it, however that ends."""
 MEMORY = "1GiB"
 """Of what a viewer is shown, after which it forgets the oldest; it takes about twice that."""
 
@@ -78,8 +93,20 @@ def claimed_port(wanted: int) -> Iterator[int]:
     raise ViewerError("no port of the loopback is free")
 
 
+def need_display(keeps: bool = True) -> None:
+    """Raises ViewerError that names the other ways where no window can be opened, which only Linux tells beforehand.
+
+    Args:
+        keeps: There is something to keep in a file.
+    """
+    names = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in names):
+        ways = f"{SERVED}, {KEPT}" if keeps else SERVED
+        raise ViewerError(f"there is no display here, neither DISPLAY nor WAYLAND_DISPLAY is set: {ways}")
+
+
 class Program:
-    """A viewer that was started here.
+    """A viewer that was started here. A window stays open when its command ends; a web server ends with it.
 
     Args:
         web: Serve it to a browser instead of opening a window.
@@ -98,13 +125,17 @@ class Program:
             self.web_port = web_port if web else None
             self._start(binary, files, options)
             self._await_start()
+        self._opens_window = not web and WINDOWLESS.isdisjoint(options)
+        self._window_by = time.monotonic() + WINDOW
 
     def _start(self, binary: Path, files: Sequence[Path], options: Sequence[str]) -> None:
         command = [
             str(binary), "--bind", HOST, "--port", str(self.port), "--memory-limit", MEMORY,
             "--server-memory-limit", "256MiB", "--hide-welcome-screen", *options,
         ]  # fmt: skip
-        command += ["--serve-web", "--web-viewer-port", str(self.web_port)] if self.web_port is not None else []
+        if self.web_port is not None:
+            command += ["--serve-web", "--web-viewer-port", str(self.web_port)]
+            command = [sys.executable, "-c", LAUNCH, str(os.getpid()), *command]
         # CI: the viewer's makers count who uses it, over the net, but not there. Nothing of a robot's host calls home.
         environment = {**os.environ, "CI": "1"}
         # A group of its own, so that Ctrl-C ends the command and leaves what there is to see.
@@ -120,11 +151,39 @@ class Program:
 
     @property
     def page(self) -> str | None:
-        """In words, where a browser finds it and what ends it; None of a window, which its user closes."""
+        """Where a browser finds it; None of a window."""
         if self.web_port is None:
             return None
-        address = f"http://{HOST}:{self.web_port}?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self.port}%2Fproxy"
-        return f"{address} until `kill {self.process.pid}`"
+        return f"http://{HOST}:{self.web_port}?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self.port}%2Fproxy"
+
+    def await_window(self) -> None:
+        """Wait until a viewer that cannot open its window would have ended.
+
+        Raises:
+            ViewerError: It ended.
+        """
+        if not self._opens_window:
+            return
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(max(0.0, self._window_by - time.monotonic()))
+        if self.process.poll():
+            raise ViewerError(f"the viewer opens no window: {self._last_words()}; {SERVED}, {KEPT}")
+
+    def leave(self, say: Callable[[str], None], serves: bool = True) -> None:
+        """Leave a window open; of a web server, serve until Ctrl-C, or not at all, and end it.
+
+        Raises:
+            ViewerLost: It ended with an error before.
+        """
+        if self.process.poll():
+            raise ViewerLost(f"the viewer ended: {self._last_words()}")
+        if self.page is None:
+            return
+        if serves:
+            say(f"the viewer is served at {self.page} until Ctrl-C")
+            with contextlib.suppress(KeyboardInterrupt):
+                self.process.wait()
+        self.end()
 
     def end(self) -> None:
         """Close it."""
@@ -141,7 +200,7 @@ class Program:
         limit = time.monotonic() + STARTED
         while not is_up(HOST, self.port):
             if self.process.poll() is not None:
-                raise ViewerError(f"the viewer did not start: {self._last_words()}{self._hint()}")
+                raise ViewerError(f"the viewer did not start: {self._last_words()}")
             if time.monotonic() > limit:
                 self.end()
                 raise ViewerError(f"the viewer does not listen {STARTED:g} s after its start")
@@ -150,9 +209,5 @@ class Program:
     def _last_words(self) -> str:
         self._words.seek(0)
         lines = [line.strip() for line in self._words.read().decode(errors="replace").splitlines() if line.strip()]
-        return lines[-1] if lines else f"exit code {self.process.returncode}"
-
-    def _hint(self) -> str:
-        if os.name == "posix" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            return "; there is no display here: --web serves it to a browser, and --rerun F.rrd keeps it in a file"
-        return ""
+        # Of an error without the line of the viewer's own source.
+        return re.sub(r"^.*\.rs:\d+: ", "", lines[-1]) if lines else f"exit code {self.process.returncode}"

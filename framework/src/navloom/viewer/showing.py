@@ -67,7 +67,9 @@ def showing(
     blocked: frozenset[str] = frozenset(),
     say: Callable[[str], None] = lambda text: None,
 ) -> Iterator[Showing]:
-    """Show messages put into `bridge` for the time of a `with` statement. A viewer that was started stays open.
+    """Show messages put into `bridge` for the time of a `with` statement.
+
+    A window that was opened stays open. A web server serves until Ctrl-C what is not live, and ends then.
 
     Args:
         facts: Who is in the picture.
@@ -79,6 +81,7 @@ def showing(
 
     Raises:
         ViewerError: There is no viewer, or no file can be written.
+        ViewerLost: The viewer that was started ended with an error.
     """
     need_rerun()
     program = None
@@ -92,7 +95,7 @@ def showing(
         program = Program(where.web, options=where.options)
         url = program.url
         if program.page is not None:
-            say(f"the viewer is at {program.page}")
+            say(f"the viewer is at {program.page}; it ends with this command")
     if url is not None:
         # A viewer may show this run already: the same once more is another recording, not more of that one.
         recording_id = f"{recording_id}-{time.time_ns()}"
@@ -100,16 +103,22 @@ def showing(
     try:
         bridge = Bridge(order)
         bridge.await_start()
+        if program is not None:
+            program.await_window()
     except BaseException:
         if program is not None:
             program.end()
         raise
     found = Showing(bridge, program)
+    is_over = False
     try:
         yield found
+        is_over = True
     finally:
         found.counts = bridge.close()
         _tell(found.counts, where.file, say)
+        if program is not None:
+            program.leave(say, serves=is_over and not live)
 
 
 def _tell(counts: Counts, file: Path | None, say: Callable[[str], None]) -> None:

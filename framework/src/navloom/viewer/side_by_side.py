@@ -87,7 +87,9 @@ class _Run:
     error: BaseException | None = None
 
 
-def drive_side_by_side(methods: Mapping[str, Loaded], where: Where, title: str, say: Say) -> dict[str, Episode]:
+def drive_side_by_side(
+    methods: Mapping[str, Loaded], where: Where, title: str, say: Say, tell: Callable[[Mapping[str, Episode]], None]
+) -> None:
     """Drive every method in the world of its config, and show them in one picture until all have ended.
 
     Paced to the wall clock where a viewer shows it; as fast as it goes where only a file is written.
@@ -97,6 +99,7 @@ def drive_side_by_side(methods: Mapping[str, Loaded], where: Where, title: str, 
         where: Where to show it.
         title: Of the recording.
         say: Told what the user should know.
+        tell: Given each method's episode once all have ended, before a web server waits for its user.
 
     Raises:
         ConfigError, PluginError: The request was wrong; ViewerError: it cannot be shown.
@@ -114,7 +117,7 @@ def drive_side_by_side(methods: Mapping[str, Loaded], where: Where, title: str, 
                     run.loaded, observers=[gathering], progress=lambda done, total, g=gathering: g.drain()  # type: ignore[misc]
                 )  # fmt: skip
                 gathering.drain()
-    return {name: run.episode for name, run in runs.items() if run.episode is not None}
+        tell({name: run.episode for name, run in runs.items() if run.episode is not None})
 
 
 def _drive_paced(runs: Mapping[str, _Run], shown: Showing) -> None:

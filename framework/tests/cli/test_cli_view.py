@@ -61,7 +61,7 @@ def entities(path: Path) -> set[str]:
     """Entities of an .rrd file but for its layout, as the viewer's own program reads it."""
     binary = Path(str(import_module("rerun_cli").__file__)).parent / "rerun"
     done = subprocess.run([binary, "rrd", "print", path], capture_output=True, text=True, check=True)
-    ours = ("/run/", "/world/", "/metrics/", "/status/", "/histogram/", "/log/", "/legend", "/tf/")
+    ours = ("/run/", "/world/", "/metrics/", "/goal", "/driver", "/avoider", "/histogram/", "/log/", "/legend", "/tf/")
     return {word for line in done.stdout.splitlines() for word in line.split() if word.startswith(ours)}
 
 

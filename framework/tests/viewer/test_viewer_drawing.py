@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from importlib.metadata import EntryPoint
-from pathlib import Path
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from navloom.messages import (
     HandOver,
     MapUpdate,
     OccupancyGrid,
+    Path,
     Pose2D,
     RangeScan,
     Sweep,
@@ -26,11 +27,12 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.plugins import Discovery, Registry
+from navloom.viewer.blueprint import states
 from navloom.viewer.drawing import Drawing
 from navloom.viewer.facts import actors_of
 from navloom.viewer.panels import Panel, panels_of
 from navloom.viewer.scene import legend
-from navloom.viewer.shapes import cones, prism, ring_bars, slot_arcs
+from navloom.viewer.shapes import cones, prism, ring_bars, slot_arcs, stripes
 
 from .conftest import Memory, component, facts_for, pose_at, shown
 
@@ -136,6 +138,82 @@ def test_bars_are_by_bearing_from_the_robot_in_units_of_the_threshold() -> None:
     assert dict(zip(np.round(bearings).tolist(), values, strict=True)) == {-180.0: 0.0, -90.0: 0.0, 0.0: 1.5, 90.0: 0.0}
 
 
+def test_an_obstacle_at_the_left_of_the_robot_is_at_the_left_of_the_chart() -> None:
+    made, memory = drawing()
+    made.take(pose_at(0.0, 0.0))
+    made.take(shown(AvoiderStatus("steering", diagnostics([0.0, 3.0, 0.0, 0.0])), "avoider", "status"))
+    (chart,) = memory.at("/histogram/r1")
+    bearings = np.array(component(chart, "abscissa")[0]["buffer"])
+    # The sector along the map's y axis is at the left of a robot that looks along x; the axis grows to the right.
+    assert bearings[np.argmax(component(chart, "values")[0]["buffer"])] == pytest.approx(-90.0)
+
+
+def test_lanes_of_states_have_plain_names() -> None:
+    made, memory = drawing(shadows=SHADOW)
+    status = AvoiderStatus("clear", diagnostics([]))
+    made.take(shown(status, "avoider", "status"))
+    made.take(shown(status, "avoider", "status", instance="other", active=False))
+    several, both = drawing("vff", "dwa")
+    several.take(shown(GateStatus("controller", "", False, False, "", ()), "gate", "status", name="dwa"))
+    lanes = [path for kept in (memory, both) for path, shapes, *_ in kept.logged
+             if type(shapes[0]).__name__ == "StateChange"]  # fmt: skip
+    assert lanes == ["/avoider", "/other/avoider", "/dwa/driver"]
+    styled = {path for path, shapes, *_ in memory.logged if type(shapes[0]).__name__ == "StateConfiguration"}
+    assert styled == {"/goal", "/driver", "/avoider", "/other/avoider"}
+
+
+def test_the_layout_shows_the_lanes_that_are_drawn() -> None:
+    def lanes(*names: str, shadows: tuple[tuple[str, str], ...] = ()) -> list[str]:
+        view = states(facts_for(*names, shadows=shadows))
+        assert isinstance(view.contents, list)
+        return [str(line) for line in view.contents]
+
+    assert lanes(shadows=SHADOW) == ["+ /goal", "+ /driver", "+ /avoider", "+ /other/avoider"]
+    assert lanes("vff", "dwa") == ["+ /vff/driver", "+ /dwa/driver"]
+
+
+def test_names_are_white_on_the_viewers_dark_ground() -> None:
+    _, memory = drawing()
+    marks = {
+        component(shape, "labels")[0]: component(shape, "colors")[0]
+        for path, shapes, *_ in memory.logged
+        for shape in shapes
+        if path.startswith(("/world/", "/run/")) and component(shape, "labels")
+    }
+    assert marks == dict.fromkeys(("start", "goal", "r1"), 0xFFFFFFFF)
+
+
+# --- several on one line --------------------------------------------------------------------------------------------
+
+
+def test_stripes_of_all_robots_are_the_whole_line_once() -> None:
+    line = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.85]])
+    pieces = [piece for number in range(3) for piece in stripes(line, number, 3)]
+    assert sum(np.hypot(*np.diff(piece, axis=0).T).sum() for piece in pieces) == pytest.approx(1.85)
+    assert stripes(line, 1, 3)[0].tolist() == [pytest.approx([0.3, 0.0]), pytest.approx([0.6, 0.0])]
+    # A piece round the corner keeps it.
+    assert stripes(line, 0, 3)[1].tolist() == [
+        pytest.approx([0.9, 0.0]), pytest.approx([1.0, 0.0]), pytest.approx([1.0, 0.2])
+    ]  # fmt: skip
+    assert [len(stripes(line[:2] * 0.1, number, 3)) for number in range(3)] == [1, 1, 1]  # 0.1 m: each has its third
+
+
+def test_plans_and_maps_of_robots_side_by_side_do_not_hide_each_other() -> None:
+    made, memory = drawing("vff", "dwa")
+    points = np.array([[0.0, 0.0], [4.0, 0.0]])
+    grid = OccupancyGrid(np.zeros((1, 1), np.int8), 0.4, Pose2D(0.0, 0.0, 0.0))
+    for name in ("vff", "dwa"):
+        made.take(shown(Path(1, points, 4.0, None), "planner", "path", name=name))
+        made.take(shown(MapUpdate(0, grid, np.array([[0.0, 1.0, 4.0, 1.0]]), ()), "mapper", "map", name=name))
+    for what in ("plan", "segments"):
+        drawn = {name: component(memory.at(f"/run/{name}/{what}")[0], "strips") for name in ("vff", "dwa")}
+        covered = sorted((strip[0][0], strip[-1][0]) for strips in drawn.values() for strip in strips)
+        assert all(strips for strips in drawn.values())
+        ends = np.array(covered).ravel()
+        assert ends[1:-1:2] == pytest.approx(ends[2::2]), what  # each begins where another's ends
+        assert (ends[0], ends[-1]) == pytest.approx((0.0, 4.0))
+
+
 def test_ring_slots_and_cones_have_the_sizes_asked_for() -> None:
     bars = ring_bars(Pose2D(1.0, 2.0, 0.5), np.array([0.0, 5.0]), 0.7, 0.3, 2.0, 0.1)
     assert bars[0].tolist() == [pytest.approx([1.7, 2.0, 0.1]), pytest.approx([1.73, 2.0, 0.1])]
@@ -153,7 +231,7 @@ def test_a_gate_stop_is_logged_once_with_its_reason_and_the_remedy() -> None:
         made.take(shown(status, "gate", "status", tick=tick))
     texts = [component(line, "text")[0] for line in memory.at("/log/r1/gate")]
     assert texts == ["r1: gate stops the robot: it touched something; `navloom resume` when the way is clear"]
-    states = [component(state, "state")[0] for state in memory.at("/status/r1/drives")]
+    states = [component(state, "state")[0] for state in memory.at("/driver")]
     assert states == ["controller", "stopped", "controller"]
 
 
@@ -229,7 +307,7 @@ def navloom_register(registry):
 
 
 @pytest.fixture
-def bumper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Discovery:
+def bumper(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> Discovery:
     (tmp_path / "my_bumper.py").write_text(PLUGIN, "utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     points = [EntryPoint("panel.bumper", "my_bumper", "navloom"), EntryPoint("panel.gone", "no_such_module", "navloom")]
@@ -257,7 +335,7 @@ def test_a_panel_that_fails_is_drawn_no_more_and_the_rest_goes_on(bumper: Discov
 
 
 def test_the_panel_of_the_docs_registers_and_draws() -> None:
-    page = Path(__file__).resolve().parents[3] / "docs" / "viewing.md"
+    page = FilePath(__file__).resolve().parents[3] / "docs" / "viewing.md"
     source = page.read_text("utf-8").split("```python\n")[1].split("```")[0]
     scope: dict[str, Any] = {"__name__": "my_panels"}
     exec(compile(source, "viewing.md", "exec"), scope)

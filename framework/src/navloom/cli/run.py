@@ -8,15 +8,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from navloom.cli.config import ConfigName
 from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
-
-if TYPE_CHECKING:
-    from navloom.viewer.showing import Where
 
 __all__ = ["print_summary", "recorded", "run"]
 
@@ -64,13 +61,14 @@ def run(
     from navloom.config import load_config
     from navloom.study.episode import run_episode
     from navloom.study.results import ResultFolder
+    from navloom.viewer.watching import watch_run
 
     loaded = load_config(config, set_ or (), seed)
     for place in loaded.dropped:
         typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
     is_seen = view or web or viewer is not None or rerun is not None
     where = where_of(view, rerun, viewer, web) if is_seen else None
-    with watched(loaded, where) as watch:
+    with watch_run(loaded, where, say_so) as watch:
         with ResultFolder(out) as folder, recorded(loaded, record) as looking, stage(as_json) as (say, progress):
             observers = [*looking, *watch.observers]
             with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
@@ -138,18 +136,6 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[list[Any]]:
     writer = RecordingWriter(path, header, world_files(loaded))
     with LockstepRecorder(writer, lambda text: typer.echo(f"navloom: {text}", err=True)) as recorder:
         yield [recorder]
-
-
-@contextmanager
-def watched(loaded: Any, where: Where | None) -> Iterator[Any]:
-    """What looks on for the viewer; nothing where nobody wants to see the run."""
-    from navloom.viewer.watching import Watch, watch_run
-
-    if where is None:
-        yield Watch()
-        return
-    with watch_run(loaded, where, say_so) as watch:
-        yield watch
 
 
 def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, kept: Sequence[str]) -> None:

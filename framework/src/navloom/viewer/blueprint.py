@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from navloom.viewer.facts import Facts, actors_of
+from navloom.viewer.facts import LANES, Facts, actors_of
 from navloom.viewer.panels import Panel
 
-__all__ = ["TIMELINE", "blueprint", "camera"]
+__all__ = ["TIMELINE", "blueprint", "camera", "states"]
 
 TIMELINE = "run_time"
 
@@ -19,7 +19,7 @@ def blueprint(facts: Facts, panels: Sequence[Panel] = ()) -> Any:
     """The layout for some robots; panels of plugins with a view of their own are tabs beside the log."""
     import rerun.blueprint as rrb
 
-    left = rrb.Vertical(_scene(facts), _states(facts), row_shares=[4, 1 + 0.15 * min(len(actors_of(facts)), 6)])
+    left = rrb.Vertical(_scene(facts), states(facts), row_shares=[4, 1 + 0.15 * min(len(actors_of(facts)), 6)])
     right = rrb.Vertical(
         rrb.Tabs(_series("speed", "Speed, m/s"), _series("turn_rate", "Turn rate, deg/s, left +")),
         _series("clearance", "Clearance, m: gap between robot and nearest obstacle"),
@@ -65,25 +65,33 @@ def _scene(facts: Facts) -> Any:
     )
 
 
-def _states(facts: Facts) -> Any:
+def states(facts: Facts) -> Any:
     """Lanes of one robot and its shadows; of several robots only who drives each, or they would not fit."""
     import rerun.blueprint as rrb
 
-    if len(facts.variants) == 1:
-        return rrb.StateTimelineView(origin="/status", name="States: goal, who drives, avoider")
-    lanes = [f"+ /status/{variant.name}/drives" for variant in facts.variants]
-    return rrb.StateTimelineView(origin="/status", contents=lanes, name="Who drives")
+    is_alone = len(facts.variants) == 1
+    actors = actors_of(facts).values() if is_alone else [a for a in actors_of(facts).values() if not a.is_shadow]
+    lanes = [
+        actor.lane(lane, is_alone)
+        for actor in actors
+        for lane in (LANES[-1:] if actor.is_shadow else LANES if is_alone else ("driver",))
+    ]
+    name = "States: goal, driver, avoider" if is_alone else "Who drives"
+    return rrb.StateTimelineView(contents=[f"+ {lane}" for lane in lanes], name=name)
 
 
 def _histograms(facts: Facts) -> Any:
     """A tab for each avoider: bars of several in one chart hide each other."""
     import rerun.blueprint as rrb
 
-    about = "obstacle density by bearing, deg, left +; above 1 is blocked"
+    about = "obstacle density by bearing, deg, right +; above 1 is blocked"
+    no_legend = rrb.PlotLegend(visible=False)  # it would name the entity's path
     names = [a.name for key, a in actors_of(facts).items() if key[1] in ("", "avoider")]
     if len(names) == 1:
-        return rrb.BarChartView(origin="/histogram", name=about.capitalize())
-    charts = [rrb.BarChartView(origin=f"/histogram/{name}", name=f"Density, {name}") for name in names]
+        return rrb.BarChartView(origin="/histogram", name=about.capitalize(), plot_legend=no_legend)
+    charts = [
+        rrb.BarChartView(origin=f"/histogram/{name}", name=f"Density, {name}", plot_legend=no_legend) for name in names
+    ]
     return rrb.Tabs(*charts)
 
 

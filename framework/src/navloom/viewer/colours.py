@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from navloom.study.plotting import OKABE_ITO
 
-__all__ = ["ACTOR", "BLOCKED", "CLOUD", "DRIVEN", "FREE", "GREY", "PLAN", "STATES", "TRAJECTORY", "WHITE", "faded"]
+__all__ = [
+    "ACTOR",
+    "BLOCKED",
+    "CLOUD",
+    "DRIVEN",
+    "FREE",
+    "GREEN",
+    "GREY",
+    "PLAN",
+    "STATES",
+    "TRAJECTORY",
+    "WHITE",
+    "faded",
+]
 
 Colour = tuple[int, int, int, int]
 """Red, green, blue and opacity, 0 to 255."""

@@ -36,8 +36,7 @@ def avoider_status(message: AvoiderStatus, seen: Seen) -> Drawn:
     import rerun as rr
 
     name, what = seen.actor.name, message.diagnostics
-    lane = f"/status/{name}/avoider"
-    yield lane, Change(message.status, rr.StateChange(state=message.status))
+    yield seen.lane("avoider"), Change(message.status, rr.StateChange(state=message.status))
     if message.status == "trapped":
         text = f"{name}: {what.why}"
         yield f"/log/{name}/avoider", Change(text, rr.TextLog(text, level="WARN"))
@@ -54,13 +53,16 @@ def avoider_status(message: AvoiderStatus, seen: Seen) -> Drawn:
 
 
 def _bars(what: AvoiderDiagnostics, seen: Seen) -> Any:
-    """Densities in units of the threshold by direction from the robot, deg, left positive."""
+    """Densities in units of the threshold by direction from the robot, deg, right positive.
+
+    The chart's axis grows to the right, and what is at the robot's left must be at the left of the picture.
+    """
     import rerun as rr
 
     assert seen.pose is not None
     sectors = len(what.histogram)
     directions = np.arange(sectors, dtype=np.float64) * (math.tau / sectors) - seen.pose.heading
-    degrees = np.degrees(wrap(directions))
+    degrees = np.degrees(wrap(-directions))
     order = np.argsort(degrees)
     values = what.histogram[order] / (what.threshold or 1.0)
     widths = np.full(sectors, 0.85 * 360.0 / sectors)
@@ -144,7 +146,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     state: str = message.source if message.source != "none" else "stopped"
     if message.stopped:
         state = "standing" if message.reason in ("no_trajectory", "ending") else "stopped"
-    yield f"/status/{name}/drives", Change(state, rr.StateChange(state=state))
+    yield seen.lane("driver"), Change(state, rr.StateChange(state=state))
     why, remedy = why_stopped(message)
     key = message.reason if message.stopped else ""
     level = "INFO" if state == "standing" else "WARN"
@@ -158,7 +160,7 @@ def feedback(message: Feedback, seen: Seen) -> Drawn:
     """What the goal is about."""
     import rerun as rr
 
-    yield f"/status/{seen.actor.name}/goal", Change(message.state, rr.StateChange(state=message.state))
+    yield seen.lane("goal"), Change(message.state, rr.StateChange(state=message.state))
 
 
 def goal_result(message: GoalResult, seen: Seen) -> Drawn:

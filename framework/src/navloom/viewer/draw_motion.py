@@ -19,7 +19,7 @@ from navloom.messages import (
 )
 from navloom.viewer.colours import PLAN, TRAJECTORY, WHITE, faded
 from navloom.viewer.panels import Change, Drawn, Seen
-from navloom.viewer.shapes import arc_of_twist, at_height
+from navloom.viewer.shapes import arc_of_twist, at_height, stripes
 
 __all__ = ["command", "path", "plan_failure", "pose", "reference", "tracking_command", "trajectory", "truth"]
 
@@ -138,4 +138,6 @@ def _line(points: Any, seen: Seen, alone: tuple[int, int, int, int], radius: flo
     else:
         colour = _colour(seen, alone) if seen.is_alone else faded(seen.actor.colour, 0.6)
         radius = radius if seen.is_alone else 0.6 * radius
-    return rr.LineStrips3D([at_height(points, z)] if len(points) > 1 else [], radii=radius, colors=[colour])
+    share = (0, 1) if seen.actor.is_shadow else seen.stripe
+    pieces = stripes(points, *share) if len(points) > 1 else []
+    return rr.LineStrips3D([at_height(piece, z) for piece in pieces], radii=radius, colors=[colour])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from navloom.messages import MapUpdate, RangeScan, Sweep
 from navloom.viewer.colours import CLOUD, GREY, SKY, faded
 from navloom.viewer.panels import Drawn, Seen
-from navloom.viewer.shapes import cones, rgba_cells
+from navloom.viewer.shapes import at_height, cones, rgba_cells, stripes
 from navloom.viewer.sweep_classes import CLASSES, sweep_classes, sweep_points
 
 __all__ = ["BLENDED", "map_update", "range_scan", "sweep"]
@@ -37,8 +37,8 @@ def map_update(message: MapUpdate, seen: Seen) -> Drawn:
             data=image, format=layout, cell_size=grid.resolution, rotation_axis_angle=turn,
             translation=[grid.origin.x, grid.origin.y, 0.0], opacity=BLENDED,
         )  # fmt: skip
-    ends = message.segments.reshape(-1, 2, 2)
-    lines = np.concatenate([ends, np.full((len(ends), 2, 1), 0.08)], axis=2)
+    share = (0, 1) if seen.actor.is_shadow else seen.stripe
+    lines = [at_height(piece, 0.08) for ends in message.segments.reshape(-1, 2, 2) for piece in stripes(ends, *share)]
     own = CLOUD["kept"] if seen.is_alone and not seen.actor.is_shadow else faded(seen.actor.colour, 0.5)
     yield seen.in_map("segments"), rr.LineStrips3D(lines, radii=0.03, colors=[own])
 

@@ -180,7 +180,7 @@ class Drawing:
         newest = np.array(list(robot.track)[-1:], dtype=np.float64).reshape(-1, 4) if track is None else track
         return Seen(
             actor, self._variants[shown.variant], shown.role, shown.instance, shown.port, robot.pose, newest,
-            len(self._variants) == 1, time,
+            len(self._variants) == 1, time, (list(self._variants).index(shown.variant), len(self._variants)),
         )  # fmt: skip
 
     def _panels_for(self, kind: type[Message]) -> Iterable[Panel]:

@@ -17,7 +17,7 @@ from navloom.viewer.colours import ACTOR, Colour
 if TYPE_CHECKING:
     from navloom.runtime.build import System
 
-__all__ = ["Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of"]
+__all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of"]
 
 UNKNOWN_RADIUS = 0.2
 """Of the disc that stands for a robot whose footprint is not known, m."""
@@ -99,6 +99,14 @@ class Actor:
     variant: str
     colour: Colour
     is_shadow: bool
+
+    def lane(self, name: str, is_alone: bool) -> str:
+        """Entity path of a lane. The viewer shows it as the lane's name: a robot that is alone needs no name in it."""
+        return f"/{name}" if is_alone and not self.is_shadow else f"/{self.name}/{name}"
+
+
+LANES = ("goal", "driver", "avoider")
+"""Of the state timeline, for each robot; a shadow has the last one."""
 
 
 def actors_of(facts: Facts) -> dict[tuple[str, str, str], Actor]:

@@ -41,6 +41,7 @@ class Seen:
         track: (n, 4) recent poses: run clock, s, x, y, m, heading, rad, rising; at least one row once there is a pose.
         is_alone: No other robot is in the picture, so that colours may tell things apart instead of robots.
         time: Run clock, s.
+        stripe: Which of how many robots: each draws its share of a line that others may have at the same place.
     """
 
     actor: Actor
@@ -52,6 +53,11 @@ class Seen:
     track: NDArray[np.float64]
     is_alone: bool
     time: float
+    stripe: tuple[int, int] = (0, 1)
+
+    def lane(self, name: str) -> str:
+        """Entity path of a lane of the state timeline, as `goal`."""
+        return self.actor.lane(name, self.is_alone)
 
     def in_map(self, name: str) -> str:
         """Entity path of something in the map frame, as `plan`."""

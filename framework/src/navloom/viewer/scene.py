@@ -9,14 +9,13 @@ import numpy as np
 
 from navloom.geometry.solids import box_corners, centre_at, is_present, overlaps
 from navloom.geometry.world import Box, Cylinder, Obstacle, Raster
-from navloom.viewer.colours import STATES, Colour, faded
-from navloom.viewer.facts import Actor, Facts, Variant, actors_of
+from navloom.viewer.colours import GREEN, STATES, WHITE, Colour, faded
+from navloom.viewer.facts import LANES, Actor, Facts, Variant, actors_of
 from navloom.viewer.shapes import at_height, prism, rgba_cells
 
 __all__ = ["bodies", "changing", "legend", "obstacles", "present", "series_styles", "standing", "state_styles"]
 
 METRICS = ("speed", "turn_rate", "clearance", "cross_track")
-LANES = ("goal", "drives", "avoider")
 
 
 def standing(facts: Facts) -> Iterator[tuple[str, Any]]:
@@ -83,7 +82,7 @@ def _body(variant: Variant, actor: Actor) -> Iterator[tuple[str, str, Any]]:
     ahead, origin = [float(variant.footprint[:, 0].max()) + 0.15, 0.0, 0.0], [0.0, 0.0, top + 0.02]
     front = rr.Arrows3D(vectors=[ahead], origins=[origin], radii=0.03, colors=[actor.colour])
     yield f"{root}/front", base, front
-    yield f"{root}/name", base, _label([(0.0, 0.0, top + 0.3)], [variant.name], actor.colour)
+    yield f"{root}/name", base, _label([(0.0, 0.0, top + 0.3)], [variant.name], WHITE)
     if variant.has_truth:
         outline = at_height(np.concatenate([variant.footprint, variant.footprint[:1]]), 0.03)
         white = rr.LineStrips3D([outline], radii=0.008, colors=[(255, 255, 255, 200)])
@@ -104,17 +103,14 @@ def _places(facts: Facts) -> Iterator[tuple[str, str, Any]]:
 
     starts = {(v.start.x, v.start.y) for v in facts.variants}
     for number, (x, y) in enumerate(sorted(starts)):
-        mark = rr.Points3D([[x, y, 0.03]], radii=0.1, labels=["start"], colors=[(0, 158, 115, 255)], show_labels=True)
-        yield f"/world/start/{number}", "map", mark
+        yield f"/world/start/{number}", "map", rr.Points3D([[x, y, 0.03]], radii=0.1, colors=[GREEN])
+        yield f"/world/start/{number}/name", "map", _label([(x, y, 0.1)], ["start"], WHITE)
     goals = {(*v.goal, v.goal_tolerance) for v in facts.variants if v.goal is not None}
     turns = np.linspace(0.0, 2.0 * np.pi, 33)
     for number, (x, y, radius) in enumerate(sorted(goals)):
         ring = at_height(np.column_stack([np.cos(turns), np.sin(turns)]) * radius + (x, y), 0.09)
-        yield (
-            f"/world/goal/{number}",
-            "map",
-            rr.LineStrips3D([ring], radii=0.025, labels=["goal"], colors=[(0, 158, 115, 255)], show_labels=True),
-        )
+        yield f"/world/goal/{number}", "map", rr.LineStrips3D([ring], radii=0.025, colors=[GREEN])
+        yield f"/world/goal/{number}/name", "map", _label([(x, y, 0.1)], ["goal"], WHITE)
 
 
 def series_styles(facts: Facts) -> Iterator[tuple[str, Any]]:
@@ -141,8 +137,9 @@ def state_styles(facts: Facts) -> Iterator[tuple[str, Any]]:
     values = list(STATES)
     colours = [(r << 24) | (g << 16) | (b << 8) | a for r, g, b, a in STATES.values()]
     for actor in actors_of(facts).values():
-        for lane in ("avoider",) if actor.is_shadow else LANES:
-            yield f"/status/{actor.name}/{lane}", rr.StateConfiguration(values=values, labels=values, colors=colours)
+        for lane in LANES[-1:] if actor.is_shadow else LANES:
+            path = actor.lane(lane, len(facts.variants) == 1)
+            yield path, rr.StateConfiguration(values=values, labels=values, colors=colours)
 
 
 def legend(facts: Facts) -> str:
@@ -162,11 +159,14 @@ def legend(facts: Facts) -> str:
             "| vermilion line | driven |", "| white line ahead | what the next 2 s of the command lead to |",
         ]  # fmt: skip
     else:
-        lines += ["| a robot's colour | its plan and trajectory (thin), what it drove (thick), what its map holds |"]
+        lines += [
+            "| a robot's colour | its plan and trajectory (thin), what it drove (thick), what its map holds |",
+            "| a striped line | the same plan, trajectory or outline of several robots |",
+        ]
     lines += [
         "| white outline on the floor | where the simulator knows the robot to be |",
         "| arrow from a robot's middle | direction its avoider chose |",
-        "| density | of obstacles by bearing, deg, left positive, in units of the threshold: above 1 is blocked |",
+        "| density | of obstacles by bearing, deg, left at the left, in units of the threshold: above 1 is blocked |",
     ]
     if single:
         lines += [

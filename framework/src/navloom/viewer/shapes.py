@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from navloom.messages import Pose2D
 
-__all__ = ["arc_of_twist", "at_height", "cones", "placed", "prism", "ring_bars", "rgba_cells", "slot_arcs"]
+__all__ = ["arc_of_twist", "at_height", "cones", "placed", "prism", "ring_bars", "rgba_cells", "slot_arcs",
+           "stripes"]  # fmt: skip
 
 Floats = NDArray[np.float64]
+STRIPE = 0.3
+"""m of a line in one robot's colour, before another's follows."""
 
 
 def at_height(points: Floats, z: float) -> Floats:
@@ -40,6 +43,25 @@ def prism(outline: Floats, height: float, lift: float = 0.05) -> tuple[Floats, N
         np.column_stack([here + n, after + n, np.full(n, 2 * n + 1)]),
     ]
     return vertices, np.concatenate(sides + caps).astype(np.uint32)
+
+
+def stripes(points: Floats, number: int, count: int) -> list[Floats]:
+    """The pieces of a polyline (n, 2), m, that are one's own where `count` draw the same; all of them are all of it.
+
+    Pieces are `STRIPE` long, or as much shorter as it takes for each to have one.
+    """
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if count == 1 or along[-1] == 0.0:
+        return [points]
+    length = min(STRIPE, along[-1] / count)
+    pieces = []
+    for begin in np.arange(number * length, along[-1] - 1e-9, count * length):
+        end = min(begin + length, along[-1])
+        inside = along[(along > begin) & (along < end)]
+        at = np.concatenate([[begin], inside, [end]])
+        pieces.append(np.column_stack([np.interp(at, along, column) for column in points.T]))
+    return pieces
 
 
 def arc_of_twist(vx: float, wz: float, seconds: float, z: float, steps: int = 12) -> Floats:

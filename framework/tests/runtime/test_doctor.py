@@ -121,6 +121,24 @@ def test_what_follows_from_a_broken_platform_is_told_with_it() -> None:
     assert "swap" not in found.remedy.replace("cannot be swapped", "")
 
 
+def test_a_node_that_does_not_step_beside_a_late_platform_is_told_by_itself() -> None:
+    class OneStands(BusInWords):
+        def _description(self, node: Any) -> Any:
+            self.steps = 0 if node["role"] == "localizer" else 1
+            return super()._description(node)
+
+    nodes = everyone(platform={"late_ticks": 90, "ticks": 100})
+    assert said(examine(client(OneStands(nodes)), None, "robot.toml")[1]) == [
+        "platform sim: 90 of 100 ticks since its start came late",
+        "localizer odometry has not stepped since tick 100 (robot on base)",
+    ]
+
+
+def test_a_slow_node_of_the_framework_is_no_plugin_to_make_faster() -> None:
+    found = only(failing(everyone(goal={"plugin": None, "step_s": 0.08})))
+    assert found.remedy == "its host is overloaded: end other programs there, or make run.period longer"
+
+
 def test_nodes_that_wait_for_a_missing_process_are_told_with_it() -> None:
     nodes = [node | {"tick": -1} for node in without("robot")]
     found = only(examine(client(BusInWords(nodes, steps=0)), None, "robot.toml")[1])

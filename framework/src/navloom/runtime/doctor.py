@@ -273,7 +273,7 @@ def _with_waiting(
     for cause in ("platform", "localizer"):
         names = [named(node) for node in stands if cause in FOLLOWS[node["role"]]]
         place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
-        if names and place is not None:
+        if names and place is not None and (cause in ill or cause in still):
             waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"
             told[place] = replace(told[place], what=f"{told[place].what}; {waiting}")
             break

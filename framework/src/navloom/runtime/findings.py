@@ -79,6 +79,8 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
         if is_slow(node):
             what = f"{named(node)} takes {node['step_s'] * 1e3:.0f} ms a step, longer than its period"
             remedy = f"make it faster, or run.period longer; {_instead(node, nodes)}"
+            if node["plugin"] is None:
+                remedy = "its host is overloaded: end other programs there, or make run.period longer"
             severity: Severity = "problem" if node["active"] else "note"
             found.append(Finding(severity, f"{what} of {node['period_s'] * 1e3:.0f} ms", remedy))
         elif node.get("late_ticks", 0) > max(FEW, node.get("ticks", 0) // 100):

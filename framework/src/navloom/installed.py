@@ -1,6 +1,6 @@
 """What is installed here and what runs, by name, found without importing any of it: for help texts and shells.
 
-Every start of the command line imports this module, so that it imports what it needs when it needs it.
+Every start of the command line imports this module, so its own imports are inside its functions.
 """
 
 from __future__ import annotations

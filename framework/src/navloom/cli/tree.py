@@ -26,7 +26,6 @@ KINDS = {
 """By metavar, what a word can be: a kind of `navloom.installed.candidates`, shells, folders or files."""
 ROLES = ("localizer", "mapper", "planner", "controller", "avoider", "recovery", "platform")
 """Options of these names take a plugin of that role."""
-OWN_OPTIONS = ("--install-completion", "--show-completion")
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def commands() -> list[Command]:
 def _walk(command: Any, path: tuple[str, ...]) -> Iterator[Command]:
     inner = getattr(command, "commands", {})
     words = [_word(param) for param in command.params if not param.hidden]
-    options = [word for word in words if word.names and word.names[0] not in OWN_OPTIONS]
+    options = [word for word in words if word.names]
     options.append(Word(("--help",), "", "", False, False, "Print the help of the command."))
     arguments = [word for word in words if not word.names]
     yield Command(path, command.help or "", tuple(options), tuple(arguments), tuple(inner))

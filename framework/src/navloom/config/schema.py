@@ -71,11 +71,20 @@ class RobotTable(Table):
     max_angular_deg: Positive = Field(default=25.0, description="deg/s")
     max_acceleration: Positive = Field(default=0.5, description="m/s²")
     max_deceleration: Positive = Field(default=1.0, description="m/s²")
+    max_angular_acceleration_deg: Positive | None = Field(default=None, description="deg/s²; default: no limit")
+    motor_lag: float = Field(default=0.0, ge=0.0, le=2.0, description="time constant of the wheels' speed, s")
+    dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command to the wheels, s")
 
     @property
     def max_angular(self) -> float:
         """rad/s."""
         return math.radians(self.max_angular_deg)
+
+    @property
+    def max_angular_acceleration(self) -> float:
+        """rad/s²; infinite where there is no limit."""
+        given = self.max_angular_acceleration_deg
+        return math.inf if given is None else math.radians(given)
 
 
 class WorldTable(Table):
@@ -172,6 +181,8 @@ class GateTable(Table):
 
     stop_deadline: Positive = Field(default=0.10, description="s a command may be behind the platform")
     sensor_timeout: Positive = Field(default=0.5, description="s a required sensor may be silent")
+    monitor: bool = Field(default=True, description="look at the range sensors before a command passes")
+    range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
 
 class EventTable(Table):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from navloom.dataflow.nodes import Inputs, Outputs, Tick
 from navloom.messages import Envelope, GateStatus, OperatorRequest, Path, PlanFailure, RecoveryStep, Selection, Twist2D
 from navloom.messages.motion import Command
-from navloom.navigation.gate import CommandGate, Offer, Sensed
+from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed
 from navloom.navigation.goal_rules import Seen
 from navloom.navigation.goals import GoalMachine
 
@@ -148,6 +148,7 @@ class GateNode:
         self._pending: dict[str, str] = {}
         self._status: GateStatus | None = None
         self._required: tuple[str, ...] | None = None
+        self._scans: tuple[str, ...] | None = None
         self._released: object = None
         self._has_selected = False
         self._from_tick = 0
@@ -163,10 +164,12 @@ class GateNode:
             chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
             out.append(("selection", Selection(self.epoch, self._from_tick, chosen)))
         sensed = self._sensed(given)
+        self._see(given)
         twist, self.cause_ns, status = self.gate.decide(
             sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch, self.pending
         )
         out.append(("command", Command(twist)))
+        self._gave(twist, sensed.platform_ns)
         if status != self._status:
             self._status = status
             out.append(("status", status))
@@ -187,7 +190,8 @@ class GateNode:
         """Zero, and why."""
         self.cause_ns = platform_ns
         self._status = self.gate.stop(reason, self.pending)
-        return [("command", Command(Twist2D(0.0, 0.0, 0.0))), ("status", self._status)]
+        self._gave(STOPPED, platform_ns)
+        return [("command", Command(STOPPED)), ("status", self._status)]
 
     def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
         """Take up where a gate before this one was: its selection, under a newer epoch, and its latched stop."""
@@ -241,6 +245,22 @@ class GateNode:
         }
         self.told = json.dumps({name: value for name, value in told.items() if value})
         self.obeyed, self._warm = [], []
+
+    def _see(self, given: Inputs) -> None:
+        """Show the monitor what came in since the last look."""
+        monitor, odometry = self.gate.monitor, given["odometry"]
+        if monitor is None or not odometry:
+            return
+        monitor.move(odometry[0])
+        if self._scans is None:
+            self._scans = tuple(name for name in given if name.startswith("scan."))
+        for name in self._scans:
+            for scan in given[name]:
+                monitor.look(name, scan)
+
+    def _gave(self, twist: Twist2D, time_ns: int) -> None:
+        if self.gate.monitor is not None:
+            self.gate.monitor.give(time_ns * 1e-9, twist)
 
     def _sensed(self, given: Inputs) -> Sensed:
         if self._required is None:

@@ -14,7 +14,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
 
     Args:
         sensors: Names of all sensors: ports of the platform.
-        wired: By role, the sensors it gets (localizer, mapper, avoider, recovery).
+        wired: By role, the sensors it gets (localizer, mapper, avoider, recovery, gate).
     """
 
     def scans(role: str, triggers: bool = False) -> tuple[Input, ...]:
@@ -119,6 +119,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
                 Input("odometry", "platform", "odometry", "offers"),
                 Input("contact", "platform", "contact"),
                 *(Input(f"required.{name}", "platform", name, "offers") for name in avoider_sensors),
+                *scans("gate"),
                 Input("operator", "operator", "command", "offers"),
                 Input("drive", "goal", "drive"),
                 Input("recovering", "goal", "recovery", delayed=True),

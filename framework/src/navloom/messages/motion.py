@@ -190,6 +190,10 @@ class GateStatus(Message):
         latched: The stop stays until `resume`.
         reason: Empty while driving; else what stopped it (`operator`, `no_trajectory`, `stale: …`, …).
         pending: "role instance" of swaps that wait for the instance to warm up, in order of role.
+        share: Of the command that goes through, where the monitor slows the robot; 1 where it does not.
+        limit: What the monitor slows or stops it for: an `obstacle`, or `unseen` space; empty for nothing.
+        place: Of that in the base frame, m.
+        distance: From the footprint to it, m.
     """
 
     source: Literal["none", "controller", "avoider", "recovery", "operator"]
@@ -198,6 +202,10 @@ class GateStatus(Message):
     latched: bool
     reason: str
     pending: tuple[str, ...]
+    share: float = 1.0
+    limit: Literal["", "obstacle", "unseen"] = ""
+    place: Point2D | None = None
+    distance: float | None = None
 
 
 @message()

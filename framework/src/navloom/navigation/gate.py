@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from navloom.messages import GateStatus, Twist2D
+from navloom.navigation.monitor import Monitor, Verdict
 
-__all__ = ["ENDING", "HIDING", "LEFT", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
+__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
+OBSTACLE = "obstacle"
+"""Reason of a stop because of what the sensors see ahead."""
 ENDING = "ending"
 """Reason of the last stop of a gate that ends in order."""
 LEFT = "stale: operator"
@@ -25,6 +29,7 @@ class Limits:
     Attributes:
         linear, angular: m/s and rad/s.
         acceleration, deceleration: m/s².
+        turn_acceleration: rad/s², of speeding up and slowing down; infinite for none.
         period: Control tick, s.
         stop_deadline_ns: A command may derive from a Platform output this much older than the newest one.
         sensor_timeout_ns: A required sensor may be silent this long.
@@ -37,6 +42,7 @@ class Limits:
     period: float
     stop_deadline_ns: int
     sensor_timeout_ns: int
+    turn_acceleration: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +75,17 @@ class Sensed:
 
 
 class CommandGate:
-    """Chooses who drives: stop > operator > recovery > avoider when handed over > controller."""
+    """Chooses who drives: stop > operator > recovery > avoider when handed over > controller.
 
-    def __init__(self, limits: Limits) -> None:
+    Args:
+        limits: Of the robot.
+        monitor: Looks where the robot is going before a command passes; None for a gate that does not look.
+    """
+
+    def __init__(self, limits: Limits, monitor: Monitor | None = None) -> None:
         self.limits = limits
-        self.speed = 0.0
+        self.monitor = monitor
+        self.speed, self.turn = 0.0, 0.0
         self._operator_stop = False
         self._contact = False
 
@@ -141,12 +153,26 @@ class CommandGate:
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
         if reason or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
-        status = GateStatus(source, offer.instance, False, False, "", tuple(pending))  # type: ignore[arg-type]
-        return self._limit(offer.twist), offer.cause_ns, status
+        verdict = self._look(offer.twist, sensed.platform_ns * 1e-9)
+        status = GateStatus(
+            source, offer.instance, verdict.is_stopped, False, OBSTACLE if verdict.is_stopped else "", tuple(pending),
+            verdict.share, verdict.kind, verdict.place, verdict.distance,
+        )  # type: ignore[arg-type]  # fmt: skip
+        return verdict.twist, offer.cause_ns, status
+
+    def _look(self, twist: Twist2D, time: float) -> Verdict:
+        """What passes of a command at a run time, s: within the limits of the robot and of what the monitor sees."""
+        speed = self.speed
+        limited = self._limit(twist)
+        if self.monitor is None:
+            return Verdict(limited)
+        verdict = self.monitor.judge(limited, speed, time)
+        self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+        return verdict
 
     def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
         """Nobody drives."""
-        self.speed = 0.0
+        self.speed, self.turn = 0.0, 0.0
         return GateStatus("none", "", True, self.is_latched, reason, tuple(pending))
 
     def _refusal(
@@ -175,5 +201,8 @@ class CommandGate:
         step = (limits.acceleration if speeding_up else limits.deceleration) * limits.period
         speed = min(max(wanted, self.speed - step), self.speed + step)
         turn = min(max(twist.wz, -limits.angular), limits.angular)
-        self.speed = speed
+        if limits.turn_acceleration < math.inf:
+            step = limits.turn_acceleration * limits.period
+            turn = min(max(turn, self.turn - step), self.turn + step)
+        self.speed, self.turn = speed, turn
         return Twist2D(speed, 0.0, turn)

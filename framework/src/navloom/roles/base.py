@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -40,6 +41,9 @@ class RobotSpec:
         wheel_radius, half_track: Nominal, m.
         max_linear, max_angular: Speed limits, m/s and rad/s.
         max_acceleration, max_deceleration: m/s².
+        max_angular_acceleration: rad/s²; infinite where the robot has no limit.
+        motor_lag: Time constant with which the wheels follow a command, s.
+        dead_time: From a command to the wheels, s.
     """
 
     footprint: NDArray[np.float64]
@@ -50,6 +54,9 @@ class RobotSpec:
     max_angular: float
     max_acceleration: float
     max_deceleration: float
+    max_angular_acceleration: float = math.inf
+    motor_lag: float = 0.0
+    dead_time: float = 0.0
 
 
 @dataclass(frozen=True)

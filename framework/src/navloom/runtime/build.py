@@ -21,8 +21,8 @@ from navloom.dataflow.streams import stream_source
 from navloom.dataflow.table import node_table
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
-from navloom.messages import OccupancyGrid, Pose2D
-from navloom.navigation import blocking, echoes, projection, trajectory
+from navloom.messages import OccupancyGrid, Pose2D, RangeScan
+from navloom.navigation import blocking, echoes, monitor, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
@@ -115,6 +115,9 @@ def robot_spec(config: Config) -> RobotSpec:
         table.max_angular,
         table.max_acceleration,
         table.max_deceleration,
+        table.max_angular_acceleration,
+        table.motor_lag,
+        table.dead_time,
     )
 
 
@@ -137,6 +140,8 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     for part in parts.values():
         extra = [name for name in part.sensors if name not in wired[part.role]]
         wired[part.role] = (*wired[part.role], *extra)
+    if config.gate.monitor:
+        wired["gate"] = tuple(s.name for s in sensors if issubclass(platform.sensor_kinds[s.kind], RangeScan))
     specs = order(node_table([sensor.name for sensor in sensors], wired))
     for place, table in config.role_tables():
         _stride(table, config.run.period, place)
@@ -162,7 +167,7 @@ def make_plugins(
     """
     config = system.config
     progress("preparing the framework")
-    for warm_up in (blocking.warm_up, echoes.warm_up, trajectory.warm_up, projection.warm_up):
+    for warm_up in (blocking.warm_up, echoes.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():

@@ -16,6 +16,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.navigation.gate import CommandGate, Limits
 from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.goals import GoalMachine
+from navloom.navigation.monitor import Monitor, MonitorLimits
 from navloom.navigation.replanning import ReplanRules
 from navloom.runtime.build import System, configure, role_nodes, stride_of
 from navloom.runtime.lockstep import Lockstep, Observer
@@ -65,7 +66,7 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "reference":
         return ReferenceNode.of(system.config, system.robot)
     if role == "gate":
-        return GateNode(CommandGate(gate_limits(system)), _selected(system), is_warm)
+        return GateNode(CommandGate(gate_limits(system), gate_monitor(system)), _selected(system), is_warm)
     return None
 
 
@@ -131,4 +132,23 @@ def gate_limits(system: System) -> Limits:
         period=system.config.run.period,
         stop_deadline_ns=round(gate.stop_deadline * 1e9),
         sensor_timeout_ns=round(gate.sensor_timeout * 1e9),
+        turn_acceleration=robot.max_angular_acceleration,
+    )
+
+
+def gate_monitor(system: System) -> Monitor | None:
+    """The look ahead of the gate; None where the config does without."""
+    robot, gate = system.robot, system.config.gate
+    if not gate.monitor:
+        return None
+    return Monitor(
+        MonitorLimits(
+            footprint=robot.footprint,
+            period=system.config.run.period,
+            deceleration=robot.max_deceleration,
+            turn_deceleration=robot.max_angular_acceleration,
+            lag=robot.motor_lag,
+            dead_time=robot.dead_time,
+            sigma=gate.range_sigma,
+        )
     )

@@ -1,0 +1,313 @@
+"""The gate's monitor: the last look at where the robot is going before a command reaches the wheels.
+
+It knows no map and no pose: only range scans, odometry, and the commands it let pass. A command is scaled down, forward
+and turn speed together, to the largest share after which the robot can still come to a standstill without touching
+anything (`monitor_rollout`). Where no share of it is free, the robot brakes along the curvature it drives, which the
+look before found free.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages import Odometry, Point2D, Pose2D, RangeScan, Twist2D
+from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_odometry
+from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, stopping_way
+from navloom.navigation.monitor_seen import SeenSpace
+
+__all__ = ["Monitor", "MonitorLimits", "Verdict", "warm_up"]
+
+Floats = NDArray[np.float64]
+
+KEEP = 0.5
+"""How long an echo counts, s; of each sensor the last two scans always do."""
+UNSEEN_MEMORY = 5.0
+"""Space that was seen or stood in counts as known for this long a way, m."""
+HALVINGS = 5
+"""Steps of the search for the largest share."""
+NO_POINTS = np.empty((0, 2))
+
+
+@dataclass(frozen=True)
+class MonitorLimits:
+    """What the monitor may count on.
+
+    Attributes:
+        footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
+        period: Control tick, s.
+        deceleration: m/s², of the commands while braking.
+        turn_deceleration: rad/s²; infinite where turning has no limit.
+        lag: Time constant of the motors, s.
+        dead_time: From a command to the wheels, s.
+        sigma: Standard deviation of a range, m.
+        margin: Distance from the footprint that counts as touching, m.
+    """
+
+    footprint: Floats
+    period: float
+    deceleration: float
+    turn_deceleration: float = math.inf
+    lag: float = 0.0
+    dead_time: float = 0.0
+    sigma: float = 0.03
+    margin: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What becomes of a command.
+
+    Attributes:
+        twist: What may be driven.
+        share: Of the command, 1 where it passes as it is.
+        kind: What limits it: nothing, an obstacle, or space that no sensor saw.
+        place: Of that in the base frame, m; None where nothing limits.
+        distance: From the footprint to it, m.
+    """
+
+    twist: Twist2D
+    share: float = 1.0
+    kind: Literal["", "obstacle", "unseen"] = ""
+    place: Point2D | None = None
+    distance: float | None = None
+
+    @property
+    def is_stopped(self) -> bool:
+        """Something is in the way and the command is zero."""
+        return bool(self.kind) and self.twist.vx == 0.0 and self.twist.wz == 0.0
+
+
+@dataclass
+class _Sensor:
+    """Echoes of one sensor: stamps, s, and points (n, 2) of each scan that counts, newest first."""
+
+    scans: deque[tuple[float, Floats]] = field(default_factory=deque)
+    ranges: Floats | None = None
+    obstacles: Floats = field(default_factory=lambda: NO_POINTS)
+
+
+class Monitor:
+    """Looks ahead by scans and odometry.
+
+    Args:
+        limits: The robot.
+
+    Attributes:
+        ignores_unseen: An operator lets the robot enter space that no sensor saw.
+    """
+
+    def __init__(self, limits: MonitorLimits) -> None:
+        self.limits = limits
+        self.ignores_unseen = False
+        self._outline = np.ascontiguousarray(limits.footprint, dtype=np.float64)
+        self._radius = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max())
+        self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
+        self._sensors: dict[str, _Sensor] = {}
+        self._stamps: list[float] = []
+        self._poses: list[tuple[float, float, float]] = []
+        self._twist = np.zeros(2)
+        self._way = 0.0
+        self._given: deque[tuple[float, float, float]] = deque()
+        self._motor = np.array(
+            [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
+        )
+        self._rolled = np.empty((MOST_POSES, 3))
+
+    def move(self, odometry: Odometry) -> None:
+        """Take up where the robot is by its odometry; to be told before the scans of the same time."""
+        pose, time = odometry.pose, odometry.stamp_ns * 1e-9
+        if self._stamps and time <= self._stamps[-1]:
+            return
+        heading = pose.heading
+        if self._poses:
+            x, y, last = self._poses[-1]
+            heading = last + math.remainder(heading - last, math.tau)
+            self._way += math.hypot(pose.x - x, pose.y - y)
+        self._stamps.append(time)
+        self._poses.append((pose.x, pose.y, heading))
+        self._twist[:] = odometry.twist.vx, odometry.twist.wz
+        if len(self._stamps) > 512:
+            del self._stamps[:256], self._poses[:256]
+        self._seen.stand(np.array(self._poses[-1]), self._way)
+
+    def look(self, name: str, scan: RangeScan) -> None:
+        """Take up a scan of a sensor."""
+        if not self._stamps:
+            return
+        time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, _Sensor())
+        poses = self._poses_at(time + scan.time_offsets)
+        origins, bearings, halves, ranges = scan.origins, scan.bearings, scan.half_angles, scan.ranges
+        limits = np.array([scan.range_min, scan.range_max])
+        self._seen.look(poses, (origins, bearings, halves, ranges), limits, np.array([time, self._way]))
+        if halves.size and halves.max() > 0.0:
+            self._look_by_sonars(sensor, time, scan, poses)
+        else:
+            self._look_by_laser(sensor, time, scan, poses)
+
+    def _look_by_laser(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
+        points = np.empty((len(scan.ranges), 2))
+        to_odometry(poses, scan.origins, scan.bearings, scan.ranges, scan.range_max, points)
+        self._remember(sensor, time, points)
+        middle = scan.origins.mean(axis=0) if len(scan.origins) else np.zeros(2)
+        x, y, heading = poses[-1] if len(poses) else self._poses[-1]
+        cos, sin = math.cos(heading), math.sin(heading)
+        x, y = x + cos * middle[0] - sin * middle[1], y + sin * middle[0] + cos * middle[1]
+        bins = _directions(scan.bearings)
+        found = np.empty((bins, 2))
+        every = np.concatenate([points for _, points in sensor.scans])
+        count = nearest_surfaces(every, x, y, bins, 3.0 * self.limits.sigma, found)
+        sensor.obstacles = found[:count]
+
+    def _look_by_sonars(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
+        before, moved = sensor.ranges, 0.0
+        if before is None or len(before) != len(scan.ranges):
+            before = np.full(len(scan.ranges), math.nan)
+        elif sensor.scans:
+            x, y, heading = self._poses_at(np.array([sensor.scans[0][0]]))[0]
+            here = poses[-1]
+            moved = math.hypot(here[0] - x, here[1] - y) + self._radius * abs(here[2] - heading)
+        found = np.empty((64 * len(scan.ranges), 2))
+        count = arc_points(
+            poses[-1], scan.origins, scan.bearings, scan.half_angles, scan.ranges, before, moved,
+            np.array([scan.range_max, 3.0 * self.limits.sigma]), found,
+        )  # fmt: skip
+        sensor.ranges = scan.ranges.copy()
+        self._remember(sensor, time, found[:count].copy())
+        sensor.obstacles = np.concatenate([points for _, points in sensor.scans])
+
+    def _remember(self, sensor: _Sensor, time: float, points: Floats) -> None:
+        sensor.scans.appendleft((time, points))
+        while len(sensor.scans) > 2 and sensor.scans[-1][0] < time - KEEP:
+            sensor.scans.pop()
+
+    def _poses_at(self, times: Floats) -> Floats:
+        """(n, 3) base in the odometry frame at times, s; beyond the newest odometry by its twist."""
+        newest = self._stamps[-1]
+        if len(times) and times.min() == times.max() and times[0] in self._stamps[-4:]:
+            pose = self._poses[len(self._stamps) - 1 - self._stamps[::-1].index(times[0])]
+            return np.tile(np.array(pose), (len(times), 1))
+        start = max(0, bisect_right(self._stamps, float(times.min()) if len(times) else newest) - 1)
+        stamps, poses = np.array(self._stamps[start:]), np.array(self._poses[start:])
+        inside = np.clip(times, stamps[0], newest)
+        found = np.stack([np.interp(inside, stamps, poses[:, k]) for k in range(3)], axis=1)
+        late = np.maximum(times - newest, 0.0)
+        found[:, 0] += late * self._twist[0] * np.cos(found[:, 2])
+        found[:, 1] += late * self._twist[0] * np.sin(found[:, 2])
+        found[:, 2] += late * self._twist[1]
+        return found
+
+    def give(self, time: float, twist: Twist2D) -> None:
+        """Keep a command that went to the wheels at a run time, s."""
+        self._given.append((time, twist.vx, twist.wz))
+        while len(self._given) > 1 and self._given[1][0] < time - self.limits.dead_time - KEEP:
+            self._given.popleft()
+
+    def judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
+        """The largest share of a command after which the robot can stop without touching anything.
+
+        Args:
+            twist: The command, within the robot's limits.
+            speed: Forward speed of the command before, m/s: it falls by no more than the deceleration allows.
+            time: Run time, s.
+        """
+        if not self._stamps or (twist.vx == 0.0 and twist.wz == 0.0 and speed == 0.0):
+            return Verdict(twist)
+        age = max(0.0, time - self._stamps[-1])
+        in_flight = np.array([(at - self._stamps[-1], v, w) for at, v, w in self._given]).reshape(-1, 3)
+        points = self._near(twist, age)
+        touched = self._touch(twist.vx, twist.wz, in_flight, age, points)
+        if touched is None:
+            return Verdict(twist)
+        lowest = 0.0
+        if twist.vx != 0.0 and twist.vx * speed > 0.0:
+            lowest = max(0.0, abs(speed) - self.limits.deceleration * self.limits.period) / abs(twist.vx)
+        low, high = min(lowest, 1.0), 1.0
+        if self._touch(low * twist.vx, low * twist.wz, in_flight, age, points) is not None:
+            return self._brake(speed, in_flight, age, points, touched)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            hit = self._touch(middle * twist.vx, middle * twist.wz, in_flight, age, points)
+            if hit is None:
+                low = middle
+            else:
+                high, touched = middle, hit
+        return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
+
+    def _brake(
+        self, speed: float, in_flight: Floats, age: float, points: Floats, touched: tuple[str, Point2D, float]
+    ) -> Verdict:
+        """Brake along the curvature driven, or where that touches too, as hard as the wheels can."""
+        if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
+            _, v, w = self._given[-1]
+            slower = math.copysign(max(0.0, abs(speed) - self.limits.deceleration * self.limits.period), speed)
+            turn = w * slower / v
+            if self._touch(slower, turn, in_flight, age, points) is None:
+                return Verdict(Twist2D(slower, 0.0, turn), 0.0, *touched)
+        return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
+
+    def _touch(
+        self, v: float, w: float, in_flight: Floats, age: float, points: Floats
+    ) -> tuple[str, Point2D, float] | None:
+        """What the robot would touch first if it took a command now and braked after it."""
+        count = stopping_way(
+            self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled
+        )
+        hit = first_touch(self._rolled, count, self._outline, points, self.limits.margin)
+        if hit >= 0:
+            x, y = float(points[hit, 0]), float(points[hit, 1])
+            return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
+        if not self.ignores_unseen:
+            base = np.array(self._poses[-1])
+            place = self._seen.first_unseen(self._rolled, count, base, self._stamps[-1], self._way)
+            if place >= 0:
+                x, y, _ = self._rolled[place]
+                return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))
+        return None
+
+    def _near(self, twist: Twist2D, age: float) -> Floats:
+        """Obstacles in reach, m, base frame of the newest odometry."""
+        limits = self.limits
+        v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
+        time = age + limits.dead_time + limits.period + 5.0 * limits.lag + 0.5 * v / limits.deceleration + 0.1
+        reach = self._radius + limits.margin + v * time
+        x, y, heading = self._poses[-1]
+        cos, sin = math.cos(heading), math.sin(heading)
+        near = []
+        for sensor in self._sensors.values():
+            dx, dy = sensor.obstacles[:, 0] - x, sensor.obstacles[:, 1] - y
+            kept = dx * dx + dy * dy <= reach * reach
+            dx, dy = dx[kept], dy[kept]
+            near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1))
+        return np.concatenate(near) if near else NO_POINTS
+
+
+def _directions(bearings: Floats) -> int:
+    """Directions of a full turn, one for each beam, 180 to 1440 of them."""
+    if len(bearings) < 2:
+        return 360
+    step = float(np.median(np.abs(np.diff(bearings))))
+    return min(1440, max(180, round(2.0 * math.pi / max(step, 1e-3))))
+
+
+def warm_up() -> None:
+    """Compile the kernels for the types messages have."""
+    two, one, wide = np.zeros((2, 2)), np.ones(2), np.full(2, 0.1)
+    for array in (two, one, wide):
+        array.flags.writeable = False
+    square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
+    monitor = Monitor(MonitorLimits(square, 0.05, 1.0))
+    still = Odometry(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
+    monitor.move(still)
+    for halves in (np.zeros(2), wide):
+        halves.flags.writeable = False
+        monitor.look("", RangeScan(0, two, one, halves, np.zeros(2), one, 0.1, 4.0))
+    monitor.give(0.0, still.twist)
+    monitor.judge(Twist2D(0.5, 0.0, 0.1), 0.0, 0.0)

@@ -1,0 +1,166 @@
+"""What the gate's monitor takes for obstacles: readings of range sensors that another reading confirms.
+
+All places are in the odometry frame. A laser's readings become surfaces: in each direction the nearest two or more
+that agree, and their mean. A sonar's reading becomes points on its arc, less those another beam of the ring reads
+through.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["arc_points", "nearest_surfaces", "to_odometry"]
+
+Floats = NDArray[np.float64]
+
+DEPTH = 12
+"""Readings kept per direction; older ones are left out."""
+ARC_STEP = 0.05
+"""Largest distance between two points of a sonar's arc, m."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def to_odometry(poses, origins, bearings, ranges, range_max, points):  # type: ignore[no-untyped-def]
+    """Places of the echoes of a scan.
+
+    Args:
+        poses: (n, 3) base in the odometry frame when each beam was taken: x, y, m, heading, rad.
+        origins, bearings, ranges: Of the n beams, as in `RangeScan`.
+        range_max: Readings from here on are no echo, m.
+        points: (n, 2) filled: m; NaN where there is no echo.
+    """
+    for i in range(ranges.shape[0]):
+        if not ranges[i] < range_max:
+            points[i, 0], points[i, 1] = math.nan, math.nan
+            continue
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        x = origins[i, 0] + ranges[i] * math.cos(bearings[i])
+        y = origins[i, 1] + ranges[i] * math.sin(bearings[i])
+        points[i, 0] = poses[i, 0] + cos * x - sin * y
+        points[i, 1] = poses[i, 1] + sin * x + cos * y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-untyped-def]
+    """The nearest surface in each direction that at least two readings agree on.
+
+    Readings of a direction and of its two neighbours agree where their distances differ by no more than `agreement`.
+    The surface is the mean of those that lie that near to the nearest agreeing one: averaging takes most of the noise
+    out, and the window keeps what is behind out of it.
+
+    Args:
+        points: (n, 2) echoes of the scans that count, newest first, m; NaN where there is none.
+        x, y: Where the sensor is by now, m.
+        bins: Directions of a full turn.
+        agreement: m.
+        found: (bins, 2) filled: m.
+
+    Returns:
+        How many rows of `found` are filled.
+    """
+    counts = np.zeros(bins, np.int64)
+    distances, held = np.empty((bins, DEPTH)), np.empty((bins, DEPTH), np.int64)
+    for i in range(points.shape[0]):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        if math.isnan(dx):
+            continue
+        row = int((math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * bins) % bins
+        if counts[row] < DEPTH:
+            distances[row, counts[row]], held[row, counts[row]] = math.hypot(dx, dy), i
+            counts[row] += 1
+    total = 0
+    near, who = np.empty(3 * DEPTH), np.empty(3 * DEPTH, np.int64)
+    for row in range(bins):
+        if counts[row] == 0:
+            continue
+        size = 0
+        for side in range(-1, 2):
+            other = (row + side) % bins
+            for k in range(counts[other]):
+                place = size
+                while place > 0 and near[place - 1] > distances[other, k]:
+                    near[place], who[place] = near[place - 1], who[place - 1]
+                    place -= 1
+                near[place], who[place] = distances[other, k], held[other, k]
+                size += 1
+        for k in range(size - 1):
+            if near[k + 1] - near[k] <= agreement:
+                sum_x, sum_y, members = 0.0, 0.0, 0
+                while k + members < size and near[k + members] <= near[k] + agreement:
+                    sum_x += points[who[k + members], 0]
+                    sum_y += points[who[k + members], 1]
+                    members += 1
+                found[total, 0], found[total, 1] = sum_x / members, sum_y / members
+                total += 1
+                break
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _angle_between(first, second):  # type: ignore[no-untyped-def]
+    """Angle between two directions, rad, 0 to π."""
+    turn = first - second
+    return abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def arc_points(base, origins, bearings, half_angles, ranges, before, moved, limits, found):  # type: ignore[no-untyped-def]
+    """Points on the arcs of a ring of sonars where something may be.
+
+    A reading counts where the one before of the same sonar, or one of a neighbour whose cone it meets, agrees with
+    it. A point of an arc is left out where another sonar's cone covers it and reads further.
+
+    Args:
+        base: (3,) x, y, m, heading, rad, of the base in the odometry frame.
+        origins, bearings, half_angles, ranges: Of the n beams, as in `RangeScan`.
+        before: (n,) ranges of the scan before, m; NaN where there was none.
+        moved: How far a point of the robot moved since then at most, m.
+        limits: (2,) range_max and agreement, m.
+        found: (k, 2) filled as far as it goes: m, odometry frame.
+
+    Returns:
+        How many rows of `found` are filled.
+    """
+    count, total = ranges.shape[0], 0
+    range_max, agreement = limits[0], limits[1]
+    cos, sin = math.cos(base[2]), math.sin(base[2])
+    for i in range(count):
+        if not ranges[i] < range_max:
+            continue
+        agrees = abs(ranges[i] - before[i]) <= agreement + moved
+        for j in (i - 1, i + 1):
+            if 0 <= j < count and ranges[j] < range_max and abs(ranges[j] - ranges[i]) <= agreement:
+                gap = _angle_between(bearings[j], bearings[i])
+                agrees = agrees or gap <= half_angles[i] + half_angles[j]
+        if not agrees:
+            continue
+        steps = int(math.ceil(2.0 * half_angles[i] * ranges[i] / ARC_STEP)) + 1
+        for step in range(steps + 1):
+            angle = bearings[i] + half_angles[i] * (2.0 * step / steps - 1.0)
+            px = origins[i, 0] + ranges[i] * math.cos(angle)
+            py = origins[i, 1] + ranges[i] * math.sin(angle)
+            if total < found.shape[0] and not _is_read_through(
+                i, px, py, origins, bearings, half_angles, ranges, agreement
+            ):
+                found[total, 0] = base[0] + cos * px - sin * py
+                found[total, 1] = base[1] + sin * px + cos * py
+                total += 1
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_read_through(own, px, py, origins, bearings, half_angles, ranges, agreement):  # type: ignore[no-untyped-def]
+    """Whether the cone of another beam covers a point of the base frame and its reading is of something further."""
+    for j in range(ranges.shape[0]):
+        if j == own:
+            continue
+        dx, dy = px - origins[j, 0], py - origins[j, 1]
+        if _angle_between(math.atan2(dy, dx), bearings[j]) > half_angles[j]:
+            continue
+        if math.hypot(dx, dy) < ranges[j] - agreement:
+            return True
+    return False

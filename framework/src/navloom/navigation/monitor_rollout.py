@@ -1,0 +1,131 @@
+"""Where a robot comes to a standstill if it takes a command now and brakes after it, and what it touches on the way.
+
+The robot is a first-order lag behind a dead time: a command acts `dead_time` after it was given, and linear and turn
+speed then approach it with the time constant `lag`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["MOST_POSES", "distance_to_outline", "first_touch", "stopping_way"]
+
+Floats = NDArray[np.float64]
+
+MOST_POSES = 512
+"""Places of a roll-out at most."""
+STEP = 0.01
+"""Step of the roll-out, s."""
+LONGEST = 12.0
+"""Roll-outs end here, s: a robot that has not stopped by then has no deceleration to speak of."""
+FINE = 0.02
+"""Largest way of any point of the footprint between two places of a roll-out, m."""
+STANDSTILL = 1e-3
+"""Speed of a robot that counts as stopped, m/s or rad/s."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type: ignore[no-untyped-def]
+    """Poses from the last odometry to standstill: commands in flight, then a command for one period, then braking.
+
+    Braking keeps the curvature of the command.
+
+    Args:
+        twist: (2,) measured forward speed, m/s, and turn rate, rad/s.
+        in_flight: (k, 3) commands given before this one, oldest first: time given, s after the odometry (mostly
+            negative); m/s; rad/s. The first one holds from before the roll-out begins.
+        age: Of the odometry when the command is given, s.
+        command: (2,) m/s and rad/s.
+        motor: (5,) period of the commands, s; deceleration, m/s²; turn deceleration, rad/s²; lag, s; dead time, s.
+        radius: Largest distance of a point of the footprint from the base, m.
+        poses: (MOST_POSES, 3) filled: x, y, m, heading, rad, in the base frame of the odometry; the first is where
+            the robot is then.
+
+    Returns:
+        How many rows of `poses` are filled.
+    """
+    period, deceleration, turn_deceleration, lag, dead_time = motor[0], motor[1], motor[2], motor[3], motor[4]
+    blend = 1.0 - math.exp(-STEP / lag) if lag > 0.0 else 1.0
+    x, y, heading, v, w = 0.0, 0.0, 0.0, twist[0], twist[1]
+    poses[0, 0], poses[0, 1], poses[0, 2] = 0.0, 0.0, 0.0
+    count, way, flying = 1, 0.0, 0
+    starts = age + dead_time
+    time = 0.0
+    while time < LONGEST:
+        if time < starts - 1e-9:
+            while flying + 1 < in_flight.shape[0] and in_flight[flying + 1, 0] + dead_time <= time + 1e-9:
+                flying += 1
+            goal_v, goal_w = (in_flight[flying, 1], in_flight[flying, 2]) if in_flight.shape[0] else (0.0, 0.0)
+        else:
+            braked = max(0.0, math.floor((time - starts) / period + 1e-6)) * period
+            goal_v, goal_w = _slowed(command, braked, deceleration, turn_deceleration)
+            if goal_v == 0.0 and goal_w == 0.0 and abs(v) < STANDSTILL and abs(w) < STANDSTILL:
+                break
+        v += blend * (goal_v - v)
+        w += blend * (goal_w - w)
+        middle = heading + 0.5 * w * STEP
+        x, y, heading = x + v * STEP * math.cos(middle), y + v * STEP * math.sin(middle), heading + w * STEP
+        way += (abs(v) + radius * abs(w)) * STEP
+        time += STEP
+        if way >= FINE and count < MOST_POSES - 1:
+            poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
+            count, way = count + 1, 0.0
+    poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
+    return count + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _slowed(command, time, deceleration, turn_deceleration):  # type: ignore[no-untyped-def]
+    """A command after braking for a time, s: forward and turn speed shrink together."""
+    if command[0] != 0.0:
+        share = max(0.0, 1.0 - deceleration * time / abs(command[0]))
+    elif command[1] != 0.0:
+        share = max(0.0, 1.0 - turn_deceleration * time / abs(command[1]))
+    else:
+        share = 0.0
+    return command[0] * share, command[1] * share
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def distance_to_outline(px, py, outline):  # type: ignore[no-untyped-def]
+    """Distance of a point from a convex polygon (n, 2), m, counter-clockwise: negative within.
+
+    Beside a corner it is the distance from the nearer edge's line, which is less than that from the corner.
+    """
+    best = -math.inf
+    for k in range(outline.shape[0]):
+        following = k + 1 if k + 1 < outline.shape[0] else 0
+        ex, ey = outline[following, 0] - outline[k, 0], outline[following, 1] - outline[k, 1]
+        distance = (ey * (px - outline[k, 0]) - ex * (py - outline[k, 1])) / math.hypot(ex, ey)
+        best = max(best, distance)
+    return best
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyped-def]
+    """The first point that a footprint moves into on its way; -1 where it touches none.
+
+    A point that is too near from the beginning counts only where the footprint comes nearer to it.
+
+    Args:
+        poses: (count or more, 3) of the base: x, y, m, heading, rad, in the frame of the points.
+        outline: (n, 2) footprint, m, base frame.
+        points: (k, 2) m.
+        margin: Distance from the footprint that counts as touching, m.
+    """
+    starts = np.empty(points.shape[0])
+    for place in range(count):
+        x, y = poses[place, 0], poses[place, 1]
+        cos, sin = math.cos(poses[place, 2]), math.sin(poses[place, 2])
+        for i in range(points.shape[0]):
+            dx, dy = points[i, 0] - x, points[i, 1] - y
+            distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
+            if place == 0:
+                starts[i] = distance
+            elif distance < margin and distance < starts[i] - 1e-3:
+                return i
+    return -1

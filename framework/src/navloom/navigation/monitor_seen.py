@@ -1,0 +1,160 @@
+"""Which space round a robot is known: where it was within the last metres, and what its sensors saw free there.
+
+A grid in the odometry frame that is used over and over: a cell stands for every place a whole number of grids away.
+What is written reaches less far than the grid, and is forgotten before the robot can come round to it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["SeenSpace"]
+
+Floats = NDArray[np.float64]
+
+SIZE = 256
+"""Cells a side."""
+CELL = 0.05
+"""Edge of a cell, m."""
+REACH = 3.0
+"""How far from the sensor space is written down, m."""
+SLACK = 0.1
+"""Space this near to known space counts as known, m: between two cones of a ring nothing is seen."""
+NEVER = -1e9
+
+
+class SeenSpace:
+    """Known space in the odometry frame.
+
+    Args:
+        footprint: (n, 2) corners, m, base frame.
+        memory: What was known this long a way ago counts, m.
+        fresh: A cell that a sensor looked at within this time is left to the echoes, s.
+    """
+
+    def __init__(self, footprint: Floats, memory: float, fresh: float) -> None:
+        self.memory, self.fresh = memory, fresh
+        self._free = np.full((SIZE, SIZE), NEVER)
+        self._looked = np.full((SIZE, SIZE), NEVER)
+        self.rim = _rim(footprint)
+        self._radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+        self._stood = False
+
+    def stand(self, pose: Floats, way: float) -> None:
+        """The footprint is at a pose (3,), m and rad, after a way, m. Where it starts it has room to turn."""
+        if not self._stood:
+            self._stood = True
+            angles = np.arange(0.0, 2.0 * math.pi, CELL / (2.0 * self._radius))
+            for radius in np.arange(0.0, self._radius + CELL, 0.5 * CELL):
+                ring = np.stack([pose[0] + radius * np.cos(angles), pose[1] + radius * np.sin(angles)], axis=1)
+                _mark(self._free, ring, way)
+            return
+        _stand(self._free, self.rim, pose, way)
+
+    def look(self, poses: Floats, beams: tuple[Floats, Floats, Floats, Floats], limits: Floats, at: Floats) -> None:
+        """Take up a scan.
+
+        Args:
+            poses: (n, 3) base when each beam was taken.
+            beams: Origins (n, 2), bearings, half angles and ranges, as in `RangeScan`.
+            limits: (2,) range_min and range_max, m.
+            at: (2,) time, s, and way, m.
+        """
+        _look(self._free, self._looked, poses, *beams, limits, at)
+
+    def first_unseen(self, poses: Floats, count: int, base: Floats, time: float, way: float) -> int:
+        """Which pose of a roll-out is the first to enter unknown space; -1 for none.
+
+        Args:
+            poses: (count or more, 3) in the base frame of `base`.
+            base: (3,) in the odometry frame.
+            time: s; way: m.
+        """
+        return int(
+            _first_unseen(self._free, self._looked, self.rim, poses, count, base, way - self.memory, time - self.fresh)
+        )
+
+
+def _rim(footprint: Floats) -> Floats:
+    """(k, 2) points on the outline, at most a cell apart, m."""
+    points = []
+    for start, end in zip(footprint, np.roll(footprint, -1, axis=0), strict=True):
+        steps = max(1, math.ceil(math.dist(start, end) / CELL))
+        points += [start + (end - start) * k / steps for k in range(steps)]
+    return np.array(points)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cell(value):  # type: ignore[no-untyped-def]
+    return int(math.floor(value / CELL)) % SIZE
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark(free, points, way):  # type: ignore[no-untyped-def]
+    for i in range(points.shape[0]):
+        free[_cell(points[i, 1]), _cell(points[i, 0])] = way
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _stand(free, rim, pose, way):  # type: ignore[no-untyped-def]
+    """Mark the cells under the outline; those within it were under it before."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(rim.shape[0]):
+        x = pose[0] + cos * rim[i, 0] - sin * rim[i, 1]
+        y = pose[1] + sin * rim[i, 0] + cos * rim[i, 1]
+        free[_cell(y), _cell(x)] = way
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look(free, looked, poses, origins, bearings, half_angles, ranges, limits, at):  # type: ignore[no-untyped-def]
+    for i in range(ranges.shape[0]):
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        x = poses[i, 0] + cos * origins[i, 0] - sin * origins[i, 1]
+        y = poses[i, 1] + sin * origins[i, 0] + cos * origins[i, 1]
+        axis = poses[i, 2] + bearings[i]
+        far = min(ranges[i], limits[1], REACH)
+        echo = ranges[i] < limits[1] and ranges[i] <= REACH
+        rays = int(math.ceil(2.0 * half_angles[i] * far / CELL)) + 1
+        for ray in range(rays):
+            angle = axis + (half_angles[i] * (2.0 * ray / (rays - 1) - 1.0) if rays > 1 else 0.0)
+            step_x, step_y = CELL * math.cos(angle), CELL * math.sin(angle)
+            steps = int(far / CELL)
+            for k in range(steps):
+                row, column = _cell(y + k * step_y), _cell(x + k * step_x)
+                free[row, column], looked[row, column] = at[1], at[0]
+            if echo:
+                row = _cell(y + far * math.sin(angle))
+                column = _cell(x + far * math.cos(angle))
+                looked[row, column] = at[0]
+                if half_angles[i] == 0.0:
+                    free[row, column] = NEVER
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _first_unseen(free, looked, rim, poses, count, base, since_way, since_time):  # type: ignore[no-untyped-def]
+    cos_base, sin_base = math.cos(base[2]), math.sin(base[2])
+    for place in range(1, count):
+        heading = base[2] + poses[place, 2]
+        x = base[0] + cos_base * poses[place, 0] - sin_base * poses[place, 1]
+        y = base[1] + sin_base * poses[place, 0] + cos_base * poses[place, 1]
+        cos, sin = math.cos(heading), math.sin(heading)
+        for i in range(rim.shape[0]):
+            px = x + cos * rim[i, 0] - sin * rim[i, 1]
+            py = y + sin * rim[i, 0] + cos * rim[i, 1]
+            row, column = _cell(py), _cell(px)
+            if free[row, column] >= since_way or looked[row, column] >= since_time:
+                continue
+            if free[row, column] == NEVER and looked[row, column] > NEVER:
+                return place
+            if (
+                free[row, _cell(px + SLACK)] < since_way
+                and free[row, _cell(px - SLACK)] < since_way
+                and free[_cell(py + SLACK), column] < since_way
+                and free[_cell(py - SLACK), column] < since_way
+            ):
+                return place
+    return -1

@@ -33,6 +33,10 @@ UNSEEN_MEMORY = 5.0
 """Space that was seen or stood in counts as known for this long a way, m."""
 HALVINGS = 5
 """Steps of the search for the largest share."""
+LEAST_SHARE = 0.05
+"""A smaller share of a command is no motion worth making: the robot stops."""
+CREEPING = 0.02
+"""... unless it is this fast, m/s."""
 NO_POINTS = np.empty((0, 2))
 
 
@@ -239,6 +243,8 @@ class Monitor:
                 low = middle
             else:
                 high, touched = middle, hit
+        if low < LEAST_SHARE and abs(low * twist.vx) < CREEPING:
+            return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
         return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
 
     def _brake(

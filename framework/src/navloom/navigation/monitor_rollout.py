@@ -24,6 +24,8 @@ LONGEST = 12.0
 """Roll-outs end here, s: a robot that has not stopped by then has no deceleration to speak of."""
 FINE = 0.02
 """Largest way of any point of the footprint between two places of a roll-out, m."""
+NEARER = 1e-5
+"""A footprint that gets this much nearer to a point, m, moves into it; less is rounding."""
 STANDSTILL = 1e-3
 """Speed of a robot that counts as stopped, m/s or rad/s."""
 
@@ -126,6 +128,6 @@ def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyp
             distance = distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline)
             if place == 0:
                 starts[i] = distance
-            elif distance < margin and distance < starts[i] - 1e-3:
+            elif distance < margin and distance < starts[i] - NEARER:
                 return i
     return -1

@@ -23,7 +23,7 @@ CELL = 0.05
 REACH = 3.0
 """How far from the sensor space is written down, m."""
 SLACK = 0.1
-"""Space this near to known space counts as known, m: between two cones of a ring nothing is seen."""
+"""Space this near to space that was seen counts as seen, m: between two cones of a ring nothing is."""
 NEVER = -1e9
 
 
@@ -39,21 +39,22 @@ class SeenSpace:
     def __init__(self, footprint: Floats, memory: float, fresh: float) -> None:
         self.memory, self.fresh = memory, fresh
         self._free = np.full((SIZE, SIZE), NEVER)
+        self._stood = np.full((SIZE, SIZE), NEVER)
         self._looked = np.full((SIZE, SIZE), NEVER)
         self.rim = _rim(footprint)
         self._radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
-        self._stood = False
+        self._has_begun = False
 
     def stand(self, pose: Floats, way: float) -> None:
         """The footprint is at a pose (3,), m and rad, after a way, m. Where it starts it has room to turn."""
-        if not self._stood:
-            self._stood = True
+        if not self._has_begun:
+            self._has_begun = True
             angles = np.arange(0.0, 2.0 * math.pi, CELL / (2.0 * self._radius))
             for radius in np.arange(0.0, self._radius + CELL, 0.5 * CELL):
                 ring = np.stack([pose[0] + radius * np.cos(angles), pose[1] + radius * np.sin(angles)], axis=1)
-                _mark(self._free, ring, way)
+                _mark(self._stood, ring, way)
             return
-        _stand(self._free, self.rim, pose, way)
+        _stand(self._stood, self.rim, pose, way)
 
     def look(self, poses: Floats, beams: tuple[Floats, Floats, Floats, Floats], limits: Floats, at: Floats) -> None:
         """Take up a scan.
@@ -75,7 +76,9 @@ class SeenSpace:
             time: s; way: m.
         """
         return int(
-            _first_unseen(self._free, self._looked, self.rim, poses, count, base, way - self.memory, time - self.fresh)
+            _first_unseen(
+                self._free, self._stood, self._looked, self.rim, poses, count, base, way - self.memory, time - self.fresh
+            )
         )
 
 
@@ -94,19 +97,19 @@ def _cell(value):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark(free, points, way):  # type: ignore[no-untyped-def]
+def _mark(stood, points, way):  # type: ignore[no-untyped-def]
     for i in range(points.shape[0]):
-        free[_cell(points[i, 1]), _cell(points[i, 0])] = way
+        stood[_cell(points[i, 1]), _cell(points[i, 0])] = way
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _stand(free, rim, pose, way):  # type: ignore[no-untyped-def]
+def _stand(stood, rim, pose, way):  # type: ignore[no-untyped-def]
     """Mark the cells under the outline; those within it were under it before."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(rim.shape[0]):
         x = pose[0] + cos * rim[i, 0] - sin * rim[i, 1]
         y = pose[1] + sin * rim[i, 0] + cos * rim[i, 1]
-        free[_cell(y), _cell(x)] = way
+        stood[_cell(y), _cell(x)] = way
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -135,7 +138,7 @@ def _look(free, looked, poses, origins, bearings, half_angles, ranges, limits, a
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _first_unseen(free, looked, rim, poses, count, base, since_way, since_time):  # type: ignore[no-untyped-def]
+def _first_unseen(free, stood, looked, rim, poses, count, base, since_way, since_time):  # type: ignore[no-untyped-def]
     cos_base, sin_base = math.cos(base[2]), math.sin(base[2])
     for place in range(1, count):
         heading = base[2] + poses[place, 2]
@@ -146,7 +149,7 @@ def _first_unseen(free, looked, rim, poses, count, base, since_way, since_time):
             px = x + cos * rim[i, 0] - sin * rim[i, 1]
             py = y + sin * rim[i, 0] + cos * rim[i, 1]
             row, column = _cell(py), _cell(px)
-            if free[row, column] >= since_way or looked[row, column] >= since_time:
+            if max(free[row, column], stood[row, column]) >= since_way or looked[row, column] >= since_time:
                 continue
             if free[row, column] == NEVER and looked[row, column] > NEVER:
                 return place

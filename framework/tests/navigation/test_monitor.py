@@ -1,0 +1,187 @@
+"""The gate's monitor: a robot that it looks out for stops before what its sensors see, whatever it is told to do."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from navloom.geometry.footprints import rectangle
+from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
+from navloom.navigation.monitor import Monitor, MonitorLimits, Verdict
+from navloom.navigation.monitor_rollout import distance_to_outline
+
+PERIOD = 0.05
+LIMITS = MonitorLimits(rectangle(0.6, 0.4), PERIOD, deceleration=1.0)
+SLOW_MOTORS = replace(LIMITS, lag=0.2, dead_time=0.1)
+BEARINGS = np.radians(np.arange(-135.0, 135.5, 1.0))
+
+
+@dataclass
+class Drive:
+    """A robot with a lag and a dead time among points, of which a laser sees those that it is told to see.
+
+    Attributes:
+        obstacles: (n, 2) m, map frame; dense enough that a laser of 1° sees a wall.
+        sees: Scans are made at all.
+        every: Ticks between two scans.
+    """
+
+    limits: MonitorLimits
+    obstacles: np.ndarray
+    lag: float = 0.0
+    dead_time: float = 0.0
+    sigma: float = 0.0
+    every: int = 1
+    until: int = 10**9
+    pose: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    twist: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    tick: int = 0
+    speed: float = 0.0
+    last: Verdict | None = None
+
+    def __post_init__(self) -> None:
+        self.monitor = Monitor(self.limits)
+        self.noise = np.random.default_rng(5)
+        self.given: deque[tuple[float, float]] = deque([(0.0, 0.0)] * (1 + round(self.dead_time / 0.005)))
+
+    def step(self, vx: float, wz: float = 0.0) -> Verdict:
+        """One tick: odometry, scan, verdict, and the wheels for a period."""
+        stamp = round(self.tick * PERIOD * 1e9)
+        x, y, heading = self.pose
+        wrapped = math.remainder(heading, math.tau)
+        self.monitor.move(Odometry(stamp, Pose2D(x, y, wrapped), Twist2D(self.twist[0], 0.0, self.twist[1])))
+        if self.tick % self.every == 0 and self.tick <= self.until:
+            self.monitor.look("laser", self.scan(stamp))
+        step = 0.025 if abs(vx) > abs(self.speed) else 0.05
+        wanted = min(max(vx, self.speed - step), self.speed + step)
+        verdict = self.monitor.judge(Twist2D(wanted, 0.0, wz), self.speed, stamp * 1e-9)
+        self.monitor.give(stamp * 1e-9, verdict.twist)
+        self.speed, self.last = verdict.twist.vx, verdict
+        for _ in range(10):
+            self.given.append((verdict.twist.vx, verdict.twist.wz))
+            while len(self.given) > 1 + round(self.dead_time / 0.005):
+                self.given.popleft()
+            blend = 1.0 - math.exp(-0.005 / self.lag) if self.lag else 1.0
+            for k in range(2):
+                self.twist[k] += blend * (self.given[0][k] - self.twist[k])
+            self.pose[2] += 0.5 * self.twist[1] * 0.005
+            self.pose[0] += self.twist[0] * 0.005 * math.cos(self.pose[2])
+            self.pose[1] += self.twist[0] * 0.005 * math.sin(self.pose[2])
+            self.pose[2] += 0.5 * self.twist[1] * 0.005
+        self.tick += 1
+        return verdict
+
+    def scan(self, stamp: int) -> RangeScan:
+        x, y, heading = self.pose
+        dx, dy = self.obstacles[:, 0] - x, self.obstacles[:, 1] - y
+        bearing = (np.arctan2(dy, dx) - heading + math.pi) % math.tau - math.pi
+        rows = np.round((bearing - BEARINGS[0]) / math.radians(1.0)).astype(int)
+        ranges = np.full(len(BEARINGS), math.inf)
+        inside = (rows >= 0) & (rows < len(ranges))
+        np.minimum.at(ranges, rows[inside], np.hypot(dx, dy)[inside])
+        noisy = np.maximum(ranges + self.sigma * self.noise.standard_normal(len(ranges)), 0.05)
+        nothing = np.zeros(len(ranges))
+        return RangeScan(stamp, np.zeros((len(ranges), 2)), BEARINGS, nothing, nothing, noisy, 0.05, 10.0)
+
+    @property
+    def gap(self) -> float:
+        """Distance between the true footprint and the nearest obstacle, m; negative where they overlap."""
+        x, y, heading = self.pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        outline = rectangle(0.6, 0.4)
+        return min(
+            float(distance_to_outline(cos * dx + sin * dy, cos * dy - sin * dx, outline))
+            for dx, dy in self.obstacles - np.array([x, y])
+        )
+
+
+def wall(x: float, angle: float = 0.0) -> np.ndarray:
+    """Points 1 cm apart of a wall through (x, 0), turned by an angle, rad, from square to the x axis."""
+    along = np.arange(-4.0, 4.0, 0.01)
+    return np.stack([x - along * math.sin(angle), along * math.cos(angle)], axis=1)
+
+
+def drive_on(drive: Drive, vx: float, wz: float = 0.0, seconds: float = 12.0) -> float:
+    """The least gap on the way, m, until the robot stands or the time is over."""
+    least = math.inf
+    for _ in range(round(seconds / PERIOD)):
+        drive.step(vx, wz)
+        least = min(least, drive.gap)
+        if drive.tick > 40 and max(map(abs, drive.twist)) < 1e-3:
+            break
+    return least
+
+
+@pytest.mark.parametrize("angle", [0, 20, 40, 60, 80])
+@pytest.mark.parametrize("motors", [LIMITS, SLOW_MOTORS], ids=["ideal", "slow"])
+def test_it_stops_before_a_wall_at_any_angle(angle: int, motors: MonitorLimits) -> None:
+    drive = Drive(motors, wall(3.0, math.radians(angle)), motors.lag, motors.dead_time)
+    assert 0.0 < drive_on(drive, 0.5) < 0.06
+    assert drive.last is not None and drive.last.kind == "obstacle"
+
+
+def test_it_knows_that_motors_lag() -> None:
+    """A roll-out without the lag and the dead time would brake when it is too late."""
+    drive = Drive(SLOW_MOTORS, wall(3.0), SLOW_MOTORS.lag, SLOW_MOTORS.dead_time)
+    assert drive_on(drive, 1.0) > 0.0
+
+
+def test_it_minds_the_whole_footprint() -> None:
+    """A post that only the outer 5 % of the footprint would touch."""
+    post = np.array([[2.0, 0.19], [2.0, 0.195]])
+    drive = Drive(LIMITS, post)
+    assert 0.0 < drive_on(drive, 0.5) < 0.06
+
+
+def test_it_moves_echoes_by_the_odometry() -> None:
+    """A sensor that says nothing after its first scans: what it saw comes nearer as the robot drives."""
+    drive = Drive(LIMITS, wall(0.62), until=3)
+    assert drive_on(drive, 1.0) > 0.0
+
+
+def test_a_free_way_is_not_touched() -> None:
+    drive = Drive(LIMITS, wall(20.0))
+    for _ in range(100):
+        assert drive.step(0.5).share == 1.0
+
+
+def test_driving_away_from_what_is_too_near_is_free() -> None:
+    drive = Drive(LIMITS, wall(0.302))
+    drive.step(0.0)
+    drive.step(0.0)
+    assert drive.step(0.3).is_stopped
+    assert drive.step(-0.05).share == 1.0
+
+
+def test_a_gap_of_5_cm_a_side_is_passed_with_a_noisy_laser() -> None:
+    sides = [np.stack([np.arange(1.5, 3.5, 0.01), np.full(200, y)], axis=1) for y in (-0.25, 0.25)]
+    ends = [np.stack([np.full(200, 1.5), y * np.arange(0.25, 2.25, 0.01)], axis=1) for y in (-1.0, 1.0)]
+    drive = Drive(replace(LIMITS, sigma=0.03), np.concatenate([*sides, *ends]), sigma=0.03)
+    while drive.pose[0] < 4.0 and drive.tick < 800:
+        drive.step(0.5)
+    assert drive.pose[0] >= 4.0 and drive.tick * PERIOD < 20.0
+
+
+def test_it_backs_up_where_it_came_from_and_no_further() -> None:
+    """Nothing looks back: the space it came through is known, what lies behind its start is not."""
+    drive = Drive(LIMITS, wall(20.0))
+    while drive.pose[0] < 1.0:
+        drive.step(0.3)
+    for _ in range(400):
+        drive.step(-0.2)
+    assert -0.3 < drive.pose[0] < 0.05
+    assert drive.last is not None and drive.last.kind == "unseen"
+
+
+def test_a_single_wild_reading_stops_nobody() -> None:
+    drive = Drive(LIMITS, wall(20.0))
+    for _ in range(30):
+        drive.step(0.5)
+    scan = drive.scan(round(drive.tick * PERIOD * 1e9))
+    ranges = scan.ranges.copy()
+    ranges[135] = 0.4
+    drive.monitor.look("laser", replace(scan, stamp_ns=scan.stamp_ns - 1, ranges=ranges))
+    assert drive.step(0.5).share == 1.0

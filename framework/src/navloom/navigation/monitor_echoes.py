@@ -73,30 +73,32 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
             distances[row, counts[row]], held[row, counts[row]] = math.hypot(dx, dy), i
             counts[row] += 1
     total = 0
-    near, who = np.empty(3 * DEPTH), np.empty(3 * DEPTH, np.int64)
     for row in range(bins):
         if counts[row] == 0:
             continue
-        size = 0
-        for side in range(-1, 2):
-            other = (row + side) % bins
-            for k in range(counts[other]):
-                place = size
-                while place > 0 and near[place - 1] > distances[other, k]:
-                    near[place], who[place] = near[place - 1], who[place - 1]
-                    place -= 1
-                near[place], who[place] = distances[other, k], held[other, k]
-                size += 1
-        for k in range(size - 1):
-            if near[k + 1] - near[k] <= agreement:
-                sum_x, sum_y, members = 0.0, 0.0, 0
-                while k + members < size and near[k + members] <= near[k] + agreement:
-                    sum_x += points[who[k + members], 0]
-                    sum_y += points[who[k + members], 1]
-                    members += 1
+        beyond = -1.0
+        while True:
+            nearest = math.inf
+            for side in range(-1, 2):
+                other = (row + side) % bins
+                for k in range(counts[other]):
+                    if beyond < distances[other, k] < nearest:
+                        nearest = distances[other, k]
+            if nearest == math.inf:
+                break
+            sum_x, sum_y, members = 0.0, 0.0, 0
+            for side in range(-1, 2):
+                other = (row + side) % bins
+                for k in range(counts[other]):
+                    if nearest <= distances[other, k] <= nearest + agreement:
+                        sum_x += points[held[other, k], 0]
+                        sum_y += points[held[other, k], 1]
+                        members += 1
+            if members > 1:
                 found[total, 0], found[total, 1] = sum_x / members, sum_y / members
                 total += 1
                 break
+            beyond = nearest
     return total
 
 

@@ -149,7 +149,7 @@ def _first_unseen(free, stood, looked, rim, poses, count, base, since_way, since
             px = x + cos * rim[i, 0] - sin * rim[i, 1]
             py = y + sin * rim[i, 0] + cos * rim[i, 1]
             row, column = _cell(py), _cell(px)
-            if max(free[row, column], stood[row, column]) >= since_way or looked[row, column] >= since_time:
+            if looked[row, column] >= since_time or max(free[row, column], stood[row, column]) >= since_way:
                 continue
             if free[row, column] == NEVER and looked[row, column] > NEVER:
                 return place

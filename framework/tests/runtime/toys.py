@@ -49,7 +49,7 @@ QUIET = AvoiderDiagnostics(
 
 
 class Robot(Platform):
-    """A unicycle without inertia in an empty plane; its one sensor hears nothing, with noise in its range limit."""
+    """A unicycle without inertia in an empty plane; its one sensor listens all round and hears nothing, with noise in its range limit."""
 
     name = "toy_robot"
     sensor_kinds = {"ear": RangeScan}
@@ -84,7 +84,7 @@ class Robot(Platform):
     def _listen(self, name: str) -> RangeScan:
         jitter = float(self.context.stream(name).normal()) if self.params.noise else 0.0
         one = np.ones(1)
-        return RangeScan(self.time_ns, np.zeros((1, 2)), 0 * one, 0 * one, 0 * one, np.inf * one, 0.1, 4.0 + jitter)
+        return RangeScan(self.time_ns, np.zeros((1, 2)), 0 * one, np.pi * one, 0 * one, np.inf * one, 0.1, 4.0 + jitter)
 
 
 class Blank(Mapper):

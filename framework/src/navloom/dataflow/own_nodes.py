@@ -179,8 +179,11 @@ class GateNode:
     def check(self, tick: Tick, given: Inputs) -> Outputs:
         """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
         sensed, has_contact = self._sensed(given), self.gate.has_contact
+        has_seen = self._see(given)
         reason = self.gate.choose(sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch)[2]
         said = self._status
+        if not reason and said is not None and has_seen:
+            return self._look_again(said, sensed.platform_ns)
         if not reason or (said is not None and said.stopped and said.latched == self.gate.is_latched):
             return []
         self._note(has_contact)
@@ -246,17 +249,26 @@ class GateNode:
         self.told = json.dumps({name: value for name, value in told.items() if value})
         self.obeyed, self._warm = [], []
 
-    def _see(self, given: Inputs) -> None:
-        """Show the monitor what came in since the last look."""
+    def _look_again(self, said: GateStatus, platform_ns: int) -> Outputs:
+        """What a scan between two ticks changes."""
+        found = self.gate.look_again(said, platform_ns * 1e-9)
+        if found is None:
+            return []
+        twist, self._status = found
+        self._gave(twist, platform_ns)
+        self._note(self.gate.has_contact)
+        return [("command", Command(twist)), ("status", self._status)]
+
+    def _see(self, given: Inputs) -> bool:
+        """Show the monitor what came in since the last look; True where a scan did."""
         monitor, odometry = self.gate.monitor, given["odometry"]
         if monitor is None or not odometry:
-            return
+            return False
         monitor.move(odometry[0])
         if self._scans is None:
             self._scans = tuple(name for name in given if name.startswith("scan."))
-        for name in self._scans:
-            for scan in given[name]:
-                monitor.look(name, scan)
+        news = [monitor.look(name, scan) for name in self._scans for scan in given[name]]
+        return any(news)
 
     def _gave(self, twist: Twist2D, time_ns: int) -> None:
         if self.gate.monitor is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from navloom.messages import GateStatus, Twist2D
 from navloom.navigation.monitor import Monitor, Verdict
@@ -154,11 +155,7 @@ class CommandGate:
         if reason or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
         verdict = self._look(offer.twist, sensed.platform_ns * 1e-9)
-        status = GateStatus(
-            source, offer.instance, verdict.is_stopped, False, OBSTACLE if verdict.is_stopped else "", tuple(pending),
-            verdict.share, verdict.kind, verdict.place, verdict.distance,
-        )  # type: ignore[arg-type]  # fmt: skip
-        return verdict.twist, offer.cause_ns, status
+        return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
     def _look(self, twist: Twist2D, time: float) -> Verdict:
         """What passes of a command at a run time, s: within the limits of the robot and of what the monitor sees."""
@@ -169,6 +166,23 @@ class CommandGate:
         verdict = self.monitor.judge(limited, speed, time)
         self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
         return verdict
+
+    def look_again(self, status: GateStatus, time: float) -> tuple[Twist2D, GateStatus] | None:
+        """Slow down or stop for what was seen after the last command, s of run time; None where that is still free."""
+        if self.monitor is None or status.stopped:
+            return None
+        verdict = self.monitor.judge(Twist2D(self.speed, 0.0, self.turn), self.speed, time)
+        if not verdict.kind:
+            return None
+        self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
+        return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
+
+    def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
+        """Who drives, and what the monitor makes of it."""
+        return GateStatus(
+            source, instance, verdict.is_stopped, False, OBSTACLE if verdict.is_stopped else "", tuple(pending),
+            verdict.share, verdict.kind, verdict.place, verdict.distance,
+        )  # fmt: skip
 
     def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
         """Nobody drives."""

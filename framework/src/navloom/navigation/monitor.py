@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -26,6 +25,9 @@ from navloom.navigation.monitor_seen import SeenSpace
 __all__ = ["Monitor", "MonitorLimits", "Verdict", "warm_up"]
 
 Floats = NDArray[np.float64]
+Kind = Literal["", "obstacle", "unseen"]
+Touch = tuple[Kind, Point2D, float]
+"""What would be touched: what it is, where in the base frame, m, and how far from the footprint, m."""
 
 KEEP = 0.5
 """How long an echo counts, s; of each sensor the last two scans always do."""
@@ -79,7 +81,7 @@ class Verdict:
 
     twist: Twist2D
     share: float = 1.0
-    kind: Literal["", "obstacle", "unseen"] = ""
+    kind: Kind = ""
     place: Point2D | None = None
     distance: float | None = None
 
@@ -118,7 +120,8 @@ class Monitor:
         self._stamps: list[float] = []
         self._poses: list[tuple[float, float, float]] = []
         self._twist = np.zeros(2)
-        self._way = 0.0
+        self._ways: list[float] = []
+        self._waiting: list[tuple[str, RangeScan]] = []
         self._given: deque[tuple[float, float, float]] = deque()
         self._motor = np.array(
             [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
@@ -126,35 +129,44 @@ class Monitor:
         self._rolled = np.empty((MOST_POSES, 3))
 
     def move(self, odometry: Odometry) -> None:
-        """Take up where the robot is by its odometry; to be told before the scans of the same time."""
+        """Take up where the robot is by its odometry."""
         pose, time = odometry.pose, odometry.stamp_ns * 1e-9
         if self._stamps and time <= self._stamps[-1]:
             return
-        heading = pose.heading
+        heading, way = pose.heading, 0.0
         if self._poses:
             x, y, last = self._poses[-1]
             heading = last + math.remainder(heading - last, math.tau)
-            self._way += math.hypot(pose.x - x, pose.y - y)
+            way = self._ways[-1] + math.hypot(pose.x - x, pose.y - y)
         self._stamps.append(time)
         self._poses.append((pose.x, pose.y, heading))
+        self._ways.append(way)
         self._twist[:] = odometry.twist.vx, odometry.twist.wz
         if len(self._stamps) > 512:
-            del self._stamps[:256], self._poses[:256]
-        self._seen.stand(np.array(self._poses[-1]), self._way)
+            del self._stamps[:256], self._poses[:256], self._ways[:256]
+        self._seen.stand(np.array(self._poses[-1]), way)
+        waiting, self._waiting = self._waiting, []
+        for name, scan in waiting:
+            self.look(name, scan)
 
-    def look(self, name: str, scan: RangeScan) -> None:
-        """Take up a scan of a sensor."""
-        if not self._stamps:
-            return
+    def look(self, name: str, scan: RangeScan) -> bool:
+        """Take up a scan of a sensor, once the odometry of its time is there; False for one that is known."""
         time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, _Sensor())
+        if sensor.scans and time <= sensor.scans[0][0]:
+            return False
+        if not self._stamps or time > self._stamps[-1]:
+            self._waiting.append((name, scan))
+            return False
         poses = self._poses_at(time + scan.time_offsets)
         origins, bearings, halves, ranges = scan.origins, scan.bearings, scan.half_angles, scan.ranges
         limits = np.array([scan.range_min, scan.range_max])
-        self._seen.look(poses, (origins, bearings, halves, ranges), limits, np.array([time, self._way]))
+        way = self._ways[bisect_right(self._stamps, time) - 1]
+        self._seen.look(poses, (origins, bearings, halves, ranges), limits, np.array([time, way]))
         if halves.size and halves.max() > 0.0:
             self._look_by_sonars(sensor, time, scan, poses)
         else:
             self._look_by_laser(sensor, time, scan, poses)
+        return True
 
     def _look_by_laser(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
         points = np.empty((len(scan.ranges), 2))
@@ -248,7 +260,7 @@ class Monitor:
         return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
 
     def _brake(
-        self, speed: float, in_flight: Floats, age: float, points: Floats, touched: tuple[str, Point2D, float]
+        self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch
     ) -> Verdict:
         """Brake along the curvature driven, or where that touches too, as hard as the wheels can."""
         if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
@@ -261,7 +273,7 @@ class Monitor:
 
     def _touch(
         self, v: float, w: float, in_flight: Floats, age: float, points: Floats
-    ) -> tuple[str, Point2D, float] | None:
+    ) -> Touch | None:
         """What the robot would touch first if it took a command now and braked after it."""
         count = stopping_way(
             self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled
@@ -272,7 +284,7 @@ class Monitor:
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
         if not self.ignores_unseen:
             base = np.array(self._poses[-1])
-            place = self._seen.first_unseen(self._rolled, count, base, self._stamps[-1], self._way)
+            place = self._seen.first_unseen(self._rolled, count, base, self._stamps[-1], self._ways[-1])
             if place >= 0:
                 x, y, _ = self._rolled[place]
                 return "unseen", Point2D(float(x), float(y)), float(math.hypot(x, y))

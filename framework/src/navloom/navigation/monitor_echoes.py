@@ -140,7 +140,7 @@ def arc_points(base, origins, bearings, half_angles, ranges, before, moved, limi
                 agrees = agrees or gap <= half_angles[i] + half_angles[j]
         if not agrees:
             continue
-        steps = int(math.ceil(2.0 * half_angles[i] * ranges[i] / ARC_STEP)) + 1
+        steps = math.ceil(2.0 * half_angles[i] * ranges[i] / ARC_STEP) + 1
         for step in range(steps + 1):
             angle = bearings[i] + half_angles[i] * (2.0 * step / steps - 1.0)
             px = origins[i, 0] + ranges[i] * math.cos(angle)

@@ -75,11 +75,8 @@ class SeenSpace:
             base: (3,) in the odometry frame.
             time: s; way: m.
         """
-        return int(
-            _first_unseen(
-                self._free, self._stood, self._looked, self.rim, poses, count, base, way - self.memory, time - self.fresh
-            )
-        )
+        since = (way - self.memory, time - self.fresh)
+        return int(_first_unseen(self._free, self._stood, self._looked, self.rim, poses, count, base, *since))
 
 
 def _rim(footprint: Floats) -> Floats:
@@ -93,7 +90,7 @@ def _rim(footprint: Floats) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell(value):  # type: ignore[no-untyped-def]
-    return int(math.floor(value / CELL)) % SIZE
+    return math.floor(value / CELL) % SIZE
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -121,7 +118,7 @@ def _look(free, looked, poses, origins, bearings, half_angles, ranges, limits, a
         axis = poses[i, 2] + bearings[i]
         far = min(ranges[i], limits[1], REACH)
         echo = ranges[i] < limits[1] and ranges[i] <= REACH
-        rays = int(math.ceil(2.0 * half_angles[i] * far / CELL)) + 1
+        rays = math.ceil(2.0 * half_angles[i] * far / CELL) + 1
         for ray in range(rays):
             angle = axis + (half_angles[i] * (2.0 * ray / (rays - 1) - 1.0) if rays > 1 else 0.0)
             step_x, step_y = CELL * math.cos(angle), CELL * math.sin(angle)

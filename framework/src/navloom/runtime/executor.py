@@ -137,9 +137,10 @@ def gate_limits(system: System) -> Limits:
 
 
 def gate_monitor(system: System) -> Monitor | None:
-    """The look ahead of the gate; None where the config does without."""
+    """The look ahead of the gate; None where the config does without, and for a robot without range sensors."""
     robot, gate = system.robot, system.config.gate
-    if not gate.monitor:
+    inputs = next(spec.inputs for spec in system.specs if spec.role == "gate")
+    if not any(given.name.startswith("scan.") for given in inputs):
         return None
     return Monitor(
         MonitorLimits(

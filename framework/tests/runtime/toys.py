@@ -49,7 +49,10 @@ QUIET = AvoiderDiagnostics(
 
 
 class Robot(Platform):
-    """A unicycle without inertia in an empty plane; its one sensor listens all round and hears nothing, with noise in its range limit."""
+    """A unicycle without inertia in an empty plane; its one sensor listens all round and hears nothing.
+
+    Its range limit is noisy.
+    """
 
     name = "toy_robot"
     sensor_kinds = {"ear": RangeScan}

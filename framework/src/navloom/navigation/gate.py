@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from navloom.messages import GateStatus, Twist2D
+from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import Monitor, Verdict
 
 __all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
@@ -178,11 +178,20 @@ class CommandGate:
         return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
 
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
-        """Who drives, and what the monitor makes of it."""
+        """Who drives, and what the monitor makes of it, rounded so that noise alone is no news."""
+        place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
         return GateStatus(
-            source, instance, verdict.is_stopped, False, OBSTACLE if verdict.is_stopped else "", tuple(pending),
-            verdict.share, verdict.kind, verdict.place, verdict.distance,
-        )  # fmt: skip
+            source,
+            instance,
+            is_stopped,
+            False,
+            OBSTACLE if is_stopped else "",
+            tuple(pending),
+            round(verdict.share, 1),
+            verdict.kind,
+            None if place is None else Point2D(round(place.x, 1), round(place.y, 1)),
+            None if distance is None else round(distance, 2),
+        )
 
     def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
         """Nobody drives."""

@@ -21,6 +21,7 @@ from navloom.messages import (
     RecoveryRequest,
     SweepRequest,
 )
+from navloom.navigation.gate import OBSTACLE
 from navloom.navigation.goal_rules import GoalRules, Seen
 from navloom.navigation.replanning import Replanning
 
@@ -29,6 +30,8 @@ __all__ = ["GoalMachine"]
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
 """s a goal waits for a platform that fell silent."""
+BLOCKED = 2.0
+"""How long the gate may hold the robot before an obstacle until the goal recovers, s."""
 SILENT_RECOVERY = 10.0
 """s a recovery may say nothing."""
 UNFOLLOWED = 2.0
@@ -56,6 +59,7 @@ class _Active:
     best: float = math.inf
     moved_at: float = 0.0
     followed_at: float = 0.0
+    free_at: float = 0.0
     first_path: int = 0
     """First path of this drive: what is left of an older one says nothing of it."""
     ended_at: float | None = None
@@ -213,7 +217,8 @@ class GoalMachine:
         else:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"
-            active.best, active.moved_at, active.followed_at, active.has_driven = math.inf, seen.time, seen.time, True
+            active.best, active.has_driven = math.inf, True
+            active.moved_at = active.followed_at = active.free_at = seen.time
             active.first_path, active.ended_at = answer.request_id, None
 
     def _while_driving(self, active: _Active, seen: Seen) -> None:
@@ -227,6 +232,8 @@ class GoalMachine:
         trapped = said is not None and said.status == "trapped"
         if trapped and seen.handover is not None and seen.handover.engaged:
             self._recover(active, "trapped", seen)
+        elif self._is_blocked(active, seen):
+            self._recover(active, "blocked", seen)
         elif self._makes_no_progress(active, seen):
             self._recover(active, "no_progress", seen)
         elif self._is_unfollowed(active, seen):
@@ -375,6 +382,12 @@ class GoalMachine:
         elif active.ended_at is None:
             active.ended_at = seen.time
         return active.ended_at is not None and seen.time - active.ended_at >= MISSED and active.misses < MISSES
+
+    def _is_blocked(self, active: _Active, seen: Seen) -> bool:
+        """The gate has been holding the robot for a while because of what the sensors see ahead."""
+        if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
+            active.free_at = seen.time
+        return seen.time - active.free_at > BLOCKED
 
     def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
         held = seen.gate is not None and seen.gate.latched

@@ -259,9 +259,7 @@ class Monitor:
             return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
         return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
 
-    def _brake(
-        self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch
-    ) -> Verdict:
+    def _brake(self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch) -> Verdict:
         """Brake along the curvature driven, or where that touches too, as hard as the wheels can."""
         if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
             _, v, w = self._given[-1]
@@ -271,13 +269,9 @@ class Monitor:
                 return Verdict(Twist2D(slower, 0.0, turn), 0.0, *touched)
         return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
 
-    def _touch(
-        self, v: float, w: float, in_flight: Floats, age: float, points: Floats
-    ) -> Touch | None:
+    def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
         """What the robot would touch first if it took a command now and braked after it."""
-        count = stopping_way(
-            self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled
-        )
+        count = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
         hit = first_touch(self._rolled, count, self._outline, points, self.limits.margin)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])

@@ -145,8 +145,8 @@ class Conductor:
                 observer.on_message(role, name, True, port, message, at)
         if isinstance(message, Selection) and message.epoch:
             self._selection = message
-        elif isinstance(message, GateStatus) and message.stopped and message.reason != "no_trajectory":
-            self.log.gate_stops += 1
+        elif isinstance(message, GateStatus):
+            self.log.hear_gate(message)
         elif isinstance(message, GoalResult):
             self.log.results.append(message)
         elif isinstance(message, Feedback):

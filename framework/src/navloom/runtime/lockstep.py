@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 
 from navloom.dataflow.nodes import Tick, fault_text
 from navloom.dataflow.own_nodes import GateNode, GoalNode, OperatorNode
-from navloom.messages import Envelope, GoalResult, Message, OperatorRequest, Selection, StepRecord
+from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
 from navloom.messages.codec import encode
 from navloom.runtime.trace import TraceWriter
 from navloom.runtime.wiring import Instance
@@ -51,6 +51,7 @@ class RunLog:
         wall_ns: From the first tick to the last.
         swaps: Selections after the first.
         gate_stops: How often the gate stopped a driving robot.
+        gate_limits: How often its monitor began to slow or stop the robot.
         faults: "role instance: what happened" of plugins that broke.
         trace_sha256: Hash of the trace.
     """
@@ -63,8 +64,18 @@ class RunLog:
     wall_ns: int = 0
     swaps: int = 0
     gate_stops: int = 0
+    gate_limits: int = 0
     faults: list[str] = field(default_factory=list)
     trace_sha256: str = ""
+    _stopped_for: str = ""
+    _limited_by: str = ""
+
+    def hear_gate(self, status: GateStatus) -> None:
+        """Count what a status of the gate says beyond the one before."""
+        stopped_for = status.reason if status.stopped and status.reason not in ("no_trajectory", "ending") else ""
+        self.gate_stops += bool(stopped_for) and stopped_for != self._stopped_for
+        self.gate_limits += bool(status.limit) and not self._limited_by
+        self._stopped_for, self._limited_by = stopped_for, status.limit
 
 
 class Lockstep:
@@ -264,8 +275,8 @@ class Lockstep:
         self._selection = message if message.epoch else None
 
     def _on_status(self, message: Message, at: Envelope) -> None:
-        if getattr(message, "stopped", False) and getattr(message, "reason", "") != "no_trajectory":
-            self.log.gate_stops += 1
+        assert isinstance(message, GateStatus)
+        self.log.hear_gate(message)
 
     def _on_result(self, message: Message, at: Envelope) -> None:
         assert isinstance(message, GoalResult)

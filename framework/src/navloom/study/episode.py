@@ -74,6 +74,7 @@ class Episode:
             "collisions": recorder.touches,
             "recoveries": recorder.recoveries,
             "gate_stops": log.gate_stops,
+            "gate_limits": log.gate_limits,
             "planner_ms": _median_ms(log.step_ns["planner"]),
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,

@@ -327,7 +327,7 @@ class LiveRun:
                 self._begin(message.goal_id, at.tick)
         elif isinstance(message, GateStatus):
             self.status = message
-            self.log.gate_stops += message.stopped and message.reason not in ("no_trajectory", "ending")
+            self.log.hear_gate(message)
         elif isinstance(message, Selection):
             self._chosen = message.chosen
             self.log.swaps = message.epoch

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from navloom.messages import Pose2D, RangeScan
+from navloom.messages import Pose2D, RangeScan, Twist2D
 from navloom.navigation.echoes import EchoMemory
-from navloom.navigation.handover import HandOverRule
+from navloom.navigation.handover import HandOverRule, own_way
 
 BASE = Pose2D(0.0, 0.0, 0.0)
 WAY = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
@@ -97,3 +97,19 @@ def test_what_lies_behind_is_not_in_the_way() -> None:
     memory = EchoMemory(keep=0.5, spread=0.0)
     memory.add(scan(math.pi, 0.2), BASE, 0.0)
     assert memory.nearest(BASE, WAY, 0.5, 0.0) == math.inf
+
+
+def test_what_lies_on_the_robots_own_way_engages_beside_the_trajectory_too() -> None:
+    """The trajectory leads straight on and is free; the robot turns left, where something stands."""
+    echo = scan(math.radians(30.0), 0.8)  # at (0.69, 0.4)
+    own = own_way(BASE, Twist2D(0.5, 0.0, 0.5), 1.2)
+    assert not HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.3).engaged
+    seen = HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.3, own)
+    assert seen.engaged and seen.nearest == pytest.approx(0.8)
+
+
+def test_the_own_way_is_an_arc_of_the_commanded_curvature() -> None:
+    """At 0.5 m/s and 0.5 rad/s, radius 1 m: after 2 s, 1 m along, it is at (sin 1, 1 - cos 1)."""
+    assert own_way(BASE, Twist2D(0.5, 0.0, 0.5), 5.0)[-1] == pytest.approx((math.sin(1.0), 1.0 - math.cos(1.0)))
+    assert own_way(BASE, Twist2D(0.1, 0.0, 1.0), 5.0)[-1] == pytest.approx((0.1, 0.1))  # a quarter turn at most
+    assert len(own_way(BASE, Twist2D(0.0, 0.0, 1.0), 5.0)) == 0

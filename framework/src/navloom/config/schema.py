@@ -87,10 +87,19 @@ class RobotTable(Table):
         return math.inf if given is None else math.radians(given)
 
 
+class OffsetTable(Table):
+    """How far the true start is from the one the robot believes in, along the axes of the map."""
+
+    x: float = Field(default=0.0, description="m")
+    y: float = Field(default=0.0, description="m")
+    heading_deg: float = Field(default=0.0, description="degrees, counter-clockwise")
+
+
 class WorldTable(Table):
     """Where a simulated robot is."""
 
     ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
+    start_offset: OffsetTable = Field(default=OffsetTable(), description="the true start less navigation.start")
 
 
 class MapTable(Table):
@@ -158,6 +167,7 @@ class NavigationTable(Table):
     look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
     corridor_margin: float = Field(default=0.04, ge=0.0, description="m, beside the robot's half width")
     handover: Literal["when_blocked", "always", "never"] = "when_blocked"
+    handover_own_way: bool = Field(default=True, description="it also looks along the way the robot takes next")
     handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
     stuck_after: Positive = Field(default=15.0, description="s without progress")
     max_recoveries: int = Field(default=3, ge=0)

@@ -28,7 +28,7 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.messages.kinds import brief
-from navloom.navigation.handover import HandOverRule
+from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
 from navloom.roles import (
     Avoider,
     AvoiderInput,
@@ -177,11 +177,18 @@ class ControllerNode:
 
 
 class AvoiderNode:
-    """Scans and the target to a velocity, and whether it is this one that drives."""
+    """Scans and the target to a velocity, and whether it is this one that drives.
 
-    def __init__(self, plugin: Avoider, rule: HandOverRule) -> None:
+    Args:
+        plugin: The avoider.
+        rule: Decides who drives.
+        look_ahead: How far that is looked for along the way the robot itself takes next, m; 0 for not at all.
+    """
+
+    def __init__(self, plugin: Avoider, rule: HandOverRule, look_ahead: float) -> None:
         self.plugin = plugin
         self.rule = rule
+        self.look_ahead = look_ahead
         self.scans = _ScanReader()
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
@@ -192,7 +199,9 @@ class AvoiderNode:
             tick.time_ns, scans, estimate, reference.target, reference.corridor, given["desired"].twist, ahead
         )
         answer = _expect(self.plugin.avoid(seen), Avoidance, "avoid")
-        handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor)
+        desired = given["desired"].twist
+        own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
+        handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor, own)
         return [
             ("command", Command(answer.twist)),
             ("status", AvoiderStatus(answer.status, answer.diagnostics)),
@@ -283,9 +292,9 @@ _NODES: dict[str, Callable[[Any], Node]] = {
 }
 
 
-def role_node(plugin: Role, rule: HandOverRule | None = None) -> Node:
-    """The node for a plugin; an avoider's needs the hand-over rule."""
+def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0) -> Node:
+    """The node for a plugin; an avoider's needs the hand-over rule and how far that looks along the robot's own way."""
     if isinstance(plugin, Avoider):
         assert rule is not None
-        return AvoiderNode(plugin, rule)
+        return AvoiderNode(plugin, rule, look_ahead)
     return _NODES[plugin.role](plugin)

@@ -9,12 +9,43 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages import HandOver, Pose2D, RangeScan
+from navloom.messages import HandOver, Pose2D, RangeScan, Twist2D
 from navloom.navigation.echoes import EchoMemory
 
-__all__ = ["HandOverRule"]
+__all__ = ["HandOverRule", "own_way"]
 
 Floats = NDArray[np.float64]
+
+NOWHERE = np.empty((0, 2))
+HORIZON = 2.0
+"""How far ahead in time the robot's own way is looked along, s."""
+OWN_STEP = 0.1
+"""Distance between two points of that way, m."""
+MOST_TURN = 0.5 * math.pi
+"""A command is not kept for longer than it takes to turn this far, rad."""
+
+
+def own_way(base: Pose2D, twist: Twist2D, reach: float) -> Floats:
+    """The way a robot takes if it keeps a velocity: an arc.
+
+    Args:
+        base: Robot in the map.
+        twist: Velocity asked for.
+        reach: Longest way, m.
+
+    Returns:
+        (k, 2) m, map frame, from the robot on; k = 0 where it does not drive forward.
+    """
+    if twist.vx <= 0.0:
+        return np.empty((0, 2))
+    length = min(reach, twist.vx * HORIZON)
+    if abs(twist.wz) * length > MOST_TURN * twist.vx:
+        length = MOST_TURN * twist.vx / abs(twist.wz)
+    along = np.linspace(0.0, length, max(2, math.ceil(length / OWN_STEP) + 1))
+    turn = along * (twist.wz / twist.vx)
+    chord = along * np.sinc(0.5 * turn / math.pi)
+    heading = base.heading + 0.5 * turn
+    return np.stack([base.x + chord * np.cos(heading), base.y + chord * np.sin(heading)], axis=1)
 
 
 class HandOverRule:
@@ -40,11 +71,14 @@ class HandOverRule:
         self.engaged = self.mode == "always"
         self._memory.clear()
 
-    def step(self, time: float, scans: Iterable[RangeScan], base: Pose2D, way: Floats, width: float) -> HandOver:
+    def step(
+        self, time: float, scans: Iterable[RangeScan], base: Pose2D, way: Floats, width: float, own: Floats = NOWHERE
+    ) -> HandOver:
         """Whether the avoider drives in this tick.
 
-        It engages when the strip along the trajectory is blocked. It releases when that and the straight strip to the
-        target have been free for a while, since the robot may by then be beside the trajectory.
+        It engages when the strip along the trajectory is blocked, or the one along the way that the robot itself takes
+        next, which differ where the robot is beside the trajectory. It releases when both and the straight strip to
+        the target have been free for a while.
 
         Args:
             time: Run time, s.
@@ -52,10 +86,13 @@ class HandOverRule:
             base: Robot in the map.
             way: (k, 2) the trajectory from the reference point to the target, m, map frame.
             width: Half width of the strip, m.
+            own: (k, 2) the way that the robot itself takes next, m, map frame; k = 0 for none.
         """
         for scan in scans:
             self._memory.add(scan, base, time)
         nearest = self._memory.nearest(base, way, width, time)
+        if len(own) > 1:
+            nearest = min(nearest, self._memory.nearest(base, own, width, time))
         if self.mode == "when_blocked":
             straight = np.array([(base.x, base.y), way[-1]]) if self.engaged else way
             if math.isfinite(nearest) or (

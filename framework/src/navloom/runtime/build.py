@@ -83,6 +83,16 @@ class System:
         return stop_after if authored is None else min(stop_after, authored)
 
     @property
+    def true_start(self) -> Pose2D:
+        """Where a simulated robot really starts, map frame; `start` is what it believes."""
+        table, start = self.config.world, self.start
+        if table is None:
+            return start
+        offset = table.start_offset
+        heading = math.remainder(start.heading + math.radians(offset.heading_deg), math.tau)
+        return Pose2D(start.x + offset.x, start.y + offset.y, heading)
+
+    @property
     def config(self) -> Config:
         """What holds."""
         return self.loaded.config
@@ -183,7 +193,7 @@ def make_plugins(
             period=config.run.period,
             robot=system.robot,
             stream=stream_source(config.run.seed, role, instance),
-            start=system.start,
+            start=system.true_start if role == "platform" else system.start,
             sensors=system.sensors if role == "platform" else (),
             world=system.world if role == "platform" else None,
             map=system.map if role in ("mapper", "localizer") else None,
@@ -225,7 +235,7 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
     nodes = {}
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
         rule = HandOverRule(rules.handover, rules.handover_release) if key[0] == "avoider" else None
-        nodes[key] = role_node(system.plugin(*key), rule)
+        nodes[key] = role_node(system.plugin(*key), rule, rules.look_ahead if rules.handover_own_way else 0.0)
     return nodes
 
 

@@ -33,7 +33,7 @@ def check_task(system: System) -> None:
 
 def check_places(system: System) -> None:
     """Refuse a start, or a goal of the config, that the robot cannot stand at in the true world. Raises ConfigError."""
-    start, goal = system.start, system.goal
+    start, goal = system.true_start, system.goal
     problem = place_problem(system, start.x, start.y, start.heading)
     if problem:
         raise ConfigError(f"navigation.start: {problem}")

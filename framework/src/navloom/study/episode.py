@@ -87,7 +87,7 @@ class Episode:
         system = self.system
         if system.world is None or system.goal is None:
             return None
-        start, goal = Place(system.start.x, system.start.y), Place(system.goal.x, system.goal.y)
+        start, goal = Place(system.true_start.x, system.true_start.y), Place(system.goal.x, system.goal.y)
         radius = inscribed_radius(system.robot.footprint)
         return optimal_length(system.world, start, goal, radius, system.robot.height)
 

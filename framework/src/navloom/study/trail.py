@@ -193,7 +193,7 @@ def optimal_of(system: System) -> float | None:
 
     if system.world is None or system.goal is None:
         return None
-    start, goal, radius = system.start, system.goal, inscribed_radius(system.robot.footprint)
+    start, goal, radius = system.true_start, system.goal, inscribed_radius(system.robot.footprint)
     key = (start.x, start.y, goal.x, goal.y, radius, system.robot.height)
     known = _OPTIMAL.setdefault(system.world, {})
     if key not in known:

@@ -195,8 +195,16 @@ class AvoiderNode:
         estimate, reference = given["pose"], given["reference"]
         scans = self.scans.read(given)
         ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
+        status = given["gate"]
         seen = AvoiderInput(
-            tick.time_ns, scans, estimate, reference.target, reference.corridor, given["desired"].twist, ahead
+            tick.time_ns,
+            scans,
+            estimate,
+            reference.target,
+            reference.corridor,
+            given["desired"].twist,
+            ahead,
+            1.0 if status is None else status.share,
         )
         answer = _expect(self.plugin.avoid(seen), Avoidance, "avoid")
         desired = given["desired"].twist

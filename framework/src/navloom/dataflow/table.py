@@ -101,6 +101,7 @@ def node_table(sensors: Sequence[str], wired: Mapping[str, Sequence[str]]) -> li
                 *scans("avoider"),
                 pose,
                 Input("reference", "reference", "reference"),
+                Input("gate", "gate", "status", delayed=True),
             ),
             ("command", "status", "handover"),
             cause="pose",

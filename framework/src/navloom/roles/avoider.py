@@ -23,6 +23,7 @@ class AvoiderInput:
         corridor: Half width of the strip to the target that must be free, m.
         desired: What the controller asks for.
         remaining: Distance still to drive after the target, m; 0 where the target is the goal.
+        share: Of the last command that the gate's monitor let through; 1 where it saw nothing in the way.
     """
 
     stamp_ns: int
@@ -32,6 +33,7 @@ class AvoiderInput:
     corridor: float
     desired: Twist2D
     remaining: float
+    share: float = 1.0
 
 
 class Avoider(Role):

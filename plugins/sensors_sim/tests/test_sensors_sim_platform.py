@@ -195,3 +195,20 @@ def test_bad_settings_are_refused_with_the_sensors_name(bench, kind, settings, p
     with pytest.raises(InputError, match="sensor eye") as error:
         bench(sensors=(("eye", kind, settings),))
     assert part in str(error.value)
+
+
+def test_dropped_and_stuck_beams(bench):
+    """A room without echoes would show nothing: a wall all round, of which 30 % of the beams say nothing."""
+    walls = (Box("ahead", (2.0, 2.2), (-3.0, 3.0)), Box("left", (-3.0, 3.0), (2.0, 2.2)))
+    laser = ("laser", "laser_2d", {"dropout": 0.3, "stuck_beam": 90, "stuck_range": 0.7})
+    rows = [bench(sensors=(laser,), obstacles=walls, seed=seed).step().scans["laser"].ranges for seed in range(40)]
+    whole = bench(sensors=(("laser", "laser_2d", {}),), obstacles=walls).step().scans["laser"].ranges
+    seen = np.isfinite(whole)
+    lost = np.mean([np.isinf(row[seen]).mean() for row in rows])
+    assert 0.25 < lost < 0.35
+    assert all(row[90] == 0.7 for row in rows)
+
+
+def test_a_stuck_beam_is_one_there_is():
+    with pytest.raises(ValidationError, match="expected one of 0 to 180"):
+        LaserSettings(stuck_beam=181)

@@ -65,10 +65,12 @@ class SensorsSim(Platform):
         self._robot = Robot(spec.footprint, spec.height, place, context.stream("odometry"))
         self.configure(self.params)
         self._tick, self._time_ns, self._swept = 0, 0, False
-        self._orders = Orders()
+        self._orders = Orders(round(self.params.dead_time * 1e9))
 
     def configure(self, params: SensorsSimParams) -> None:
         """Take new parameters: the robot stays where it is and drives on with them."""
+        if params.dead_time != self.params.dead_time:
+            self._orders = Orders(round(params.dead_time * 1e9))
         self.params, wheels = params, (self.context.robot.wheel_radius, self.context.robot.half_track)
         self._robot.configure(params.drive_constants(*wheels), params.odometry_constants(*wheels))
 

@@ -23,6 +23,7 @@ class SensorsSimParams(Params):
     max_wheel_speed: float = Field(20.0, gt=0.0, le=1000.0, description="Highest wheel speed, rad/s.")
     motor_time_constant: float = Field(0.0, ge=0.0, le=5.0, description="First-order lag of a wheel, s; 0 is none.")
     max_wheel_acceleration: float = Field(0.0, ge=0.0, le=1e5, description="Wheel acceleration, rad/s²; 0 is no limit.")
+    dead_time: float = Field(0.0, ge=0.0, le=2.0, description="From a command to the wheels, s.")
     odometry_right_radius_error: float = Field(
         0.0, gt=-0.5, lt=0.5, description="Right wheel radius odometry believes in over nominal, less 1."
     )
@@ -99,10 +100,15 @@ class LaserSettings(_Mounted):
     range_min: float = Field(0.05, ge=0.0, le=10.0, description="Nearer returns read this, m.")
     range_max: float = Field(30.0, gt=0.0, le=1000.0, description="Further returns are none, m.")
     sigma: float = Field(0.01, ge=0.0, le=1.0, description="Standard deviation of a range, m.")
+    dropout: float = Field(0.0, ge=0.0, le=1.0, description="Probability that a beam gives no echo.")
+    stuck_beam: int | None = Field(None, ge=0, lt=10_000, description="Beam that always reads `stuck_range`; none: no.")
+    stuck_range: float = Field(0.5, ge=0.0, le=1000.0, description="What a stuck beam reads, m.")
     rate_hz: float | None = Field(None, gt=0.0, le=10_000.0, description="Scans a second, Hz; none: one a tick.")
 
     @model_validator(mode="after")
     def _ranges_rise(self) -> LaserSettings:
+        if self.stuck_beam is not None and self.stuck_beam >= self.beams:
+            raise ValueError(f"stuck_beam = {self.stuck_beam}, expected one of 0 to {self.beams - 1}")
         return _check_ranges(self, self.range_min, self.range_max)
 
 
@@ -121,6 +127,7 @@ class SonarSettings(Params):
     critical_angle_deg: float | None = Field(
         None, gt=0.0, lt=90.0, description="Incidence beyond which a ray is reflected away, degrees; none: never."
     )
+    dropout: float = Field(0.0, ge=0.0, le=1.0, description="Probability that a sonar gives no echo.")
     crosstalk: float = Field(
         0.0, ge=0.0, le=1.0, description="Probability of crosstalk a reading and pair of neighbours."
     )

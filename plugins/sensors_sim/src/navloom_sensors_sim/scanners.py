@@ -72,6 +72,12 @@ def freeze(array: Floats) -> Floats:
     return array
 
 
+def _drop(ranges: Floats, share: float, rng: np.random.Generator) -> None:
+    """Take the echo of each beam away with a probability; no draw is made where that is 0."""
+    if share > 0.0:
+        ranges[rng.random(len(ranges)) < share] = math.inf
+
+
 class LaserScanner:
     """A planar laser; all beams are taken at once, at the end of the tick."""
 
@@ -95,6 +101,10 @@ class LaserScanner:
         normals, ranges = self._rng.standard_normal(count), np.empty(count)
         rays = (self._origins, self._directions)
         read_laser(moment.state, *rays, moment.obstacles, self._options, normals, ranges)
+        if s.noise:
+            _drop(ranges, s.dropout, self._rng)
+            if s.stuck_beam is not None:
+                ranges[s.stuck_beam] = s.stuck_range
         beams = (self._places, self._bearings, self._zeros, self._zeros)
         return moment.end_ns, *beams, freeze(ranges), s.range_min, s.range_max
 
@@ -121,5 +131,7 @@ class SonarRing:
         draws, ranges = (self._rng.standard_normal(count), self._rng.random((count, 3))), np.empty(count)
         rays = (self._origins, self._directions)
         read_cones(moment.state, *rays, moment.obstacles, self._options, self._closed, *draws, ranges)
+        if s.noise:
+            _drop(ranges, s.dropout, self._rng)
         beams = (self._places, self._bearings, self._halves, self._zeros)
         return moment.end_ns, *beams, freeze(ranges), s.range_min, s.range_max

@@ -127,6 +127,7 @@ class Monitor:
             [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
         )
         self._rolled = np.empty((MOST_POSES, 3))
+        self._is_free = True
 
     def move(self, odometry: Odometry) -> None:
         """Take up where the robot is by its odometry."""
@@ -144,7 +145,8 @@ class Monitor:
         self._twist[:] = odometry.twist.vx, odometry.twist.wz
         if len(self._stamps) > 512:
             del self._stamps[:256], self._poses[:256], self._ways[:256]
-        self._seen.stand(np.array(self._poses[-1]), way)
+        if self._is_free:  # else a robot that is held slides on bit by bit, and each bit would be known
+            self._seen.stand(np.array(self._poses[-1]), way)
         waiting, self._waiting = self._waiting, []
         for name, scan in waiting:
             self.look(name, scan)
@@ -234,6 +236,11 @@ class Monitor:
             speed: Forward speed of the command before, m/s: it falls by no more than the deceleration allows.
             time: Run time, s.
         """
+        verdict = self._judge(twist, speed, time)
+        self._is_free = verdict.kind != "unseen"
+        return verdict
+
+    def _judge(self, twist: Twist2D, speed: float, time: float) -> Verdict:
         if not self._stamps or (twist.vx == 0.0 and twist.wz == 0.0 and speed == 0.0):
             return Verdict(twist)
         age = max(0.0, time - self._stamps[-1])

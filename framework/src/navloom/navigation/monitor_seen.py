@@ -24,6 +24,8 @@ REACH = 3.0
 """How far from the sensor space is written down, m."""
 SLACK = 0.1
 """Space this near to space that was seen counts as seen, m: between two cones of a ring nothing is."""
+FURTHER = 1e-4
+"""Motion into unknown space that is no more than rounding, m."""
 NEVER = -1e9
 
 
@@ -41,7 +43,7 @@ class SeenSpace:
         self._free = np.full((SIZE, SIZE), NEVER)
         self._stood = np.full((SIZE, SIZE), NEVER)
         self._looked = np.full((SIZE, SIZE), NEVER)
-        self.rim = _rim(footprint)
+        self.rim, self.outward = _rim(footprint)
         self._radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
         self._has_begun = False
 
@@ -70,22 +72,26 @@ class SeenSpace:
     def first_unseen(self, poses: Floats, count: int, base: Floats, time: float, way: float) -> int:
         """Which pose of a roll-out is the first to enter unknown space; -1 for none.
 
+        Where the footprint reaches into it already, only what takes it further in counts.
+
         Args:
             poses: (count or more, 3) in the base frame of `base`.
             base: (3,) in the odometry frame.
             time: s; way: m.
         """
         since = (way - self.memory, time - self.fresh)
-        return int(_first_unseen(self._free, self._stood, self._looked, self.rim, poses, count, base, *since))
+        known = (self._free, self._stood, self._looked)
+        return int(_first_unseen(*known, self.rim, self.outward, poses, count, base, *since))
 
 
-def _rim(footprint: Floats) -> Floats:
-    """(k, 2) points on the outline, at most a cell apart, m."""
+def _rim(footprint: Floats) -> tuple[Floats, Floats]:
+    """(k, 2) points on the outline, at most a cell apart, m, and (k, 2) unit directions away from the origin."""
     points = []
     for start, end in zip(footprint, np.roll(footprint, -1, axis=0), strict=True):
         steps = max(1, math.ceil(math.dist(start, end) / CELL))
         points += [start + (end - start) * k / steps for k in range(steps)]
-    return np.array(points)
+    rim = np.array(points)
+    return rim, rim / np.hypot(rim[:, 0], rim[:, 1])[:, None]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -134,10 +140,28 @@ def _look(free, looked, poses, origins, bearings, half_angles, ranges, limits, a
                     free[row, column] = NEVER
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_unknown(free, stood, looked, x, y, since_way, since_time):  # type: ignore[no-untyped-def]
+    row, column = _cell(y), _cell(x)
+    if looked[row, column] >= since_time or max(free[row, column], stood[row, column]) >= since_way:
+        return False
+    if free[row, column] == NEVER and looked[row, column] > NEVER:
+        return True
+    return (
+        free[row, _cell(x + SLACK)] < since_way
+        and free[row, _cell(x - SLACK)] < since_way
+        and free[_cell(y + SLACK), column] < since_way
+        and free[_cell(y - SLACK), column] < since_way
+    )
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _first_unseen(free, stood, looked, rim, poses, count, base, since_way, since_time):  # type: ignore[no-untyped-def]
+def _first_unseen(  # type: ignore[no-untyped-def]
+    free, stood, looked, rim, outward, poses, count, base, since_way, since_time
+):
+    starts, began = np.empty((rim.shape[0], 2)), np.zeros(rim.shape[0], np.bool_)
     cos_base, sin_base = math.cos(base[2]), math.sin(base[2])
-    for place in range(1, count):
+    for place in range(count):
         heading = base[2] + poses[place, 2]
         x = base[0] + cos_base * poses[place, 0] - sin_base * poses[place, 1]
         y = base[1] + sin_base * poses[place, 0] + cos_base * poses[place, 1]
@@ -145,16 +169,13 @@ def _first_unseen(free, stood, looked, rim, poses, count, base, since_way, since
         for i in range(rim.shape[0]):
             px = x + cos * rim[i, 0] - sin * rim[i, 1]
             py = y + sin * rim[i, 0] + cos * rim[i, 1]
-            row, column = _cell(py), _cell(px)
-            if looked[row, column] >= since_time or max(free[row, column], stood[row, column]) >= since_way:
-                continue
-            if free[row, column] == NEVER and looked[row, column] > NEVER:
-                return place
-            if (
-                free[row, _cell(px + SLACK)] < since_way
-                and free[row, _cell(px - SLACK)] < since_way
-                and free[_cell(py + SLACK), column] < since_way
-                and free[_cell(py - SLACK), column] < since_way
-            ):
-                return place
+            is_unknown = _is_unknown(free, stood, looked, px, py, since_way, since_time)
+            if place == 0:
+                starts[i, 0], starts[i, 1], began[i] = px, py, is_unknown
+            elif is_unknown:
+                dx, dy = px - starts[i, 0], py - starts[i, 1]
+                away_x = cos_base * outward[i, 0] - sin_base * outward[i, 1]
+                away_y = sin_base * outward[i, 0] + cos_base * outward[i, 1]
+                if not began[i] or dx * away_x + dy * away_y > FURTHER:
+                    return place
     return -1

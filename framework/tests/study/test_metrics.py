@@ -51,7 +51,7 @@ def trail(
         "time": at, "x": x[pick], "y": y[pick], "heading": np.remainder(heading[pick] + math.pi, math.tau) - math.pi,
         "vx": v(at), "wz": w(at), "clearance": clearance(at), "cross_track": cross(at), "command_vx": v(at),
         "command_wz": w(at), "engaged": at >= 0.75 * duration, "stopped_by_gate": at < 0.0,
-        "tick_ns": np.full(at.size, 1000),
+        "tick_ns": np.full(at.size, 1000), "pose_error": np.abs(cross(at)),
     }  # fmt: skip
     scalars: dict[str, Any] = {
         "outcome": "succeeded", "reason": "", "touches": 0, "recoveries": 0, "gate_stops": 0, "period": period,
@@ -174,6 +174,9 @@ AT_MOST = {
     "clearance_min": 0.01,
     "clearance_p5": 0.01,
     "cross_track_max": 0.01,
+    "pose_error_rms": 0.01,
+    "pose_error_p95": 0.02,
+    "pose_error_max": 0.01,
 }
 """The same in the metric's own unit."""
 

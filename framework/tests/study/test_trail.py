@@ -65,6 +65,22 @@ def test_the_metrics_agree_with_the_summary_of_the_run(toy: Episode) -> None:
     assert found["success"] == 1.0 and found["collisions"] == summary["collisions"] == 0
 
 
+def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) -> None:
+    """A robot that is 1 m to the left of where it believes to be arrives 1 m beside its goal."""
+    episode = run_episode(toy_config(tmp_path), discovery=discovery())
+    moved = [(t, x, y + 1.0, *rest) for t, x, y, *rest in episode.recorder.truth]
+    episode.recorder.truth[:] = moved
+    trail, summary = trail_of(episode), episode.summary()
+    assert episode.result.outcome == "succeeded" and trail.outcome == "false_success"
+    assert "from the goal in truth" in trail.reason and not trail.succeeded
+    found = measure(trail)
+    assert (found["success"], found["false_success"], summary["truly_reached"]) == (0.0, 1.0, False)
+    assert summary["outcome"] == "succeeded" and summary["goal_error_m"] == pytest.approx(
+        math.hypot(1.0, 0.2), abs=0.03
+    )
+    assert found["pose_error_max"] == pytest.approx(1.0) and summary["pose_error_m"]["rms"] == pytest.approx(1.0)
+
+
 def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> None:
     events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 5.0\ndo = "resume"\n'
     trail = trail_of(run_episode(toy_config(tmp_path, more=events), discovery=discovery()))

@@ -21,11 +21,13 @@ LABELS = {
     "plan_length_m": "plan, before pruning, m",
     "path_length_m": "driven, m",
     "optimal_length_m": "shortest possible, m",
+    "goal_error_m": "from the goal, in truth, m",
     "min_clearance_m": "least clearance, m",
     "cross_track_rms_m": "cross-track rms, m",
     "cross_track_max_m": "cross-track max, m",
     "collisions": "collisions",
     "recoveries": "recoveries",
+    "gate_limits": "slowed by the gate's monitor",
     "sim_time_s": "robot time, s",
     "wall_s": "computed in, s",
     "trace_sha256": "trace",
@@ -81,7 +83,12 @@ def run(
             print_json(summary)
         else:
             print_summary(episode, summary, out, folder.names)
-    raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
+    raise typer.Exit(0 if is_reached(summary) else 1)
+
+
+def is_reached(summary: Mapping[str, Any]) -> bool:
+    """The goal was reached: the robot says so, and so does the ground truth where there is one."""
+    return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
 
 
 @contextmanager
@@ -143,8 +150,16 @@ def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, ke
     from navloom.cli.output import print_table
 
     rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items() if summary[key] is not None]
+    if summary["pose_error_m"] is not None:
+        error = summary["pose_error_m"]
+        rows.append(("pose error rms, p95, max, m", f"{error['rms']:.3g}, {error['p95']:.3g}, {error['max']:.3g}"))
     end = episode.result.place
-    typer.echo(f"{summary['outcome']}: {summary['reason']}, at ({end.x:.2f}, {end.y:.2f})")
+    told = f"{summary['outcome']}: {summary['reason']}"
+    if summary["outcome"] == "succeeded" and summary["truly_reached"] is False:
+        told = episode.trail.reason
+    typer.echo(f"{told}, at ({end.x:.2f}, {end.y:.2f})")
+    if summary["truly_reached"] is None:
+        typer.echo("no ground truth: whether the robot is where it says is not known")
     print_table(("", ""), rows)
     if summary["shadows"]:
         _print_shadows(summary["shadows"])

@@ -14,7 +14,7 @@ import typer
 
 from navloom.cli.config import ConfigName
 from navloom.cli.live_options import RobotName
-from navloom.cli.run import print_summary
+from navloom.cli.run import is_reached, print_summary
 
 __all__ = ["down", "up"]
 
@@ -66,7 +66,7 @@ def up(
     episode = _live(loaded, host, insecure, record, as_json)
     if episode is not None and as_json:
         print_json(episode.summary())
-    reached = episode is None or episode.result.outcome == "succeeded"
+    reached = episode is None or episode.trail.succeeded
     raise typer.Exit(0 if reached else 1)
 
 
@@ -136,7 +136,7 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
         print_json(summary)
     else:
         print_summary(episode, summary, out, folder.names)
-    raise typer.Exit(0 if summary["outcome"] == "succeeded" else 1)
+    raise typer.Exit(0 if is_reached(summary) else 1)
 
 
 def _beside(record: Path | None, say: Callable[[str], None]) -> Callable[[Any], Any] | None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import IO, Any
 
 import numpy as np
 
 from navloom.config import Loaded
-from navloom.geometry.footprints import inscribed_radius
-from navloom.geometry.world import Place
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
 from navloom.runtime.build import System, assemble, make_plugins
@@ -19,10 +18,18 @@ from navloom.runtime.checks import check_task
 from navloom.runtime.executor import lockstep_of
 from navloom.runtime.lockstep import Observer, RunLog
 from navloom.runtime.trace import TraceWriter
+from navloom.study import measures
 from navloom.study.recorder import Recorder
 from navloom.study.shadows import Disagreement, ShadowWatch
+from navloom.study.trail import Trail, trail_of
 
 __all__ = ["Episode", "run_episode"]
+
+POSE_ERRORS = {
+    "rms": measures.pose_error_rms,
+    "p95": measures.pose_error_p95,
+    "max": measures.pose_error_max,
+}
 
 
 @dataclass(eq=False)
@@ -48,10 +55,9 @@ class Episode:
 
     def summary(self) -> dict[str, Any]:
         """The object `run --json` prints. SI units; times in ms and µs where the name says so."""
-        log, recorder, result = self.log, self.recorder, self.result
-        optimal = self._optimal_length()
-        driven = recorder.path_length
-        reached = result.outcome == "succeeded"
+        log, recorder, result, trail = self.log, self.recorder, self.result, self.trail
+        optimal, driven = trail.optimal, recorder.path_length
+        errors = {name: measure(trail) for name, measure in POSE_ERRORS.items()}
         tick_us = np.array(log.tick_ns) * 1e-3
         cross = np.abs(np.array(recorder.cross_tracks))
         return {
@@ -67,7 +73,10 @@ class Episode:
             "plan_length_m": recorder.plans[0].length if recorder.plans else None,
             "path_length_m": driven,
             "optimal_length_m": optimal,
-            "spl": None if optimal is None else (optimal / max(driven, optimal, 1e-9) if reached else 0.0),
+            "truly_reached": trail.succeeded if trail.has_truth and trail.goal_distance is not None else None,
+            "goal_error_m": trail.goal_distance if trail.has_truth else None,
+            "pose_error_m": None if errors["rms"] is None else errors,
+            "spl": None if optimal is None else (optimal / max(driven, optimal, 1e-9) if trail.succeeded else 0.0),
             "min_clearance_m": recorder.min_clearance,
             "cross_track_rms_m": math.sqrt(float((cross**2).mean())) if cross.size else None,
             "cross_track_max_m": float(cross.max()) if cross.size else None,
@@ -81,15 +90,10 @@ class Episode:
             "shadows": [one.summary() for one in self.shadows],
         }
 
-    def _optimal_length(self) -> float | None:
-        from navloom.geometry.shortest import optimal_length
-
-        system = self.system
-        if system.world is None or system.goal is None:
-            return None
-        start, goal = Place(system.true_start.x, system.true_start.y), Place(system.goal.x, system.goal.y)
-        radius = inscribed_radius(system.robot.footprint)
-        return optimal_length(system.world, start, goal, radius, system.robot.height)
+    @cached_property
+    def trail(self) -> Trail:
+        """The episode as the metrics see it."""
+        return trail_of(self)
 
 
 def run_episode(

@@ -11,12 +11,40 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.study.trail import Trail
+from navloom.study.trail import FALSE_SUCCESS, Trail
 
-__all__ = ["DEAD_BAND", "JERK_WINDOW", "LEAST_WAY", "STILL_SPEED", "STILL_TURN", "avoider_share", "barn_2_8",
-           "barn_4_8", "clearance_min", "clearance_p5", "collisions", "cross_track_max", "cross_track_rms",
-           "danger_share", "gate_stops", "goal_distance", "integrated_jerk", "path_length", "recoveries", "spl",
-           "steering_flips_per_metre", "stopped_time", "success", "time_to_goal", "turning_per_metre"]  # fmt: skip
+__all__ = [
+    "DEAD_BAND",
+    "JERK_WINDOW",
+    "LEAST_WAY",
+    "STILL_SPEED",
+    "STILL_TURN",
+    "avoider_share",
+    "barn_2_8",
+    "barn_4_8",
+    "clearance_min",
+    "clearance_p5",
+    "collisions",
+    "cross_track_max",
+    "cross_track_rms",
+    "danger_share",
+    "false_success",
+    "gate_limits",
+    "gate_stops",
+    "goal_distance",
+    "integrated_jerk",
+    "path_length",
+    "pose_error_max",
+    "pose_error_p95",
+    "pose_error_rms",
+    "recoveries",
+    "spl",
+    "steering_flips_per_metre",
+    "stopped_time",
+    "success",
+    "time_to_goal",
+    "turning_per_metre",
+]
 
 Floats = NDArray[np.float64]
 
@@ -35,8 +63,31 @@ _JERK_STEPS = 8
 
 
 def success(trail: Trail) -> float:
-    """1 where the goal was reached, else 0."""
+    """1 where the goal was reached, in truth where truth is known, else 0."""
     return float(trail.succeeded)
+
+
+def false_success(trail: Trail) -> float | None:
+    """1 where the robot said that it had arrived and had not, else 0."""
+    return float(trail.outcome == FALSE_SUCCESS) if trail.has_truth else None
+
+
+def pose_error_rms(trail: Trail) -> float | None:
+    """Root mean square over the ticks of the distance between the estimated and the true position, m."""
+    known = _known(trail.pose_error)
+    return math.sqrt(float((known**2).mean())) if known.size else None
+
+
+def pose_error_p95(trail: Trail) -> float | None:
+    """95th percentile over the ticks of the same distance, m."""
+    known = _known(trail.pose_error)
+    return float(np.percentile(known, 95)) if known.size else None
+
+
+def pose_error_max(trail: Trail) -> float | None:
+    """Largest distance between the estimated and the true position, m."""
+    known = _known(trail.pose_error)
+    return float(known.max()) if known.size else None
 
 
 def spl(trail: Trail) -> float | None:
@@ -173,6 +224,11 @@ def recoveries(trail: Trail) -> float:
 def gate_stops(trail: Trail) -> float:
     """How often the gate stopped a driving robot."""
     return float(trail.gate_stops)
+
+
+def gate_limits(trail: Trail) -> float:
+    """How often the gate's monitor began to slow or stop the robot."""
+    return float(trail.gate_limits)
 
 
 def collisions(trail: Trail) -> float:

@@ -94,7 +94,10 @@ def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
 _COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
 
 METRICS: tuple[Metric, ...] = (
-    Metric("success", "1", "higher", measures.success, "1 where the goal was reached, else 0."),
+    Metric(
+        "success", "1", "higher", measures.success,
+        "1 where the goal was reached, by the ground truth where there is one, else 0.",
+    ),
     Metric(
         "spl", "1", "higher", measures.spl,
         "Success weighted by path length: optimal / max(driven, optimal), 0 for a failure. "
@@ -170,5 +173,23 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "collisions", "1", "lower", measures.collisions,
         "How often a contact began; at least 1 where the outcome is collision.",
+    ),
+    Metric(
+        "false_success", "1", "lower", measures.false_success,
+        "1 where the robot said that it had arrived and was further from the goal than its tolerance plus 0.1 m. "
+        "Undefined without ground truth.",
+    ),
+    Metric(
+        "pose_error_rms", "m", "lower", measures.pose_error_rms,
+        "Root mean square of how far the robot was from where it took itself to be. Undefined without ground truth.",
+    ),
+    Metric(
+        "pose_error_p95", "m", "lower", measures.pose_error_p95,
+        "95th percentile of the same distance. Undefined likewise.",
+    ),
+    Metric("pose_error_max", "m", "lower", measures.pose_error_max, "Largest such distance. Undefined likewise."),
+    Metric(
+        "gate_limits", "1", "lower", measures.gate_limits,
+        "How often the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
     ),
 )  # fmt: skip

@@ -15,7 +15,9 @@ from navloom.messages import (
     HandOver,
     MapUpdate,
     Message,
+    OperatorRequest,
     Path,
+    PoseEstimate,
     RecoveryRequest,
     Reference,
     StepRecord,
@@ -45,6 +47,8 @@ class Recorder:
         trajectories: Every trajectory.
         map: The newest map of the mapper in charge.
         recoveries: Attempts.
+        estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
+        goals: (x m, y m) of each goal by its number.
     """
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
@@ -58,6 +62,8 @@ class Recorder:
             ("avoider", "handover"),
             ("gate", "command"),
             ("gate", "status"),
+            ("localizer", "pose"),
+            ("operator", "request"),
         }
     )
     wants_steps: bool = False
@@ -76,6 +82,8 @@ class Recorder:
     trajectories: list[Trajectory] = field(default_factory=list)
     map: MapUpdate | None = None
     recoveries: int = 0
+    estimates: list[tuple[float, float, float, float]] = field(default_factory=list)
+    goals: dict[int, tuple[float, float]] = field(default_factory=dict)
     _touching: bool = False
     _least: float = math.inf
 
@@ -85,6 +93,12 @@ class Recorder:
             return
         if isinstance(message, Truth):
             self._keep_truth(message, at.stamp_ns * 1e-9)
+        elif isinstance(message, PoseEstimate):
+            pose = message.pose
+            self.estimates.append((message.stamp_ns * 1e-9, pose.x, pose.y, pose.heading))
+        elif isinstance(message, OperatorRequest):
+            if message.goal is not None:
+                self.goals[message.goal.goal_id] = (message.goal.x, message.goal.y)
         elif isinstance(message, Command):
             self.commands.append((at.stamp_ns * 1e-9, message.twist.vx, message.twist.wz))
         elif isinstance(message, Reference):

@@ -14,6 +14,7 @@ from navloom.study.report_data import StudyFiles, read_study
 from navloom.study.report_openloop import open_loop_data, over_time_figure, shadow_summary, spread_figure
 from navloom.study.report_tables import Table
 from navloom.study.statistics import THESE_WORLDS
+from navloom.study.trail import FALSE_SUCCESS
 
 __all__ = ["Report", "build_report", "write_report"]
 
@@ -135,6 +136,14 @@ def _in_short(study: StudyFiles) -> Part:
             line += _against(study, method)
         told.append(line)
     part.points(told)
+    false = {method: found.outcomes[method].get(FALSE_SUCCESS, 0) for method in study.methods}
+    if any(false.values()):
+        counts = ", ".join(f"{count} of {total} with {method}" for method, count in false.items() if count)
+        part.say(
+            f"False successes: {counts}. The robot said that it had arrived, and the ground truth says that it had "
+            "not; they count as failures.",
+            "note",
+        )
     names = [metric for metric in map(study.metric, HEADLINES) if metric is not None]
     rows = []
     for method in study.methods:

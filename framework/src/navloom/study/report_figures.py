@@ -12,6 +12,7 @@ from navloom.messages import OUTCOMES
 from navloom.study.metrics import Metric
 from navloom.study.plotting import GREY, OKABE_ITO, new_figure, styled
 from navloom.study.report_data import StudyFiles
+from navloom.study.trail import FALSE_SUCCESS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +24,7 @@ WIDTH = 180.0
 COLOURS = {
     "succeeded": "#009E73", "collision": "#D55E00", "stuck": "#E69F00", "timeout": "#F0E442", "no_path": "#56B4E9",
     "rejected": "#0072B2", "error": "#333333", "stopped": "#CC79A7", "cancelled": "#B5B5B5",
+    FALSE_SUCCESS: "#882255",
 }  # fmt: skip
 SPREAD = ("spl", "time", "clearance_min", "cross_track_rms", "turning", "jerk")
 DIFFERENCES = (
@@ -53,14 +55,14 @@ def outcome_figure(study: StudyFiles) -> Figure:
     with styled():
         left = np.zeros(len(methods))
         totals = np.array([max(1, sum(counts[method].values())) for method in methods], dtype=np.float64)
-        for kind in OUTCOMES:
+        for kind in (*OUTCOMES, FALSE_SUCCESS):
             share = np.array([counts[method].get(kind, 0) for method in methods]) / totals
             if not share.any():
                 continue
             axes.barh(methods, share, left=left, color=COLOURS[kind], label=kind, edgecolor="white", linewidth=0.6)
             for k, method in enumerate(methods):
                 if share[k] > 0.03:
-                    dark = kind in ("succeeded", "collision", "rejected", "error")
+                    dark = kind in ("succeeded", "collision", "rejected", "error", FALSE_SUCCESS)
                     axes.text(
                         left[k] + 0.5 * share[k], k, str(counts[method][kind]), ha="center", va="center", fontsize=7,
                         color="white" if dark else "black",

@@ -15,7 +15,7 @@ from navloom.plugins.registry import nearest
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import Metric, all_metrics, timing
 from navloom.study.tracks import encoded
-from navloom.study.trail import Trail, lost_trail, optimal_of, trail_of
+from navloom.study.trail import Trail, lost_trail, optimal_of
 from navloom.study.worldset import CachedDiscovery, placed
 
 __all__ = ["EpisodeKey", "Row", "Task", "episode_row", "lost_row"]
@@ -117,7 +117,7 @@ def episode_row(task: Task, progress: Progress = lambda: None) -> Row:
             loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress()
         )
         progress()
-        trail = trail_of(episode)
+        trail = episode.trail
         row = _row(task, trail, episode.log.trace_sha256, perf_counter() - started)
         return _with_track(row, trail, episode)
     except (Exception, SystemExit) as error:

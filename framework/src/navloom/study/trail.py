@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -13,16 +13,22 @@ from numpy.typing import NDArray
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.overlap import overlap_depth
 from navloom.geometry.world import Place, World
+from navloom.messages import GoalResult
 
 if TYPE_CHECKING:
     from navloom.runtime.build import System
     from navloom.study.episode import Episode
     from navloom.study.recorder import Recorder
 
-__all__ = ["Trail", "lost_trail", "optimal_of", "trail_of"]
+__all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "lost_trail", "optimal_of", "trail_of"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+FALSE_SUCCESS = "false_success"
+"""Outcome of an episode whose robot said that it had arrived where it had not."""
+TRUTH_MARGIN = 0.1
+"""How much further than the goal's tolerance a robot that arrived may be from the goal in truth, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +45,8 @@ class Trail:
         command_vx, command_wz: The gate's command, m/s, rad/s; 0 before the first.
         engaged: The avoider drives.
         stopped_by_gate: The gate commands zero for another reason than that there is no trajectory.
-        outcome, reason: How the last goal ended: one of `navloom.messages.OUTCOMES`, and one phrase.
+        outcome, reason: How the last goal ended: one of `navloom.messages.OUTCOMES`, and one phrase; `FALSE_SUCCESS`
+            where the robot said that it had arrived and the ground truth says that it had not.
         touches: How often a contact began.
         recoveries: Attempts.
         gate_stops: How often the gate stopped a driving robot.
@@ -51,6 +58,9 @@ class Trail:
         max_deceleration: Of the robot, m/s².
         reaction: Longest time a command may go on that nothing has renewed, s: the gate's `stop_deadline`.
         tick_ns: Wall time of each control step, ns: not reproducible, so no metric may use it.
+        pose_error: How far the robot took itself to be from where it was, m; NaN where it said nothing or no truth is
+            known. Empty stands for NaN throughout.
+        gate_limits: How often the gate's monitor began to slow or stop the robot.
     """
 
     time: Floats
@@ -78,11 +88,18 @@ class Trail:
     max_deceleration: float
     reaction: float
     tick_ns: NDArray[np.int64]
+    pose_error: Floats = field(default_factory=lambda: np.empty(0))
+    gate_limits: int = 0
 
     @property
     def succeeded(self) -> bool:
-        """The goal was reached."""
+        """The goal was reached, in truth where truth is known."""
         return self.outcome == "succeeded"
+
+    @property
+    def has_truth(self) -> bool:
+        """It is known where the robot really was."""
+        return bool(self.time.size)
 
     @property
     def duration(self) -> float:
@@ -108,7 +125,9 @@ def trail_of(episode: Episode) -> Trail:
     commands = np.array(recorder.commands, dtype=np.float64).reshape(-1, 3)
     references = np.array(recorder.reference_times, dtype=np.float64)
     end = (truth[-1, 1], truth[-1, 2]) if len(truth) else (result.place.x, result.place.y)
-    goal = system.goal
+    goal = recorder.goals.get(result.goal_id) or (None if system.goal is None else (system.goal.x, system.goal.y))
+    goal_distance = None if goal is None else math.hypot(goal[0] - end[0], goal[1] - end[1])
+    outcome, reason = _truly(result, goal_distance if len(truth) else None, system.goal_tolerance)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -122,19 +141,21 @@ def trail_of(episode: Episode) -> Trail:
         command_wz=_held(time, commands[:, 0], commands[:, 2]),
         engaged=_switched(time, recorder.engaged),
         stopped_by_gate=_switched(time, recorder.gate_stopped),
-        outcome=result.outcome,
-        reason=result.reason,
+        outcome=outcome,
+        reason=reason,
         touches=recorder.touches,
         recoveries=recorder.recoveries,
         gate_stops=log.gate_stops,
         period=config.run.period,
         optimal=optimal_of(system),
-        goal_distance=None if goal is None else math.hypot(goal.x - end[0], goal.y - end[1]),
+        goal_distance=goal_distance,
         limit=system.time_limit,
         max_linear=system.robot.max_linear,
         max_deceleration=system.robot.max_deceleration,
         reaction=config.gate.stop_deadline,
         tick_ns=np.array(log.control_ns or log.tick_ns, dtype=np.int64),
+        pose_error=_pose_error(truth, recorder),
+        gate_limits=log.gate_limits,
     )
 
 
@@ -211,6 +232,20 @@ def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
             depth = overlap_depth(system.robot.footprint, Place(x, y, heading), system.world, name, time)
             clearance[row] = -depth if depth > 0.0 else 0.0
     return clearance
+
+
+def _truly(result: GoalResult, distance: float | None, tolerance: float) -> tuple[str, str]:
+    """Outcome and reason; where a robot says that it has arrived, its true distance from the goal, m, decides."""
+    if result.outcome != "succeeded" or distance is None or distance <= tolerance + TRUTH_MARGIN:
+        return result.outcome, result.reason
+    return FALSE_SUCCESS, f"succeeded by its own belief, {distance:.1f} m from the goal in truth"
+
+
+def _pose_error(truth: Floats, recorder: Recorder) -> Floats:
+    """(n,) distance between the pose estimated for each tick and the true one, m."""
+    said = np.array(recorder.estimates, dtype=np.float64).reshape(-1, 4)
+    time = truth[:, 0]
+    return np.hypot(_at(time, said[:, 0], said[:, 1]) - truth[:, 1], _at(time, said[:, 0], said[:, 2]) - truth[:, 2])
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:

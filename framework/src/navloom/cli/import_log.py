@@ -49,12 +49,18 @@ def import_log(
 
 
 def replay_imported(
-    recording: Any, stand_ins: dict[str, str], changes: Sequence[str], out: Path | None, as_json: bool
+    recording: Any,
+    stand_ins: dict[str, str],
+    changes: Sequence[str],
+    out: Path | None,
+    as_json: bool,
+    map_ref: str | None = None,
+    start: str | None = None,
 ) -> None:
     """`navloom replay` of an imported log: the plugins asked for on what it holds."""
     from navloom.cli.output import print_json, stage
     from navloom.config import ConfigError
-    from navloom.study.log_replay import replay_log
+    from navloom.study.log_replay import place_in_map, replay_log
     from navloom.study.substitutes import substitute_config
 
     if not stand_ins:
@@ -62,6 +68,8 @@ def replay_imported(
             "an imported log has no steps to replay: name what to try on it, as --mapper scan_grid or --avoider vff"
         )
     loaded = recording.header.loaded()
+    if map_ref is not None or start is not None:
+        loaded = place_in_map(recording, loaded, map_ref, None if start is None else _start(start))
     for role, name in stand_ins.items():
         loaded = substitute_config(loaded, role, name, changes)
     with stage(as_json) as (say, _):
@@ -85,8 +93,15 @@ def _tell(found: Any, summary: dict[str, Any]) -> None:
     typer.echo(f"{summary['seconds']:.1f} s, {summary['driven_m']:.1f} m driven, {summary['ticks']} ticks")
     if "map" in summary:
         print_table(("map", ""), list(summary["map"].items()))
-    elif found.avoider is None:
+    elif found.has_mapper:
         typer.echo("no map: the mapper published none")
+    if "localizer" in summary:
+        given = summary["localizer"]
+        typer.echo(f"localizer {given['instance']}: {given['poses']} poses, beside the recorded odometry")
+        print_table(
+            ("difference", "unit", "rms", "max", "at the end"),
+            [(name, unit, *given[name].values()) for name, unit in (("position", "m"), ("heading", "rad"))],
+        )
     if found.avoider is not None:
         tell_substitute(found.avoider, DRIVER)
     if found.faults:
@@ -114,6 +129,8 @@ def _keep(out: Path, found: Any, summary: dict[str, Any]) -> list[str]:
     if found.avoider is not None:
         files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
         files["ticks.csv"] = shadow_table([found.avoider.found]).encode()
+    if found.poses is not None:
+        files["poses.csv"] = found.pose_table().encode()
     keep_files(out, files)
     names = sorted(files)
     if found.map is not None:
@@ -148,5 +165,18 @@ def _mount(text: str) -> Any:
     return Mount(quaternion_matrix(0.0, 0.0, math.sin(half), math.cos(half)), np.array([x, y, z]))
 
 
+def _start(text: str) -> tuple[float, float, float]:
+    from navloom.config import ConfigError
+
+    try:
+        x, y, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = heading_deg = math.nan
+    if not all(map(math.isfinite, (x, y, heading_deg))):
+        raise ConfigError(f"--start {text}: expected X,Y,HEADING_DEG in m and degrees, as in --start 1.5,0,90")
+    return x, y, math.radians(heading_deg)
+
+
 def _why(skipped: Any) -> str:
-    return "; ".join(f"{count}: {reason}" for reason, count in skipped.most_common(3)) or "-"
+    said = (f"{count}: {reason}" if count else reason for reason, count in skipped.most_common(3))
+    return "; ".join(said) or "-"

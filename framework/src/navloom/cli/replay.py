@@ -28,6 +28,14 @@ def replay(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
+    map_: Annotated[
+        str | None,
+        typer.Option("--map", metavar="WORLD", help="Imported log: map for the plugins, a world or a map's .yaml."),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,HEADING_DEG", help="Imported log: where the robot is at first, in the map."),
+    ] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit 1 where an output is not the recorded one.")] = False,
     live: Annotated[
         bool, typer.Option("--live", help="Publish it again, in realm replay, for tools that look.")
@@ -60,8 +68,10 @@ def replay(
     if recording.header.kind == "imported":
         from navloom.cli.import_log import replay_imported
 
-        replay_imported(recording, stand_ins, set_ or (), out, as_json)
+        replay_imported(recording, stand_ins, set_ or (), out, as_json, map_, start)
         return
+    if map_ is not None or start is not None:
+        raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
     with tempfile.TemporaryDirectory() as folder:
         loaded = with_world(recording, recording.header.loaded(), Path(folder))
         if stand_ins:

@@ -23,7 +23,7 @@ from navloom.study.paper_law import LAWS
 from navloom.study.paper_numbers import Number
 from navloom.study.paper_plates import Reproduction, plates_of
 from navloom.study.paper_report import page_of
-from navloom.study.paper_runs import Drive, box, crossing, gates_of
+from navloom.study.paper_runs import GATE_LINE, Drive, box, crossing, gates_of
 from navloom.worlds.paper import paper_gates
 
 Run = Callable[..., tuple[int, str, str]]
@@ -279,6 +279,26 @@ def test_each_figure_is_there_as_png_of_one_column_and_as_svg(made: Reproduction
         png, svg = files[f"{stem}.png"], files[f"{stem}.svg"].decode()
         assert int.from_bytes(png[16:20], "big") == int(88.0 / 25.4 * 300.0)
         assert svg.startswith("<svg") and svg.rstrip().endswith("</svg>")
+
+
+@pytest.mark.parametrize("stem", ["figure-09", "figure-10", "figure-11a"])
+def test_the_letter_of_each_gate_is_in_it_and_off_the_way(made: Reproduction, stem: str) -> None:
+    figure = next(plate for plate in plates_of(made) if plate.stem == stem).draw()
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    badges = {text.get_text(): text.get_bbox_patch() for text in axes.texts if text.get_bbox_patch() is not None}
+    assert made.run.path is not None
+    line = made.run.path.points if stem == "figure-09" else made.free.episode.recorder.driven
+    steps = np.linspace(0.0, len(line) - 1.0, 2000)
+    way = np.column_stack([np.interp(steps, np.arange(len(line)), column) for column in line.T])
+    for gate in gates_of(made.run.world):
+        badge = badges[gate.name]
+        assert badge is not None
+        (left, low), (right, high) = axes.transData.inverted().transform(badge.get_window_extent().get_points())
+        assert gate.left < left < right < gate.right, gate.name
+        assert low < GATE_LINE < high, gate.name
+        inside = (way > (left, low)).all(axis=1) & (way < (right, high)).all(axis=1)
+        assert not inside.any(), gate.name
 
 
 def test_the_page_holds_every_figure_and_number_and_needs_nothing_else(

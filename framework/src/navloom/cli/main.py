@@ -165,4 +165,5 @@ def _place(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    print(f"navloom: {text}", file=sys.stderr)
+    for line in text.splitlines() or [""]:
+        print(f"navloom: {line}", file=sys.stderr)

@@ -64,8 +64,8 @@ def run(
     from navloom.viewer.watching import watch_run
 
     loaded = load_config(config, set_ or (), seed)
-    for place in loaded.dropped:
-        typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
+    for notice in loaded.notices():
+        typer.echo(f"navloom: {notice}", err=True)
     is_seen = view or web or viewer is not None or rerun is not None
     where = where_of(view, rerun, viewer, web) if is_seen else None
     with watch_run(loaded, where, say_so) as watch:

@@ -50,8 +50,8 @@ def up(
     from navloom.config import ConfigError, load_config
 
     loaded = load_config(config, set_ or (), seed)
-    for place in loaded.dropped:
-        typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
+    for notice in loaded.notices():
+        typer.echo(f"navloom: {notice}", err=True)
     hosts = loaded.config.live.hosts
     if host is not None and host not in hosts:
         known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"

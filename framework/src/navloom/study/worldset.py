@@ -85,7 +85,7 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
         table, key = place.split(".")
         tree[table] = {**tree.get(table, {}), key: value}
     sources = {**given["sources"], **dict.fromkeys(values, "--set")}
-    return Placed(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here)
+    return Placed(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
 
 
 def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:

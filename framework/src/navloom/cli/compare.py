@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand
 
 from navloom.cli.config import ConfigName
+from navloom.cli.live_options import a_number
 from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
 
 if TYPE_CHECKING:
@@ -76,7 +77,10 @@ def compare(
         typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
     ] = False,
     hang_after: Annotated[
-        float, typer.Option(metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.")
+        float,
+        typer.Option(
+            metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.", callback=a_number
+        ),
     ] = 300.0,
     view: View = False,
     web: Web = False,

@@ -159,6 +159,8 @@ def _mount(text: str) -> Any:
     try:
         x, y, yaw_deg, *rest = (float(part) for part in text.split(","))
         (z,) = rest or [0.0]
+        if not all(map(math.isfinite, (x, y, yaw_deg, z))):
+            raise ValueError
     except ValueError:
         raise ConfigError(f"--mount …={text}: expected X,Y,YAW_DEG in m and degrees, and Z if it matters") from None
     half = math.radians(yaw_deg) / 2.0

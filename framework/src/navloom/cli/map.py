@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.live_options import a_number
+
 __all__ = ["map_recording"]
 
 
@@ -20,10 +22,14 @@ def map_recording(
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the mapper; repeats.")
     ] = None,
     pitch_offset: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Added to the pitches; default: read off the floor.")
+        float | None,
+        typer.Option(metavar="DEG", help="Added to the pitches; default: read off the floor.", callback=a_number),
     ] = None,
     height: Annotated[
-        float | None, typer.Option(metavar="M", help="Of the sensor above the floor; default: read off the floor.")
+        float | None,
+        typer.Option(
+            metavar="M", help="Of the sensor above the floor; default: read off the floor.", callback=a_number
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for map.png, map.yaml, result.json.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import AsJson
+from navloom.cli.live_options import AsJson, a_number
 
 __all__ = ["json_bytes", "keep_files", "replay", "tell_substitute"]
 
@@ -40,7 +40,9 @@ def replay(
     live: Annotated[
         bool, typer.Option("--live", help="Publish it again, in realm replay, for tools that look.")
     ] = False,
-    speed: Annotated[float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.", callback=a_number)
+    ] = 1.0,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for result.json, the ticks as CSV, and a picture.")
     ] = None,

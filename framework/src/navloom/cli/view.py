@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName, a_number
 
 if TYPE_CHECKING:
     from navloom.viewer.showing import Where
@@ -37,7 +37,9 @@ def view(
     viewer: ViewerUrl = None,
     web: Web = False,
     rerun: Rerun = None,
-    seconds: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.", callback=a_number)
+    ] = None,
     robot: RobotName = None,
     connect: Connect = None,
     keys: Keys = None,

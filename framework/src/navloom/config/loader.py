@@ -102,6 +102,8 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
     Raises:
         ConfigError: No such file, not TOML, or a value that does not fit.
     """
+    if seed is not None and not 0 <= seed < 2**63:
+        raise ConfigError(f"--seed {seed}: expected a whole number of 0 to {2**63 - 1}")
     text, base = _read(reference)
     try:
         tree = tomllib.loads(text)

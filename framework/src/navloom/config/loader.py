@@ -56,9 +56,7 @@ class Loaded:
         if not self.gives("robot.footprint"):
             shape = self.config.robot.footprint
             size = f"{{ length = {shape.length:g}, width = {shape.width:g} }}"
-            said.append(
-                f"{self.name}: robot.footprint: is missing, so the default holds: {size}, in m; give your robot's"
-            )
+            said.append(f"{self.name}: robot.footprint: is missing, the default holds: {size}, in m; give your robot's")
         return said
 
     def gives(self, place: str) -> bool:

@@ -114,6 +114,8 @@ def _words(one: Mapping[str, Any], path: list[str | int], model: type[BaseModel]
     if kind == "extra_forbidden":
         return f"unknown key{nearest(str(path[-1]), list(_model_at(model, path[:-1]).model_fields))}"
     if kind == "missing":
+        if isinstance(path[-1], int):
+            return "is missing; expected a longer list"
         fields = _model_at(model, path[:-1]).model_fields.items()
         return f"is missing; this table needs {' and '.join(name for name, field in fields if field.is_required())}"
     shown = "" if isinstance(value, (dict, BaseModel)) and kind == "value_error" else f"got {_as_toml(value)}, "
@@ -178,8 +180,9 @@ def _path_in(location: Iterable[str | int], given: Any, is_missing: bool) -> lis
         return keys
     path: list[str | int] = []
     for number, key in enumerate(keys):
-        if (isinstance(given, dict) and key in given) or (isinstance(given, (list, tuple)) and isinstance(key, int)):
-            given = given[key]  # type: ignore[index]
+        is_entry = isinstance(given, (list, tuple)) and isinstance(key, int) and key < len(given)
+        if is_entry or (isinstance(given, dict) and key in given):
+            given = given[key]
             path.append(key)
         elif is_missing and number == len(keys) - 1:
             path.append(key)

@@ -66,6 +66,10 @@ class Placed(Loaded):
 
     here: Path = Path()
 
+    def error(self, *problems: str) -> ConfigError:
+        """An error of one line a problem; what a world gives is in no file."""
+        return ConfigError(*problems)
+
     def base_of(self, place: str) -> Path:
         """Folder that relative paths of a value start from."""
         return self.here if self.sources.get(place) == "--set" else self.base

@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -231,6 +233,30 @@ def test_a_localizer_runs_on_an_imported_log_in_a_map_that_is_given(tmp_path: Pa
     told = run.invoke(app, [*command, "--map", str(world), "--start", "0,0,0"])
     assert "localizer scan_matching: 40 poses" in told.output and "no map" not in told.output
     assert "expected X,Y,HEADING_DEG" in str(run.invoke(app, [*command, "--start", "0,nan"]).exception)
+
+
+def test_an_import_on_a_full_disk_leaves_nothing_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: Callable[..., tuple[int, str, str]]
+) -> None:
+    bag, out = bags.room_bag(bag_path(tmp_path, 2), 2), tmp_path / "a.mcap"
+    real, written = os.write, [0]
+
+    def full(descriptor: int, data: bytes) -> int:
+        written[0] += len(data)
+        if written[0] > 3_000:
+            raise OSError(28, "No space left on device")
+        return real(descriptor, data)
+
+    monkeypatch.setattr("navloom.recording.writer.os.write", full)
+    code, said, errors = in_process("import", str(bag), "--out", str(out))
+    monkeypatch.undo()
+    assert (code, said) == (1, "") and not out.exists()
+    assert errors == f"navloom: {out}: No space left on device; nothing of the import is kept\n"
+    assert in_process("import", str(bag), "--out", str(out))[0] == 0
+    size = out.stat().st_size
+    code, _, errors = in_process("import", str(bag), "--out", str(out))
+    assert code == 2 and "there is such a file already; name another, or remove it" in errors
+    assert out.stat().st_size == size
 
 
 def test_an_imported_log_gives_a_map_and_an_avoider_is_compared_with_the_driver(tmp_path: Path) -> None:

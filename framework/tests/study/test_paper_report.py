@@ -373,9 +373,13 @@ def test_without_a_name_the_folder_is_navloom_paper(
 
 def test_the_default_folder_is_never_overwritten(navloom: Run, done: list[int | None]) -> None:
     paper.DEFAULT.mkdir()
-    code, _, errors = navloom()
-    assert code == 2 and done == []
-    assert errors == "navloom: navloom-paper: exists already; name another folder, or this one, with --out DIR\n"
+    (paper.DEFAULT / "figure-06.png").write_text("mine")
+    for words in ((), ("--out", "navloom-paper")):
+        code, _, errors = navloom(*words)
+        assert code == 2 and done == []
+        told = "holds figure-06.png of an earlier result; name another folder, or remove it"
+        assert errors == f"navloom: --out navloom-paper: {told}\n"
+    assert [path.name for path in paper.DEFAULT.iterdir()] == ["figure-06.png"]
 
 
 def test_json_is_one_object_with_folder_files_and_numbers(navloom: Run, done: list[int | None]) -> None:
@@ -384,6 +388,24 @@ def test_json_is_one_object_with_folder_files_and_numbers(navloom: Run, done: li
     assert code == 0 and errors == "" and done == [3]
     assert found["out"] == "here" and "figure-09.svg" in found["files"]
     assert {"what": "gate taken", "paper": "B", "ours": "B", "section": "IV.B", "note": ""} in found["numbers"]
+
+
+def test_a_full_disk_is_exit_1_and_the_numbers_are_printed(
+    navloom: Run, done: list[int | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = os.fsync
+
+    def full(descriptor: int) -> None:
+        if os.fstat(descriptor).st_size > 100_000:
+            raise OSError(28, "No space left on device")
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    code, said, errors = navloom("--out", "here", "--json")
+    found, kept = json.loads(said), {path.name for path in Path("here").iterdir()}
+    assert code == 1 and found["reproduced"] and set(found["files"]) == kept and "numbers.json" in kept
+    assert "navloom: --out here: not written: " in errors and "report.html (No space left on device)" in errors
+    assert not any(name.endswith(".part") for name in kept)
 
 
 def test_a_file_in_place_of_the_folder_is_refused_before_anything_runs(navloom: Run, done: list[int | None]) -> None:

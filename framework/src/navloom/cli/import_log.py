@@ -59,8 +59,11 @@ def replay_imported(
 ) -> None:
     """`navloom replay` of an imported log: the plugins asked for on what it holds."""
     from navloom.cli.output import print_json, stage
+    from navloom.cli.replay import can_draw
+    from navloom.cli.written import tell_out
     from navloom.config import ConfigError
     from navloom.study.log_replay import place_in_map, replay_log
+    from navloom.study.results import MAP, OutFolder
     from navloom.study.substitutes import substitute_config
 
     if not stand_ins:
@@ -72,17 +75,21 @@ def replay_imported(
         loaded = place_in_map(recording, loaded, map_ref, None if start is None else _start(start))
     for role, name in stand_ins.items():
         loaded = substitute_config(loaded, role, name, changes)
-    with stage(as_json) as (say, _):
-        found = replay_log(recording, loaded, list(stand_ins), say)
-    summary = found.summary()
-    kept = [] if out is None else _keep(out, found, summary)
+    with OutFolder(out, ("result.json", "ticks.csv", "poses.csv", "avoider.png", "map.png", *MAP)) as folder:
+        draws = out is not None and "avoider" in stand_ins and can_draw()
+        with stage(as_json) as (say, _):
+            found = replay_log(recording, loaded, list(stand_ins), say)
+        summary = found.summary()
+        if out is not None:
+            folder.write(_files(found, summary, draws))
+            if found.map is not None:
+                folder.write_map(found.map.grid)
     if as_json:
         print_json(summary)
     else:
         _tell(found, summary)
-        if kept:
-            typer.echo(f"kept in {out}: {', '.join(kept)}")
-    raise typer.Exit(1 if "mapper" in stand_ins and found.map is None else 0)
+    is_whole = tell_out(folder, as_json)
+    raise typer.Exit(0 if is_whole and ("mapper" not in stand_ins or found.map is not None) else 1)
 
 
 def _tell(found: Any, summary: dict[str, Any]) -> None:
@@ -108,37 +115,28 @@ def _tell(found: Any, summary: dict[str, Any]) -> None:
         typer.echo(f"{len(found.faults)} steps failed; the first: {found.faults[0]}")
 
 
-def _keep(out: Path, found: Any, summary: dict[str, Any]) -> list[str]:
-    """result.json, the map as picture and as files of map_server, and an avoider's ticks."""
+def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]:
+    """result.json, a picture of the map, and an avoider's ticks."""
     import io
 
-    from navloom.cli.replay import json_bytes, keep_files
-    from navloom.geometry.grid import GridMap
-    from navloom.geometry.world import Place
+    from navloom.cli.replay import json_bytes
     from navloom.study.log_replay import DRIVER
     from navloom.study.picture import draw_map_update
     from navloom.study.shadows import shadow_table
     from navloom.study.substitutes import draw_substitute
-    from navloom.worlds.rosmap import save_rosmap
 
     files = {"result.json": json_bytes(summary)}
+    if found.avoider is not None:
+        files["ticks.csv"] = shadow_table([found.avoider.found]).encode()
+        if draws:
+            files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
     if found.map is not None:
         picture = io.BytesIO()
         draw_map_update(found.map, found.way).save(picture, format="PNG")
         files["map.png"] = picture.getvalue()
-    if found.avoider is not None:
-        files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
-        files["ticks.csv"] = shadow_table([found.avoider.found]).encode()
     if found.poses is not None:
         files["poses.csv"] = found.pose_table().encode()
-    keep_files(out, files)
-    names = sorted(files)
-    if found.map is not None:
-        grid = found.map.grid
-        origin = Place(grid.origin.x, grid.origin.y, grid.origin.heading)
-        save_rosmap(GridMap(grid.cells, grid.resolution, origin), out / "map.yaml")
-        names += ["map.yaml", "map.pgm"]
-    return names
+    return files
 
 
 def _assigned(option: str, text: str) -> tuple[str, str]:

@@ -26,7 +26,7 @@ from navloom.recording.ros_convert import (
     yaw_of,
 )
 from navloom.recording.ros_frames import BASES, FrameTree, Mount, quaternion_matrix
-from navloom.recording.writer import RecordingWriter
+from navloom.recording.writer import RecordingWriter, WriteError
 
 __all__ = ["INSTANCE", "PERIOD", "Imported", "Topic", "import_bag"]
 
@@ -96,15 +96,23 @@ def import_bag(
         odometry_topic: Which of several to take; None for the one with most messages, else the transform from odom.
 
     Raises:
-        RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use.
+        RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use; or there is such a file.
+        WriteError: The disk is full; nothing is left.
     """
     reader = _open(bag)
     with reader:
         work = _Work(reader, dict(names or {}), dict(mounts or {}), odometry_topic)
         header = header_of(work.loaded(bag), "imported", {})
         header = replace(header, clock="wall", origin=bag.name)
-        with RecordingWriter(out, header, {}) as writer:
-            return work.write(writer)
+        writer = RecordingWriter(out, header, {})
+        try:
+            with writer:
+                return work.write(writer)
+        except BaseException as error:
+            writer.discard()
+            if isinstance(error, WriteError):
+                raise WriteError(f"{out}: {error.why}; nothing of the import is kept", error.why) from None
+            raise
 
 
 def _open(bag: Path) -> Any:

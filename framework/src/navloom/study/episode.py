@@ -14,7 +14,7 @@ from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
-from navloom.runtime.build import System, assemble, make_plugins
+from navloom.runtime.build import System, assemble, make_plugins, stride_of
 from navloom.runtime.checks import check_task
 from navloom.runtime.executor import lockstep_of
 from navloom.runtime.lockstep import Observer, RunLog
@@ -23,6 +23,9 @@ from navloom.study.recorder import Recorder
 from navloom.study.shadows import Disagreement, ShadowWatch
 
 __all__ = ["Episode", "run_episode"]
+
+FEW = 20
+"""Steps below which a node is not judged: one that loads something in its first ones is not slow."""
 
 
 @dataclass(eq=False)
@@ -77,8 +80,29 @@ class Episode:
             "planner_ms": _median_ms(log.step_ns["planner"]),
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
+            "slow": self.slow(),
             "shadows": [one.summary() for one in self.shadows],
         }
+
+    def slow(self) -> list[dict[str, Any]]:
+        """Nodes that need longer for a step than they have until the next one, by their 99th percentile.
+
+        A planner is left out: it answers requests, and nothing waits for it in a tick.
+        """
+        found = []
+        for (role, instance), spent_ns in self.log.spent_ns.items():
+            part = self.system.parts.get((role, instance))
+            if part is None or role == "planner" or len(spent_ns) < FEW:
+                continue
+            limit = stride_of(part.table, self.system.config.run.period) * self.system.config.run.period
+            spent = np.array(spent_ns) * 1e-9
+            p99 = float(np.percentile(spent, 99))
+            if p99 > limit:
+                found.append({
+                    "role": role, "instance": instance, "plugin": part.cls.name, "steps": spent.size,
+                    "late": int((spent > limit).sum()), "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3,
+                })  # fmt: skip
+        return found
 
     def _optimal_length(self) -> float | None:
         from navloom.geometry.shortest import optimal_length

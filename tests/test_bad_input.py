@@ -54,9 +54,9 @@ def refused(navloom: Navloom, folder: Path, *words: str) -> str:
     ("change", "said"),
     [
         ("controller.k4=1.0", "controller.k4: unknown key; known are k1, k3"),
-        ("controller.k3=fast", "controller.k3: got 'fast', input should be a valid number"),
-        ("controller.k3=-1.0", "controller.k3: got -1.0, input should be greater than 0"),
-        ("run.period=5.0", "run.period: got 5.0, input should be less than or equal to 1"),
+        ("controller.k3=fast", "controller.k3: got 'fast', expected a number"),
+        ("controller.k3=-1.0", "controller.k3: got -1.0, expected more than 0"),
+        ("run.period=5.0", "run.period: got 5.0, expected at most 1"),
         ("avoider.plugin=improved_vhf", "no plugin 'avoider.improved_vhf' is installed; did you mean 'improved_vfh'?"),
         ("sensor.laser.beems=5", "sensor.0.beems: unknown key; did you mean 'beams'?"),
         ("sensor.laser.sigma=-1", "sensor.0.sigma: got -1"),

@@ -30,7 +30,6 @@ NOT_RUN = {
     ("installing.md", "python3 -m pip wheel"): "tests/test_wheels.py builds the wheels",
     ("installing.md", "python3 uv.py build"): "tests/test_wheels.py builds the wheels",
     ("installing.md", "navloom run paper"): "in an environment of wheels; tests/test_wheels.py runs it there",
-    ("viewing.md", "navloom view --web"): "serves a browser; framework/tests/cli/test_cli_view.py asks for it",
 }  # fmt: skip
 """Commands that no test types, by page and beginning, and why."""
 

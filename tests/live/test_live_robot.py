@@ -132,7 +132,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
         before = robot.json("params", "get", "avoider.other")
         assert robot.run("params", "set", "controller", "k3=1.25", "k1=0.8").returncode == 0
         wrong = robot.run("params", "set", "controller", "k3=2.0", "k1=-1")
-        assert wrong.returncode == 2 and "controller.k1: got -1, input should be greater than 0" in wrong.stderr
+        assert wrong.returncode == 2 and "controller.k1: got -1, expected more than 0" in wrong.stderr
         now = robot.json("params", "get", "controller")
         assert (now["k1"], now["k3"]) == (0.8, 1.25)
         assert robot.json("params", "get", "avoider.other") == before

@@ -22,6 +22,9 @@ CONFIG = """
 [run]
 stop_after = 20.0
 
+[robot]
+footprint = { length = 0.8, width = 0.8 }
+
 [world]
 ref = "empty"
 

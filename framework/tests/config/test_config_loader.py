@@ -61,8 +61,8 @@ def test_the_hash_is_of_values_not_of_where_they_are_written(tmp_path: Path) -> 
     [
         ("[run]\nsed = 3\n", "run.sed: unknown key; did you mean 'seed'?"),
         ("[rn]\n", "rn: unknown key; did you mean 'run'?"),
-        ('[run]\nseed = "x"\n', "run.seed: got 'x', input should be a valid integer"),
-        ("[run]\nperiod = -1.0\n", "run.period: got -1.0, input should be greater than or equal to 0.001"),
+        ('[run]\nseed = "x"\n', "run.seed: got 'x', expected a whole number"),
+        ("[run]\nperiod = -1.0\n", "run.period: got -1.0, expected at least 0.001"),
         ("[robot]\nfootprint = { length = 1.0 }\n", "expected either length and width, or polygon"),
         ("[robot]\nfootprint = { lenght = 1.0, width = 1.0 }\n", "robot.footprint.lenght: unknown key; did you mean"),
         ("[navigation]\nspeed = [0.4, 0.2]\n", "expected the lower one first"),
@@ -129,6 +129,6 @@ def test_a_process_cannot_hold_an_instance_that_there_is_not(tmp_path: Path) -> 
     processes += '"avoider", "avoider.nosuch", "recovery", "gate"] }'
     path.write_text(shipped_configs()["paper"] + f"\n[live]\n{processes}\n", "utf-8")
     with pytest.raises(
-        ConfigError, match=r'live.processes.one names "avoider.nosuch"; of avoider there are improved_vfh'
+        ConfigError, match=r'live.processes.one: names "avoider.nosuch"; of avoider there are improved_vfh'
     ):
         load_config(str(path))

@@ -35,9 +35,11 @@ STAR = [(math.cos(a), math.sin(a)) for a in (math.radians(144.0 * k) for k in ra
 @pytest.mark.parametrize(
     ("corners", "message"),
     [
-        ([(1, 1), (1, -1), (-1, -1), (-1, 1)], "clockwise: .* reverse"),
-        ([(1, 0), (0, 1), (0.1, 0.1), (-1, 0), (0, -1)], "not convex at corner 2"),
+        ([(1, 0), (0, 1), (0.1, 0.1), (-1, 0), (0, -1)], r"not convex at the corner \[0\.1, 0\.1\]"),
+        ([(0, -1), (-1, 0), (0.1, 0.1), (0, 1), (1, 0)], r"not convex at the corner \[0\.1, 0\.1\]"),
+        ([(1, 1), (-1, -1), (1, -1), (-1, 1)], "crosses itself"),
         (STAR, "not convex"),
+        (STAR[::-1], "not convex"),
         ([(1, 1), (2, 1), (2, 2), (1, 2)], "does not contain the base frame's origin"),
         ([(1, 1), (-1, 1)], "3 to 64 corners"),
         ([(1, 1), (-1, 1), (-1, 1), (-1, -1)], "corner 1 is there twice"),
@@ -49,6 +51,12 @@ STAR = [(math.cos(a), math.sin(a)) for a in (math.radians(144.0 * k) for k in ra
 def test_no_other_outline_is_a_footprint(corners: object, message: str) -> None:
     with pytest.raises(FootprintError, match=message):
         polygon(corners)  # type: ignore[arg-type]
+
+
+def test_a_clockwise_outline_is_turned() -> None:
+    clockwise = [(1.0, 0.5), (1.0, -0.5), (-0.5, -0.5), (-0.5, 0.5)]
+    assert polygon(clockwise).tolist() == [list(corner) for corner in reversed(clockwise)]
+    assert inscribed_radius(polygon(clockwise)) == 0.5
 
 
 @pytest.mark.parametrize("side", [0.0, -1.0, math.nan, math.inf])

@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from navloom.config.schema import AlternativeTable
 from navloom.geometry.world import World
 from navloom.messages import PlanFailure, Point2D
 from navloom.plugins import PluginError, Registry
 from navloom.plugins.registry import nearest
-from navloom.roles import ROLE_API, ROLES, Planner, PlannerInput, Role
+from navloom.roles import ROLE_API, ROLES, Params, Planner, PlannerInput, Role
+from navloom.roles.base import RESERVED_KEYS
 
 
 class Nowhere(Planner):
@@ -119,3 +121,16 @@ def test_worlds_and_schemes_of_one_name_are_refused() -> None:
 )
 def test_the_nearest_name_is_offered_or_all_of_them(name: str, known: list[str], expected: str) -> None:
     assert nearest(name, known) == expected
+
+
+@pytest.mark.parametrize("name", RESERVED_KEYS)
+def test_a_parameter_that_no_config_could_set_is_refused(name: str) -> None:
+    params = type("Taken", (Params,), {"__annotations__": {name: float}, name: 1.0})
+    with pytest.raises(
+        PluginError, match=rf"planner\.wrong: its Params has a field {name}, which is a key of the frame"
+    ):
+        Registry().add(type("Wrong", (Nowhere,), {"name": "wrong", "Params": params}))
+
+
+def test_the_reserved_keys_are_those_of_the_roles_tables() -> None:
+    assert set(RESERVED_KEYS) == set(AlternativeTable.model_fields)

@@ -143,7 +143,7 @@ def test_a_full_disk_leaves_what_was_whole_and_one_clear_error(tmp_path: Path, m
 
 def test_an_existing_file_is_not_written_over(tmp_path: Path) -> None:
     path = written(tmp_path / "a.mcap")
-    with pytest.raises(WriteError, match="there is such a file already"):
+    with pytest.raises(RecordingError, match="there is such a file already"):
         RecordingWriter(path, HEADER)
     assert Recording(path).is_complete
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -161,6 +163,7 @@ def test_what_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path) -> N
     out = tmp_path / "a.mcap"
     for options, why in (
         ({}, r"no transform from nowhere to base_link: give --mount scan=X,Y,YAW_DEG"),
+        ({"mounts": {"laser": HERE}}, r"--mount laser: the bag has no such sensor; it has scan"),
         ({"names": {"/other": "x"}}, r"has no topic '/other'; it has /odom, /scan"),
         ({"names": {"/scan": "odometry"}}, r"'odometry' cannot name a sensor"),
         ({"odometry_topic": "/scan"}, r"topic '/scan' is no nav_msgs/msg/Odometry; there are /odom"),
@@ -173,6 +176,87 @@ def test_what_cannot_be_imported_is_refused_with_the_reason(tmp_path: Path) -> N
     with pytest.raises(RecordingError, match="not a bag that can be read"):
         import_bag(tmp_path / "broken.bag", out)
     assert not out.exists()
+
+
+def refusal(bag: Path, out: Path, **options: Any) -> str:
+    with pytest.raises(RecordingError) as caught:
+        import_bag(bag, out, **options)
+    return str(caught.value)
+
+
+def test_a_bag_whose_laser_has_no_mount_is_refused_with_what_is_missing_and_nothing_else(tmp_path: Path) -> None:
+    path = bag_path(tmp_path, 2)
+    with bags.Bag(path, 2) as bag:
+        for x, stamp_ns in bags.times():
+            bag.put("/odom", bag.odometry(x, stamp_ns), stamp_ns)
+            bag.put("/scan", bag.scan(bags.ranges_at(x), stamp_ns), stamp_ns)
+    assert refusal(path, tmp_path / "a.mcap") == (
+        "no topic with ranges can be used: /scan (sensor_msgs/msg/LaserScan): "
+        "no transform from laser to base_link: give --mount scan=X,Y,YAW_DEG"
+    )
+
+
+def test_a_bag_without_ranges_is_refused_with_the_types_that_are_read(tmp_path: Path) -> None:
+    assert refusal(one_bag(tmp_path, lambda bag: None), tmp_path / "a.mcap") == (
+        "no topic with ranges can be used: expected one of sensor_msgs/msg/LaserScan, sensor_msgs/msg/Range, "
+        "sensor_msgs/msg/PointCloud2; the bag has /odom (nav_msgs/msg/Odometry)"
+    )
+
+
+def test_a_localizer_runs_on_an_imported_log_in_a_map_that_is_given(tmp_path: Path) -> None:
+    """Odometry runs 5 % too far, 0.1 m in all; the scans say where the robot is in the map of the room."""
+    path, out, world = bag_path(tmp_path, 2), tmp_path / "a.mcap", tmp_path / "room.toml"
+    with bags.Bag(path, 2) as bag:
+        bag.put("/tf_static", bag.transform("base_link", "laser", bags.MOUNT_X, bags.MOUNT_YAW, bags.START_NS),
+                bags.START_NS)  # fmt: skip
+        for x, stamp_ns in bags.times():
+            bag.put("/odom", bag.odometry(7.0 + 1.05 * x, stamp_ns), stamp_ns)
+            bag.put("/scan", bag.scan(bags.ranges_at(x), stamp_ns), stamp_ns)
+    walls = ("[-1.2, -1.0], y = [-2.2, 2.2]", "[5.0, 5.2], y = [-2.2, 2.2]",
+             "[-1.2, 5.2], y = [-2.2, -2.0]", "[-1.2, 5.2], y = [2.0, 2.2]")  # fmt: skip
+    text = "".join(f'[[box]]\nname = "wall {number}"\nx = {wall}\n' for number, wall in enumerate(walls))
+    world.write_text(f"bounds = [-2.0, -3.0, 6.0, 3.0]\n{text}".replace(", y = ", "\ny = "))
+    import_bag(path, out)
+    command = ["replay", str(out), "--localizer", "scan_matching"]
+    run = CliRunner()
+    lacking = run.invoke(app, command)
+    assert lacking.exit_code != 0 and "--map" in str(lacking.exception)
+    kept = tmp_path / "o"
+    found = run.invoke(app, [*command, "--map", str(world), "--start", "0,0,0", "--out", str(kept), "--json"])
+    assert found.exit_code == 0, found.output
+    summary = json.loads(found.stdout)["localizer"]
+    assert summary["instance"] == "scan_matching" and summary["poses"] == 40
+    assert summary["position"]["end"] == pytest.approx(0.05 * 1.95, abs=0.03)
+    rows = np.loadtxt(kept / "poses.csv", delimiter=",", skiprows=1)
+    assert rows[0, 1:4].tolist() == pytest.approx([0.0, 0.0, 0.0])
+    assert rows[-1, 1] == pytest.approx(1.05 * 1.95) and rows[-1, 4] == pytest.approx(1.95, abs=0.03)
+    told = run.invoke(app, [*command, "--map", str(world), "--start", "0,0,0"])
+    assert "localizer scan_matching: 40 poses" in told.output and "no map" not in told.output
+    assert "expected X,Y,HEADING_DEG" in str(run.invoke(app, [*command, "--start", "0,nan"]).exception)
+
+
+def test_an_import_on_a_full_disk_leaves_nothing_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: Callable[..., tuple[int, str, str]]
+) -> None:
+    bag, out = bags.room_bag(bag_path(tmp_path, 2), 2), tmp_path / "a.mcap"
+    real, written = os.write, [0]
+
+    def full(descriptor: int, data: bytes) -> int:
+        written[0] += len(data)
+        if written[0] > 3_000:
+            raise OSError(28, "No space left on device")
+        return real(descriptor, data)
+
+    monkeypatch.setattr("navloom.recording.writer.os.write", full)
+    code, said, errors = in_process("import", str(bag), "--out", str(out))
+    monkeypatch.undo()
+    assert (code, said) == (1, "") and not out.exists()
+    assert errors == f"navloom: {out}: No space left on device; nothing of the import is kept\n"
+    assert in_process("import", str(bag), "--out", str(out))[0] == 0
+    size = out.stat().st_size
+    code, _, errors = in_process("import", str(bag), "--out", str(out))
+    assert code == 2 and "there is such a file already; name another, or remove it" in errors
+    assert out.stat().st_size == size
 
 
 def test_an_imported_log_gives_a_map_and_an_avoider_is_compared_with_the_driver(tmp_path: Path) -> None:

@@ -130,11 +130,50 @@ def test_latency_delays_what_a_node_publishes(tmp_path: Path) -> None:
     assert first[1].envelope.stamp_ns == first[0].envelope.stamp_ns
 
 
+LATE = """
+[[alternative]]
+name = "late"
+role = "controller"
+plugin = "toy_chaser"
+latency = 0.15
+[[event]]
+at = 1.0
+do = "swap"
+role = "controller"
+name = "late"
+"""
+
+
 def test_too_much_latency_in_the_control_chain_never_drives(tmp_path: Path) -> None:
-    episode, entries = traced(tmp_path, "controller.latency=0.15", "run.stop_after=5.0")
+    episode, entries = traced(tmp_path, "run.stop_after=5.0", more=LATE)
     reasons = {e.message.reason for e in entries if isinstance(e.message, GateStatus)}
-    assert episode.result.outcome == "timeout" and "stale: controller toy_chaser" in reasons
-    assert episode.recorder.path_length == 0.0
+    assert episode.result.outcome == "timeout" and "stale: controller late" in reasons
+    assert episode.recorder.path_length < 0.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (["controller.latency=0.15"], "controller.latency: is 0.15: the controller's commands are up to 0.15 s old"),
+        (["localizer.latency=0.05", "avoider.latency=0.1"], "avoider.latency: is 0.1: the avoider's commands are"),
+        (["controller.rate_hz=5.0"], "controller.rate_hz: is 5: the controller's commands are up to 0.15 s old"),
+        (["mapper.latency=10.0"], "mapper.latency: is 10 s; expected less than navigation.map_timeout = 10 s"),
+        (["navigation.speed=[0.6,0.7]"], "navigation.speed: begins with 0.6 m/s, more than robot.max_linear = 0.5 m/s"),
+        (["sensor=[]"], "mapper.plugin: toy_blank needs a sensor that gives RangeScan, and there is no [[sensor]]"),
+        (["mapper.sensors=[]"], "mapper.sensors: toy_blank needs a sensor that gives RangeScan, and this list"),
+    ],
+    ids=["latency", "two-latencies", "rate", "map", "speed", "no-sensor", "sensor-list"],
+)  # fmt: skip
+def test_what_cannot_drive_is_refused_before_the_run(tmp_path: Path, changes: list[str], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        drive(tmp_path, *changes)
+    assert said in str(caught.value)
+
+
+def test_with_the_hand_over_never_the_avoider_needs_no_sensor(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"avoider.plugin: .* or set navigation.handover = \"never\""):
+        drive(tmp_path, "sensor=[]", "mapper.plugin=known_map")
+    drive(tmp_path, "sensor=[]", "mapper.plugin=known_map", 'navigation.handover="never"')
 
 
 def test_a_slower_node_steps_at_its_rate(tmp_path: Path) -> None:
@@ -229,7 +268,7 @@ def test_set_changes_parameters_between_two_ticks(tmp_path: Path) -> None:
 
 def test_a_set_that_does_not_fit_is_refused_before_the_run(tmp_path: Path) -> None:
     event = '[[event]]\nat = 2.0\ndo = "set"\nrole = "controller"\nvalues = { gain = 99.0 }\n'
-    with pytest.raises(ConfigError, match=r"event.0.values: controller.gain: got 99.0, input should be less than 10"):
+    with pytest.raises(ConfigError, match=r"event.0.values: controller.gain: got 99.0, expected less than 10"):
         drive(tmp_path, more=event)
 
 
@@ -285,7 +324,7 @@ def test_points_on_the_way_are_passed(tmp_path: Path) -> None:
     ("change", "said"),
     [
         ("controller.gian=1.0", "controller.gian: unknown key; did you mean 'gain'?"),
-        ("controller.gain=-1.0", "controller.gain: got -1.0, input should be greater than 0"),
+        ("controller.gain=-1.0", "controller.gain: got -1.0, expected more than 0"),
         ("sensor.ear.kind=eye", "toy_robot has no sensor of kind 'eye'; known are ear"),
         ("navigation.goal.x=99.0", "navigation.goal: (99, 0) is outside the world empty"),
         ("world.ref=emty", "world.ref: world 'emty' does not exist; did you mean 'empty'?"),

@@ -181,6 +181,7 @@ TEXT = """
 seed = 1
 stop_after = 60.0
 [robot]
+footprint = { length = 0.8, width = 0.8 }
 max_angular_deg = 60.0
 [world]
 ref = "empty"

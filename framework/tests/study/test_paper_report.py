@@ -23,7 +23,7 @@ from navloom.study.paper_law import LAWS
 from navloom.study.paper_numbers import Number
 from navloom.study.paper_plates import Reproduction, plates_of
 from navloom.study.paper_report import page_of
-from navloom.study.paper_runs import Drive, box, crossing, gates_of
+from navloom.study.paper_runs import GATE_LINE, Drive, box, crossing, gates_of
 from navloom.worlds.paper import paper_gates
 
 Run = Callable[..., tuple[int, str, str]]
@@ -281,6 +281,26 @@ def test_each_figure_is_there_as_png_of_one_column_and_as_svg(made: Reproduction
         assert svg.startswith("<svg") and svg.rstrip().endswith("</svg>")
 
 
+@pytest.mark.parametrize("stem", ["figure-09", "figure-10", "figure-11a"])
+def test_the_letter_of_each_gate_is_in_it_and_off_the_way(made: Reproduction, stem: str) -> None:
+    figure = next(plate for plate in plates_of(made) if plate.stem == stem).draw()
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    badges = {text.get_text(): text.get_bbox_patch() for text in axes.texts if text.get_bbox_patch() is not None}
+    assert made.run.path is not None
+    line = made.run.path.points if stem == "figure-09" else made.free.episode.recorder.driven
+    steps = np.linspace(0.0, len(line) - 1.0, 2000)
+    way = np.column_stack([np.interp(steps, np.arange(len(line)), column) for column in line.T])
+    for gate in gates_of(made.run.world):
+        badge = badges[gate.name]
+        assert badge is not None
+        (left, low), (right, high) = axes.transData.inverted().transform(badge.get_window_extent().get_points())
+        assert gate.left < left < right < gate.right, gate.name
+        assert low < GATE_LINE < high, gate.name
+        inside = (way > (left, low)).all(axis=1) & (way < (right, high)).all(axis=1)
+        assert not inside.any(), gate.name
+
+
 def test_the_page_holds_every_figure_and_number_and_needs_nothing_else(
     made: Reproduction, files: dict[str, bytes]
 ) -> None:
@@ -353,9 +373,13 @@ def test_without_a_name_the_folder_is_navloom_paper(
 
 def test_the_default_folder_is_never_overwritten(navloom: Run, done: list[int | None]) -> None:
     paper.DEFAULT.mkdir()
-    code, _, errors = navloom()
-    assert code == 2 and done == []
-    assert errors == "navloom: navloom-paper: exists already; name another folder, or this one, with --out DIR\n"
+    (paper.DEFAULT / "figure-06.png").write_text("mine")
+    for words in ((), ("--out", "navloom-paper")):
+        code, _, errors = navloom(*words)
+        assert code == 2 and done == []
+        told = "holds figure-06.png of an earlier result; name another folder, or remove it"
+        assert errors == f"navloom: --out navloom-paper: {told}\n"
+    assert [path.name for path in paper.DEFAULT.iterdir()] == ["figure-06.png"]
 
 
 def test_json_is_one_object_with_folder_files_and_numbers(navloom: Run, done: list[int | None]) -> None:
@@ -364,6 +388,24 @@ def test_json_is_one_object_with_folder_files_and_numbers(navloom: Run, done: li
     assert code == 0 and errors == "" and done == [3]
     assert found["out"] == "here" and "figure-09.svg" in found["files"]
     assert {"what": "gate taken", "paper": "B", "ours": "B", "section": "IV.B", "note": ""} in found["numbers"]
+
+
+def test_a_full_disk_is_exit_1_and_the_numbers_are_printed(
+    navloom: Run, done: list[int | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = os.fsync
+
+    def full(descriptor: int) -> None:
+        if os.fstat(descriptor).st_size > 100_000:
+            raise OSError(28, "No space left on device")
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    code, said, errors = navloom("--out", "here", "--json")
+    found, kept = json.loads(said), {path.name for path in Path("here").iterdir()}
+    assert code == 1 and found["reproduced"] and set(found["files"]) == kept and "numbers.json" in kept
+    assert "navloom: --out here: not written: " in errors and "report.html (No space left on device)" in errors
+    assert not any(name.endswith(".part") for name in kept)
 
 
 def test_a_file_in_place_of_the_folder_is_refused_before_anything_runs(navloom: Run, done: list[int | None]) -> None:

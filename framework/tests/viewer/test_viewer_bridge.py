@@ -85,7 +85,7 @@ def test_what_nothing_draws_and_what_comes_too_often_is_not_copied() -> None:
 
 def test_a_file_that_cannot_be_written_is_said_before_anything_is_drawn(tmp_path: Path) -> None:
     bridge = Bridge(Order(facts_for(), tmp_path, None, "test"))
-    with pytest.raises(ViewerError, match=r"--rerun .*: Is a directory"):
+    with pytest.raises(ViewerError, match=r"--rerun .*: there is such a folder already"):
         bridge.await_start()
 
 

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand
 
 from navloom.cli.config import ConfigName
+from navloom.cli.live_options import a_number
 from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
 
 if TYPE_CHECKING:
@@ -76,7 +77,10 @@ def compare(
         typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
     ] = False,
     hang_after: Annotated[
-        float, typer.Option(metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.")
+        float,
+        typer.Option(
+            metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.", callback=a_number
+        ),
     ] = 300.0,
     view: View = False,
     web: Web = False,
@@ -92,7 +96,9 @@ def compare(
     """
     from navloom.cli.output import print_json
     from navloom.study.compare import plan_study, run_study
+    from navloom.study.journal import StudyError
     from navloom.study.pool import PoolError
+    from navloom.study.results import failure_of
     from navloom.study.worldset import seeds_of
 
     seeds_asked = seeds_of(seeds) if seeds else ()
@@ -109,7 +115,7 @@ def compare(
     try:
         with _executor(scheduler) as executor, _progress(as_json) as progress:
             result = run_study(study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after)
-    except PoolError as error:
+    except (PoolError, StudyError) as error:
         typer.echo(f"navloom: {error}", err=True)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
@@ -124,6 +130,10 @@ def compare(
         print_json(_as_json(result, out))
     else:
         _print(result, out)
+    if result.missing:
+        failure = failure_of(f"--out {out}", result.files, result.missing)
+        typer.echo(f"navloom: {failure}; make room, and the same command writes the rest", err=True)
+        raise typer.Exit(1)
 
 
 def _show(study: Study, where: Where, as_json: bool) -> None:
@@ -146,7 +156,9 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
         lines = [(name, one["outcome"], *(one[key] for key in keys), one["reason"]) for name, one in found.items()]
         print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
 
-    drive_side_by_side(methods, where, title, say_so, tell)
+    counts = drive_side_by_side(methods, where, title, say_so, tell)
+    if where.file is not None and counts.file_failure:
+        raise typer.Exit(1)
 
 
 def _reported(result: StudyResult, out: Path) -> StudyResult:
@@ -155,9 +167,13 @@ def _reported(result: StudyResult, out: Path) -> StudyResult:
 
     from navloom.study.report import FILES, PLOTS_MISSING, write_report
 
-    if not write_report(out, result.study.baseline).has_figures:
+    if result.missing:  # the report is made of these tables
+        return result
+    made = write_report(out, result.study.baseline)
+    if not made.has_figures:
         typer.echo(f"navloom: {PLOTS_MISSING}", err=True)
-    return replace(result, files=(*result.files, *FILES))
+    names = [name for name in FILES if name not in made.missing]
+    return replace(result, files=(*result.files, *names), missing=made.missing)
 
 
 def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
@@ -226,16 +242,10 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, float | None], None]]
     if quiet:
         yield lambda done, total, left: None
     elif sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import Progress
+        from navloom.cli.output import progress_line
 
-        with Progress(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("starting", total=None)
-
-            def show(done: int, total: int, left: float | None) -> None:
-                bar.update(task, description=_far(done, total, left), completed=done, total=total)
-
-            yield show
+        with progress_line("starting") as update:
+            yield lambda done, total, left: update(description=_far(done, total, left), completed=done, total=total)
     else:
         yield _lines()
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import sys
+from contextlib import redirect_stdout
 from typing import Annotated, Any
 
 import typer
@@ -22,20 +25,11 @@ def show(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> N
     """Every value that holds and where it came from: default, file or --set."""
     from navloom.cli.output import print_json, print_table
     from navloom.config import load_config
-    from navloom.config.loader import leaves
     from navloom.runtime.build import assemble
+    from navloom.runtime.holding import holding
 
     loaded = load_config(config, set_ or ())
-    system = assemble(loaded)
-    tree: dict[str, Any] = loaded.config.model_dump(mode="json")
-    for part in system.parts.values():
-        params = part.params.model_dump(mode="json")
-        if "." in part.place:
-            number = int(part.place.rsplit(".", 1)[1])
-            tree["alternative"][number].update(params)
-        else:
-            tree[part.place].update(params)
-    rows = [(place, value, loaded.sources.get(place, "default")) for place, value in leaves(tree)]
+    rows = holding(assemble(loaded))
     if as_json:
         print_json(
             {
@@ -45,30 +39,51 @@ def show(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> N
             }
         )
         return
-    print_table(("place", "value", "from"), rows)
-    for place in loaded.dropped:
-        typer.echo(f"dropped: {place}, a parameter of the plugin that --set replaced")
+    print_table(("place", "value", "from"), [(place, as_toml(value), source) for place, value, source in rows])
+    for notice in loaded.notices():
+        typer.echo(notice)
+
+
+def as_toml(value: Any) -> str:
+    """A value as a config or `--set` writes it; `-` for what is not set."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(as_toml, value))}]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 @app.command()
 def check(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> None:
-    """Check a config, its plugins' parameters, the world and the wiring, without running it."""
+    """Check that a config fits and can drive: plugins, parameters, world and wiring, without running it."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
-    from navloom.runtime.build import assemble
+    from navloom.runtime.build import assemble, try_plugins
     from navloom.runtime.checks import check_task
     from navloom.runtime.network import network_of
 
     loaded = load_config(config, set_ or ())
     system = assemble(loaded)
     check_task(system)
+    with redirect_stdout(sys.stderr):  # plugins may print
+        try_plugins(system)
     network = network_of(loaded.config, loaded.config.live.router_host, insecure=True)
     if network.keys is None:  # certificates lie on the robot's hosts, which this one need not be
         network.check()
     if as_json:
-        print_json({"ok": True, "config_sha256": loaded.sha256(), "nodes": [spec.role for spec in system.specs]})
+        print_json({
+            "ok": True,
+            "config_sha256": loaded.sha256(),
+            "nodes": [spec.role for spec in system.specs],
+            "notices": loaded.notices(),
+        })  # fmt: skip
     else:
-        typer.echo(f"{config}: fits; {len(system.parts)} plugins, {len(system.sensors)} sensors")
+        for notice in loaded.notices():
+            typer.echo(notice)
+        count = len(system.sensors)
+        typer.echo(f"{config}: fits; {len(system.parts)} plugins, {count} sensor{'' if count == 1 else 's'}")
 
 
 @app.command()

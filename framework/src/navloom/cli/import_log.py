@@ -49,12 +49,21 @@ def import_log(
 
 
 def replay_imported(
-    recording: Any, stand_ins: dict[str, str], changes: Sequence[str], out: Path | None, as_json: bool
+    recording: Any,
+    stand_ins: dict[str, str],
+    changes: Sequence[str],
+    out: Path | None,
+    as_json: bool,
+    map_ref: str | None = None,
+    start: str | None = None,
 ) -> None:
     """`navloom replay` of an imported log: the plugins asked for on what it holds."""
     from navloom.cli.output import print_json, stage
+    from navloom.cli.replay import can_draw
+    from navloom.cli.written import tell_out
     from navloom.config import ConfigError
-    from navloom.study.log_replay import replay_log
+    from navloom.study.log_replay import place_in_map, replay_log
+    from navloom.study.results import MAP, OutFolder
     from navloom.study.substitutes import substitute_config
 
     if not stand_ins:
@@ -62,19 +71,25 @@ def replay_imported(
             "an imported log has no steps to replay: name what to try on it, as --mapper scan_grid or --avoider vff"
         )
     loaded = recording.header.loaded()
+    if map_ref is not None or start is not None:
+        loaded = place_in_map(recording, loaded, map_ref, None if start is None else _start(start))
     for role, name in stand_ins.items():
         loaded = substitute_config(loaded, role, name, changes)
-    with stage(as_json) as (say, _):
-        found = replay_log(recording, loaded, list(stand_ins), say)
-    summary = found.summary()
-    kept = [] if out is None else _keep(out, found, summary)
+    with OutFolder(out, ("result.json", "ticks.csv", "poses.csv", "avoider.png", "map.png", *MAP)) as folder:
+        draws = out is not None and "avoider" in stand_ins and can_draw()
+        with stage(as_json) as (say, _):
+            found = replay_log(recording, loaded, list(stand_ins), say)
+        summary = found.summary()
+        if out is not None:
+            folder.write(_files(found, summary, draws))
+            if found.map is not None:
+                folder.write_map(found.map.grid)
     if as_json:
         print_json(summary)
     else:
         _tell(found, summary)
-        if kept:
-            typer.echo(f"kept in {out}: {', '.join(kept)}")
-    raise typer.Exit(1 if "mapper" in stand_ins and found.map is None else 0)
+    is_whole = tell_out(folder, as_json)
+    raise typer.Exit(0 if is_whole and ("mapper" not in stand_ins or found.map is not None) else 1)
 
 
 def _tell(found: Any, summary: dict[str, Any]) -> None:
@@ -85,43 +100,43 @@ def _tell(found: Any, summary: dict[str, Any]) -> None:
     typer.echo(f"{summary['seconds']:.1f} s, {summary['driven_m']:.1f} m driven, {summary['ticks']} ticks")
     if "map" in summary:
         print_table(("map", ""), list(summary["map"].items()))
-    elif found.avoider is None:
+    elif found.has_mapper:
         typer.echo("no map: the mapper published none")
+    if "localizer" in summary:
+        given = summary["localizer"]
+        typer.echo(f"localizer {given['instance']}: {given['poses']} poses, beside the recorded odometry")
+        print_table(
+            ("difference", "unit", "rms", "max", "at the end"),
+            [(name, unit, *given[name].values()) for name, unit in (("position", "m"), ("heading", "rad"))],
+        )
     if found.avoider is not None:
         tell_substitute(found.avoider, DRIVER)
     if found.faults:
         typer.echo(f"{len(found.faults)} steps failed; the first: {found.faults[0]}")
 
 
-def _keep(out: Path, found: Any, summary: dict[str, Any]) -> list[str]:
-    """result.json, the map as picture and as files of map_server, and an avoider's ticks."""
+def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]:
+    """result.json, a picture of the map, and an avoider's ticks."""
     import io
 
-    from navloom.cli.replay import json_bytes, keep_files
-    from navloom.geometry.grid import GridMap
-    from navloom.geometry.world import Place
+    from navloom.cli.replay import json_bytes
     from navloom.study.log_replay import DRIVER
     from navloom.study.picture import draw_map_update
     from navloom.study.shadows import shadow_table
     from navloom.study.substitutes import draw_substitute
-    from navloom.worlds.rosmap import save_rosmap
 
     files = {"result.json": json_bytes(summary)}
+    if found.avoider is not None:
+        files["ticks.csv"] = shadow_table([found.avoider.found]).encode()
+        if draws:
+            files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
     if found.map is not None:
         picture = io.BytesIO()
         draw_map_update(found.map, found.way).save(picture, format="PNG")
         files["map.png"] = picture.getvalue()
-    if found.avoider is not None:
-        files["avoider.png"] = draw_substitute(found.avoider, DRIVER)
-        files["ticks.csv"] = shadow_table([found.avoider.found]).encode()
-    keep_files(out, files)
-    names = sorted(files)
-    if found.map is not None:
-        grid = found.map.grid
-        origin = Place(grid.origin.x, grid.origin.y, grid.origin.heading)
-        save_rosmap(GridMap(grid.cells, grid.resolution, origin), out / "map.yaml")
-        names += ["map.yaml", "map.pgm"]
-    return names
+    if found.poses is not None:
+        files["poses.csv"] = found.pose_table().encode()
+    return files
 
 
 def _assigned(option: str, text: str) -> tuple[str, str]:
@@ -142,11 +157,26 @@ def _mount(text: str) -> Any:
     try:
         x, y, yaw_deg, *rest = (float(part) for part in text.split(","))
         (z,) = rest or [0.0]
+        if not all(map(math.isfinite, (x, y, yaw_deg, z))):
+            raise ValueError
     except ValueError:
         raise ConfigError(f"--mount …={text}: expected X,Y,YAW_DEG in m and degrees, and Z if it matters") from None
     half = math.radians(yaw_deg) / 2.0
     return Mount(quaternion_matrix(0.0, 0.0, math.sin(half), math.cos(half)), np.array([x, y, z]))
 
 
+def _start(text: str) -> tuple[float, float, float]:
+    from navloom.config import ConfigError
+
+    try:
+        x, y, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = heading_deg = math.nan
+    if not all(map(math.isfinite, (x, y, heading_deg))):
+        raise ConfigError(f"--start {text}: expected X,Y,HEADING_DEG in m and degrees, as in --start 1.5,0,90")
+    return x, y, math.radians(heading_deg)
+
+
 def _why(skipped: Any) -> str:
-    return "; ".join(f"{count}: {reason}" for reason, count in skipped.most_common(3)) or "-"
+    said = (f"{count}: {reason}" if count else reason for reason, count in skipped.most_common(3))
+    return "; ".join(said) or "-"

@@ -16,7 +16,7 @@ Hosts = Annotated[
     list[str] | None,
     typer.Option("--host", metavar="ADDR", help="Name or address others connect to; repeats. Default: this host."),
 ]
-Days = Annotated[int, typer.Option(metavar="N", help="Days the certificates are good for.")]
+Days = Annotated[int, typer.Option(metavar="N", min=1, max=36500, help="Days the certificates are good for.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 

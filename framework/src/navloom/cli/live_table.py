@@ -74,7 +74,7 @@ class LiveTable:
         if self._live is not None:
             self._live.update("", refresh=True)
         if self._run.judges:
-            print_summary(episode, episode.summary(), None, ())
+            print_summary(episode, episode.summary())
         else:
             self.say(f"{episode.result.outcome}: {episode.result.reason}")
 

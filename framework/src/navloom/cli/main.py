@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import sys
@@ -86,27 +87,45 @@ app.add_typer(export.app, name="export")
 app.add_typer(config.app, name="config")
 
 
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+"""A disk, or a share of one, that takes no more."""
+
+
 def main() -> None:
-    """Entry point. Exit codes: 0 done, 1 the run ended otherwise, 2 the request was wrong."""
+    """Entry point. Exit codes: 0 done, 1 the run ended otherwise or something failed, 2 the request was wrong."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by whoever started it: then nobody wants to read it
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     try:
-        app()
+        _run()
     except KeyboardInterrupt:
         _say("interrupted")
         sys.exit(1)
     except BrokenPipeError:
         sys.exit(1)
     except Exception as error:
+        if _is_failure(error):
+            _say(_words(error))
+            sys.exit(1)
         if _is_wrong_request(error):
             _say(_words(error))
             sys.exit(2)
-        if _is_failure(error):
-            _say(str(error))
-            sys.exit(1)
         _say(f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})")
         sys.exit(1)
+
+
+def _run() -> None:
+    """The command. What it prints reaches its file, or fails here and not where Python ends."""
+    try:
+        app()
+    finally:
+        try:
+            sys.stdout.flush()
+        except OSError:
+            with contextlib.suppress(OSError):
+                sys.stdout.close()
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+            raise
 
 
 def _is_wrong_request(error: Exception) -> bool:
@@ -139,19 +158,22 @@ def _is_wrong_request(error: Exception) -> bool:
 
 
 def _is_failure(error: Exception) -> bool:
-    """Errors of what was asked for rightly and did not work."""
+    """Errors of what was asked for rightly and did not work; a full disk is one."""
+    from navloom.recording.writer import WriteError
     from navloom.runtime.client import ClientError
     from navloom.runtime.conductor import BarrierError
     from navloom.runtime.robot import StartError
     from navloom.viewer.extra import ViewerLost
 
-    return isinstance(error, (ClientError, BarrierError, StartError, ViewerLost))
+    if isinstance(error, OSError) and error.errno in FULL:
+        return True
+    return isinstance(error, (ClientError, BarrierError, StartError, ViewerLost, WriteError))
 
 
 def _words(error: Exception) -> str:
     """What an error says; of the system's own, which file it is about and nothing of numbers."""
     if isinstance(error, OSError) and error.strerror:
-        where = error.filename or ("writing" if error.errno == errno.ENOSPC else "")
+        where = error.filename or ("standard output or a temporary file" if error.errno in FULL else "")
         return f"{where}: {error.strerror}" if where else error.strerror
     return str(error)
 
@@ -165,4 +187,5 @@ def _place(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    print(f"navloom: {text}", file=sys.stderr)
+    for line in text.splitlines() or [""]:
+        print(f"navloom: {line}", file=sys.stderr)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["json_line", "print_json", "print_table", "shown", "stage"]
+__all__ = ["json_line", "print_json", "print_table", "progress_line", "shown", "stage"]
 
 WIDE = 1000
 """Columns of a table that goes to a file or another program: none is cut."""
@@ -67,7 +67,7 @@ def shown(value: Any) -> str:
 
 @contextmanager
 def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, float], None]]]:
-    """Progress on standard error: what is being prepared, then how far the run is; one line where nobody looks."""
+    """Progress on standard error: what is being prepared, then how far the run is; told once where no terminal is."""
     if quiet or not sys.stderr.isatty():
         told: list[str] = []
 
@@ -78,16 +78,33 @@ def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float,
 
         yield tell_once, (lambda done, total: None)
         return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("preparing (the first run compiles kernels, later ones load them)", total=None)
+    with progress_line("preparing") as update:
 
         def say(text: str) -> None:
-            bar.update(task, description=f"{text} (the first run compiles kernels, later ones load them)")
+            update(description=f"{text} (compiles in the first run)")
 
         def progress(done: float, total: float) -> None:
-            bar.update(task, description=f"driving, {done:.0f} s of at most {total:.0f} s", completed=done, total=total)
+            update(description=f"driving, {done:.0f} s of at most {total:.0f} s", completed=done, total=total)
 
         yield say, progress
+
+
+@contextmanager
+def progress_line(text: str, total: float | None = None) -> Iterator[Callable[..., None]]:
+    """One line of progress on a terminal's standard error, never two: what does not fit is cut. It vanishes at its end.
+
+    Gives a function that takes `description`, `completed`, `advance` and `total`, each by name. What is printed to
+    `sys.stderr` meanwhile goes above the line.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.table import Column
+
+    columns = (
+        TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis")),
+        BarColumn(20),
+        TimeRemainingColumn(table_column=Column(no_wrap=True)),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(text, total=total)
+        yield lambda **given: bar.update(task, **given)

@@ -21,7 +21,7 @@ DEFAULT = Path("navloom-paper")
 def paper(
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help=f"Folder for the report; default: {DEFAULT}, which must not exist yet."),
+        typer.Option(metavar="DIR", help=f"Folder for the report; default: {DEFAULT}, neither is written over."),
     ] = None,
     seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of the noise; default: the config's.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
@@ -31,38 +31,29 @@ def paper(
     Exit 0: the robot arrived at D both times, through gate B and without contact; 1: it did not.
     """
     from navloom.cli.output import print_json
-    from navloom.study.paper import PaperError, facts_of, files_of, is_reproduced, keep, reproduce, steps
+    from navloom.study.paper import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps
     from navloom.study.plotting import need_matplotlib
+    from navloom.study.results import OutFolder
 
-    folder = _folder(out)
     need_matplotlib()
     try:
-        with _progress(as_json, steps()) as say:
-            made = reproduce(seed, say)
-            files = files_of(made, say)
+        with OutFolder(out or DEFAULT, FILES) as folder:
+            with _progress(as_json, steps()) as say:
+                made = reproduce(seed, say)
+                files = files_of(made, say)
+            folder.write(files)
     except PaperError as error:
         typer.echo(f"navloom: {error}", err=True)
         raise typer.Exit(1) from None
-    keep(files, folder)
     if as_json:
-        print_json({"out": str(folder), "files": sorted(files), **facts_of(made)})
+        print_json({"out": str(folder.folder), "files": sorted(folder.names), **facts_of(made)})
     else:
         _print(made.numbers)
-        typer.echo(f"kept in {folder}: report.html, and each figure as PNG and SVG")
-    raise typer.Exit(0 if is_reproduced(made) else 1)
-
-
-def _folder(out: Path | None) -> Path:
-    """Where to write to. Raises ConfigError before anything runs where that cannot be."""
-    from navloom.config import ConfigError
-
-    if out is None:
-        if DEFAULT.exists():
-            raise ConfigError(f"{DEFAULT}: exists already; name another folder, or this one, with --out DIR")
-        return DEFAULT
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"--out {out}: is a file; name a folder")
-    return out
+        if not folder.failure:
+            typer.echo(f"kept in {folder.folder}: report.html, and each figure as PNG and SVG")
+    if folder.failure:
+        typer.echo(f"navloom: {folder.failure}", err=True)
+    raise typer.Exit(0 if is_reproduced(made) and not folder.failure else 1)
 
 
 def _print(numbers: Sequence[Number]) -> None:
@@ -82,13 +73,7 @@ def _progress(quiet: bool, total: int) -> Iterator[Callable[[str], None]]:
         print("navloom: reproducing the paper; the first run compiles kernels, later ones load them", file=sys.stderr)
         yield lambda text: None
     else:
-        from rich.console import Console
-        from rich.progress import Progress
+        from navloom.cli.output import progress_line
 
-        with Progress(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("reproducing the paper (the first run compiles kernels)", total=total)
-
-            def say(text: str) -> None:
-                bar.update(task, description=text, advance=1)
-
-            yield say
+        with progress_line("reproducing the paper (compiles in the first run)", total) as update:
+            yield lambda text: update(description=text, advance=1)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 import typer
 
 __all__ = ["plan"]
+
+STRAIGHT = 0.1
+"""How far a path may swerve from the straight lines that are printed of it, m."""
+FEW = 4
+"""Corners at either end that are printed of a long path."""
 
 
 def plan(
@@ -19,14 +25,17 @@ def plan(
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the planner; repeats.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="L,W", help="Length and width of the robot, m; 0,0 is a point.")] = "0,0",
-    resolution: Annotated[float, typer.Option(metavar="M", help="Cell of maps without a raster, m.")] = 0.05,
+    resolution: Annotated[
+        float, typer.Option(metavar="M", help="Cell of maps without a raster, m, 0.005 to 1.")
+    ] = 0.05,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Plan one path on one map. Exit 0: there is one; 1: there is none, and the message says where it ends."""
     from navloom.cli.output import print_json
     from navloom.study.planning import plan_once
 
-    reference = f"rosmap:{map_}" if map_.endswith((".yaml", ".yml")) else map_
+    is_file = map_.endswith((".yaml", ".yml")) and not map_.startswith("rosmap:")
+    reference = f"rosmap:{map_}" if is_file else map_
     answer: dict[str, Any] = plan_once(
         reference,
         FilePath.cwd(),
@@ -40,11 +49,25 @@ def plan(
     if as_json:
         print_json(answer)
     elif answer["outcome"] == "found":
-        typer.echo(f"{answer['length_m']:.3f} m in {answer['planner_ms']:.2f} ms, {len(answer['points'])} points")
-        typer.echo(" ".join(f"({x:.2f}, {y:.2f})" for x, y in answer["points"]))
+        _print_path(answer)
     else:
         typer.echo(f"{answer['outcome']}: {answer['reason']}")
     raise typer.Exit(0 if answer["outcome"] == "found" else 1)
+
+
+def _print_path(answer: dict[str, Any]) -> None:
+    """Length, time, and the few places where the path turns."""
+    import numpy as np
+
+    from navloom.geometry.polylines import corners
+
+    points = answer["points"]
+    typer.echo(f"{answer['length_m']:.3f} m in {answer['planner_ms']:.2f} ms, {len(points)} points")
+    turns = [f"({x:.2f}, {y:.2f})" for x, y in corners(np.array(points), STRAIGHT)]
+    if len(turns) > 2 * FEW:
+        turns = [*turns[:FEW], f"… {len(turns) - 2 * FEW} corners …", *turns[-FEW:]]
+    hint = "" if len(turns) == len(points) else "; --json has every point"
+    typer.echo(f"{' '.join(turns)}{hint}")
 
 
 def _pair(text: str, option: str, form: str) -> tuple[float, float]:
@@ -53,5 +76,8 @@ def _pair(text: str, option: str, form: str) -> tuple[float, float]:
     try:
         x, y = map(float, text.split(","))
     except ValueError:
-        raise ConfigError(f"{option} {text}: expected {form} in metres, as in {option} 1.5,-2") from None
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        example = "0.8,0.6" if option == "--size" else "1.5,-2"
+        raise ConfigError(f"{option} {text}: expected {form}, two numbers in metres, as in {option} {example}")
     return x, y

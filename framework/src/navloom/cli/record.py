@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName, a_number
 
 __all__ = ["record"]
 
@@ -26,7 +26,9 @@ def record(
         list[str] | None,
         typer.Option("--only", metavar="GLOB", help="Keys to keep, as 'platform/*/*'; repeats. Default: all."),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.", callback=a_number)
+    ] = None,
     connect: Connect = None,
     keys: Keys = None,
     insecure: Insecure = False,

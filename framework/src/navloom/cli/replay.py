@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import AsJson
+from navloom.cli.live_options import AsJson, a_number
 
-__all__ = ["json_bytes", "keep_files", "replay", "tell_substitute"]
+__all__ = ["can_draw", "json_bytes", "replay", "tell_substitute"]
 
 Plugin = Annotated[
     str | None, typer.Option(metavar="NAME", help="Another plugin, or an [[alternative]] of the config.")
@@ -28,11 +28,21 @@ def replay(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
+    map_: Annotated[
+        str | None,
+        typer.Option("--map", metavar="WORLD", help="Imported log: map for the plugins, a world or a map's .yaml."),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,HEADING_DEG", help="Imported log: where the robot is at first, in the map."),
+    ] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit 1 where an output is not the recorded one.")] = False,
     live: Annotated[
         bool, typer.Option("--live", help="Publish it again, in realm replay, for tools that look.")
     ] = False,
-    speed: Annotated[float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.", callback=a_number)
+    ] = 1.0,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for result.json, the ticks as CSV, and a picture.")
     ] = None,
@@ -60,8 +70,10 @@ def replay(
     if recording.header.kind == "imported":
         from navloom.cli.import_log import replay_imported
 
-        replay_imported(recording, stand_ins, set_ or (), out, as_json)
+        replay_imported(recording, stand_ins, set_ or (), out, as_json, map_, start)
         return
+    if map_ is not None or start is not None:
+        raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
     with tempfile.TemporaryDirectory() as folder:
         loaded = with_world(recording, recording.header.loaded(), Path(folder))
         if stand_ins:
@@ -71,72 +83,98 @@ def replay(
 
 
 def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
-    from navloom.cli.output import print_json, print_table, stage
+    from navloom.cli.output import print_json, stage
+    from navloom.cli.written import tell_out
     from navloom.recording.check import check
     from navloom.recording.replaying import Replayer
     from navloom.runtime.build import assemble
+    from navloom.study.results import OutFolder
 
-    with stage(as_json) as (say, progress):
-        found = check(Replayer(recording, assemble(loaded), None, say), progress)
-    differing = [one for one in found if one.differing]
-    first = min((one.first for one in differing if one.first is not None), key=lambda one: one.tick, default=None)
-    compared = sum(one.messages for one in found)
-    result = {
-        "file": str(recording.path),
-        "kind": recording.header.kind,
-        "complete": recording.is_complete,
-        "same": not differing and compared > 0,
-        "first_difference": None if first is None else str(first),
-        "nodes": [one.to_json() for one in found],
-        "recorder": recording.counts(),
-    }
-    keep_files(out, {"result.json": json_bytes(result)})
+    with OutFolder(out, ("result.json",)) as folder:
+        with stage(as_json) as (say, progress):
+            found = check(Replayer(recording, assemble(loaded), None, say), progress)
+        differing = [one.first for one in found if one.differing and one.first is not None]
+        first = min(differing, key=lambda one: one.tick, default=None)
+        compared = sum(one.messages for one in found)
+        result = {
+            "file": str(recording.path),
+            "kind": recording.header.kind,
+            "complete": recording.is_complete,
+            "same": not any(one.differing for one in found) and compared > 0,
+            "first_difference": None if first is None else str(first),
+            "nodes": [one.to_json() for one in found],
+            "recorder": recording.counts(),
+        }
+        folder.write({"result.json": json_bytes(result)})
     if as_json:
         print_json(result)
     else:
-        print_table(
-            ("node", "steps", "messages", "differ", "not fed in full"),
-            [(one.node, one.steps, one.messages, one.differing, one.not_fed) for one in found],
-        )
-        for one in found:
-            for caveat in one.caveats():
-                typer.echo(f"{one.node}: {caveat}")
-        if first is not None:
-            typer.echo(f"first difference: {first}")
-        elif compared:
-            typer.echo(f"all {compared} messages are those recorded, bit for bit")
-        else:
-            typer.echo("nothing could be compared: the recording holds no step records")
-    raise typer.Exit(1 if is_check and not result["same"] else 0)
+        _tell_check(found, first, compared)
+    is_whole = tell_out(folder, as_json)
+    raise typer.Exit(0 if is_whole and (result["same"] or not is_check) else 1)
+
+
+def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
+    """A check for people."""
+    from navloom.cli.output import print_table
+
+    print_table(
+        ("node", "steps", "messages", "differ", "not fed in full"),
+        [(one.node, one.steps, one.messages, one.differing, one.not_fed) for one in found],
+    )
+    for one in found:
+        for caveat in one.caveats():
+            typer.echo(f"{one.node}: {caveat}")
+    if first is not None:
+        typer.echo(f"first difference: {first}")
+    elif compared:
+        typer.echo(f"all {compared} messages are those recorded, bit for bit")
+    else:
+        typer.echo("nothing could be compared: the recording holds no step records")
 
 
 def _substitute(
     recording: Any, loaded: Any, stand_ins: dict[str, str], changes: Sequence[str], out: Path | None, as_json: bool
 ) -> None:
     from navloom.cli.output import print_json, stage
+    from navloom.cli.written import tell_out
+    from navloom.study.results import OutFolder
     from navloom.study.shadows import shadow_table
     from navloom.study.substitutes import draw_substitute, substitute, substitute_config
 
     results = []
-    files: dict[str, bytes] = {}
-    for role, name in stand_ins.items():
-        changed = substitute_config(loaded, role, name, changes)
+    pictures: dict[str, bytes] = {}
+    with OutFolder(out, ("result.json", "ticks.csv", *(f"{role}.png" for role in stand_ins))) as folder:
+        draws = out is not None and can_draw()
         with stage(as_json) as (say, progress):
-            found = substitute(recording, changed, role, say, progress)
-        results.append((found, loaded.config.role_table(role).instance))
-        if out is not None:
-            files[f"{role}.png"] = draw_substitute(found, results[-1][1])
-    if out is not None:
-        files["ticks.csv"] = shadow_table([found.found for found, _ in results]).encode()
-        files["result.json"] = json_bytes([found.summary() for found, _ in results])
-        keep_files(out, files)
+            for role, name in stand_ins.items():
+                changed = substitute_config(loaded, role, name, changes)
+                found, recorded = substitute(recording, changed, role, say, progress), loaded.config.role_table(role)
+                results.append((found, recorded.instance))
+                if draws:
+                    pictures[f"{role}.png"] = draw_substitute(found, recorded.instance)
+        table = shadow_table([found.found for found, _ in results])
+        summaries = [found.summary() for found, _ in results]
+        folder.write({"result.json": json_bytes(summaries), "ticks.csv": table, **pictures})
     if as_json:
-        print_json([found.summary() for found, _ in results])
-        return
-    for found, recorded in results:
-        tell_substitute(found, recorded)
-    if out is not None:
-        typer.echo(f"kept in {out}: {', '.join(sorted(files))}")
+        print_json(summaries)
+    else:
+        for found, instance in results:
+            tell_substitute(found, instance)
+    raise typer.Exit(0 if tell_out(folder, as_json) else 1)
+
+
+def can_draw() -> bool:
+    """Whether there is matplotlib; says what to install where there is none, and that the rest is done."""
+    from navloom.config import ConfigError
+    from navloom.study.plotting import need_matplotlib
+
+    try:
+        need_matplotlib()
+    except ConfigError as error:
+        typer.echo(f"navloom: no picture is drawn, the rest is kept: {error}", err=True)
+        return False
+    return True
 
 
 def tell_substitute(found: Any, recorded: str) -> None:
@@ -195,17 +233,3 @@ def json_bytes(value: Any) -> bytes:
     from navloom.cli.output import json_line
 
     return json_line(value).encode() + b"\n"
-
-
-def keep_files(out: Path | None, files: dict[str, bytes]) -> None:
-    """Write files into a folder, if there is one; a ConfigError where that cannot be."""
-    from navloom.config import ConfigError
-
-    if out is None:
-        return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for name, data in files.items():
-            (out / name).write_bytes(data)
-    except OSError as error:
-        raise ConfigError(f"--out {out}: cannot be written: {error.strerror}; name a folder") from None

@@ -20,11 +20,17 @@ def report(
     """Make the report of a study: report.html, report.md, summary.csv and differences.csv in its folder."""
     from navloom.cli.output import print_json
     from navloom.study.report import FILES, PLOTS_MISSING, write_report
+    from navloom.study.results import failure_of
 
     made = write_report(folder, baseline)
+    names = [name for name in FILES if name not in made.missing]
     if as_json:
-        print_json({"out": str(folder), "files": list(FILES), "has_figures": made.has_figures})
-        return
-    if not made.has_figures:
-        typer.echo(f"navloom: {PLOTS_MISSING}", err=True)
-    typer.echo(f"written to {folder}: {', '.join(FILES)}")
+        print_json({"out": str(folder), "files": names, "has_figures": made.has_figures})
+    else:
+        if not made.has_figures:
+            typer.echo(f"navloom: {PLOTS_MISSING}", err=True)
+        if names:
+            typer.echo(f"written to {folder}: {', '.join(names)}")
+    if made.missing:
+        typer.echo(f"navloom: {failure_of(str(folder), names, made.missing)}", err=True)
+        raise typer.Exit(1)

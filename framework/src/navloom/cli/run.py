@@ -15,7 +15,7 @@ import typer
 from navloom.cli.config import ConfigName
 from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
 
-__all__ = ["print_summary", "recorded", "run"]
+__all__ = ["print_summary", "recorded", "run", "tell_faults"]
 
 LABELS = {
     "plan_length_m": "plan, before pruning, m",
@@ -35,7 +35,7 @@ LABELS = {
 
 
 STALLED = 10.0
-"""s without progress after which it is said what a run is at."""
+"""s without a tick after which it is said what a run is at."""
 COMPILING = 12
 """How many times as long the first tick may take to come."""
 
@@ -60,35 +60,50 @@ def run(
 ) -> None:
     """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
     from navloom.cli.output import print_json, stage
+    from navloom.cli.written import Written, record_of, rerun_of
     from navloom.config import load_config
     from navloom.study.episode import run_episode
     from navloom.study.results import ResultFolder
     from navloom.viewer.watching import watch_run
 
     loaded = load_config(config, set_ or (), seed)
-    for place in loaded.dropped:
-        typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
+    for notice in loaded.notices():
+        typer.echo(f"navloom: {notice}", err=True)
     is_seen = view or web or viewer is not None or rerun is not None
     where = where_of(view, rerun, viewer, web) if is_seen else None
     with watch_run(loaded, where, say_so) as watch:
-        with ResultFolder(out) as folder, recorded(loaded, record) as looking, stage(as_json) as (say, progress):
-            observers = [*looking, *watch.observers]
+        with ResultFolder(out) as folder, recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
+            observers = [*([] if recorder is None else [recorder]), *watch.observers]
             with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
                 episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
             summary = episode.summary()
             folder.keep(episode, summary)
-        for fault in episode.log.faults:
-            typer.echo(f"navloom: {fault}", err=True)
+        watch.finish()
+        written = Written(folder, record_of(recorder), rerun_of(rerun, watch.showing))
+        tell_faults(episode, summary)
         if as_json:
-            print_json(summary)
+            print_json({**summary, "written": written.to_json()})
         else:
-            print_summary(episode, summary, out, folder.names)
-    raise typer.Exit(0 if is_reached(summary) else 1)
+            print_summary(episode, summary)
+        is_whole = written.tell(as_json)
+    raise typer.Exit(0 if is_reached(summary) and is_whole else 1)
 
 
 def is_reached(summary: Mapping[str, Any]) -> bool:
     """The goal was reached: the robot says so, and so does the ground truth where there is one."""
     return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
+
+
+def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
+    """What plugins broke, and which are slower than the robot that they drive."""
+    for fault in episode.log.faults:
+        say_so(fault)
+    for one in summary["slow"]:
+        say_so(
+            f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "
+            f"{one['limit_ms']:g} ms to the next one, p99 {one['p99_ms']:.3g} ms; a live robot would stop for it: give "
+            "it a lower rate_hz, or run.period more time"
+        )
 
 
 @contextmanager
@@ -116,7 +131,7 @@ def watched_for_stalls(
                 while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in sys.stdlib_module_names:
                     frame = frame.f_back
                 place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
-                typer.echo(f"navloom: no tick for {limit:g} s: the run is at {place}; Ctrl-C ends it", err=True)
+                say_so(f"no tick for {limit:g} s: the run is at {place}; Ctrl-C ends it")
 
     thread = threading.Thread(target=look, daemon=True)
     thread.start()
@@ -128,10 +143,10 @@ def watched_for_stalls(
 
 
 @contextmanager
-def recorded(loaded: Any, path: Path | None) -> Iterator[list[Any]]:
+def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
     """The observer that writes a recording, if one is asked for. A disk that is full ends it, not the run."""
     if path is None:
-        yield []
+        yield None
         return
     from navloom.recording.header import header_of
     from navloom.recording.lockstep_recorder import LockstepRecorder
@@ -141,11 +156,16 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[list[Any]]:
 
     header = header_of(loaded, "lockstep", distributions(loaded.config))
     writer = RecordingWriter(path, header, world_files(loaded))
-    with LockstepRecorder(writer, lambda text: typer.echo(f"navloom: {text}", err=True)) as recorder:
-        yield [recorder]
+    try:
+        with LockstepRecorder(writer, say_so) as recorder:
+            yield recorder
+    except BaseException:
+        if not writer.messages:  # the run was refused: there is nothing in it
+            writer.discard()
+        raise
 
 
-def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, kept: Sequence[str]) -> None:
+def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
     """A run's result for people."""
     from navloom.cli.output import print_table
 
@@ -163,8 +183,6 @@ def print_summary(episode: Any, summary: Mapping[str, Any], out: Path | None, ke
     print_table(("", ""), rows)
     if summary["shadows"]:
         _print_shadows(summary["shadows"])
-    if out is not None:
-        typer.echo(f"kept in {out}: {', '.join(kept)}")
 
 
 def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:

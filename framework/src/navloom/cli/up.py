@@ -14,7 +14,7 @@ import typer
 
 from navloom.cli.config import ConfigName
 from navloom.cli.live_options import RobotName
-from navloom.cli.run import is_reached, print_summary
+from navloom.cli.run import is_reached, print_summary, tell_faults
 
 __all__ = ["down", "up"]
 
@@ -50,12 +50,14 @@ def up(
     from navloom.config import ConfigError, load_config
 
     loaded = load_config(config, set_ or (), seed)
-    for place in loaded.dropped:
-        typer.echo(f"navloom: {place} belongs to the plugin that --set replaced: dropped", err=True)
+    for notice in loaded.notices():
+        typer.echo(f"navloom: {notice}", err=True)
     hosts = loaded.config.live.hosts
     if host is not None and host not in hosts:
         known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
         raise ConfigError(f"--host {host}: {known}")
+    if record is not None and record.exists():
+        raise ConfigError(f"--record {record}: there is such a file already; name another, or remove it")
     if barrier:
         if host is not None or loaded.config.live.router:
             raise ConfigError("--barrier runs on one host without a router: leave --host and live.router out")
@@ -63,11 +65,12 @@ def up(
         return
     if out is not None:
         raise ConfigError("--out: a live run keeps no trace; use it with --barrier or `navloom run`")
-    episode = _live(loaded, host, insecure, record, as_json)
+    cut: list[str] = []
+    episode = _live(loaded, host, insecure, record, cut, as_json)
     if episode is not None and as_json:
         print_json(episode.summary())
     reached = episode is None or episode.trail.succeeded
-    raise typer.Exit(0 if reached else 1)
+    raise typer.Exit(0 if reached and not cut else 1)
 
 
 def down(
@@ -121,34 +124,37 @@ def _end(running: Any) -> None:
 
 def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) -> None:
     from navloom.cli.output import print_json, stage
+    from navloom.cli.written import Written
     from navloom.study.live_run import run_barrier
     from navloom.study.results import ResultFolder
 
+    cut: list[str] = []
     with ending() as event, ResultFolder(out) as folder, stage(as_json) as (say, progress):
         episode = run_barrier(
-            loaded, trace=folder.trace, say=say, progress=progress, ends=event.is_set, beside=_beside(record, _say)
+            loaded, trace=folder.trace, say=say, progress=progress, ends=event.is_set, beside=_beside(record, _say, cut)
         )
         summary = episode.summary()
         folder.keep(episode, summary)
-    for fault in episode.log.faults:
-        typer.echo(f"navloom: {fault}", err=True)
+    written = Written(folder)
+    tell_faults(episode, summary)
     if as_json:
-        print_json(summary)
+        print_json({**summary, "written": written.to_json()})
     else:
-        print_summary(episode, summary, out, folder.names)
-    raise typer.Exit(0 if is_reached(summary) else 1)
+        print_summary(episode, summary)
+    is_whole = written.tell(as_json) and not cut
+    raise typer.Exit(0 if is_reached(summary) and is_whole else 1)
 
 
-def _beside(record: Path | None, say: Callable[[str], None]) -> Callable[[Any], Any] | None:
-    """What is begun beside a robot once it is up: a recorder, where one is asked for."""
+def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> Callable[[Any], Any] | None:
+    """What is begun beside a robot once it is up: a recorder, where one is asked for; `cut` gets why it failed."""
     if record is None:
         return None
     from navloom.recording.beside import recorder_beside
 
-    return lambda robot: recorder_beside(robot.keys.prefix, record, say, robot.network.insecure)
+    return lambda robot: recorder_beside(robot.keys.prefix, record, say, cut, robot.network.insecure)
 
 
-def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, as_json: bool) -> Any:
+def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool) -> Any:
     from navloom.cli.live_table import LiveTable
     from navloom.config import ConfigError
     from navloom.study.live_run import LiveRun
@@ -158,7 +164,7 @@ def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, as
         if as_json and not run.judges:
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with LiveTable(run, sys.stderr) as table:
-            run.say, run.beside = table.say, _beside(record, table.say)
+            run.say, run.beside = table.say, _beside(record, table.say, cut)
             return run.run(as_json, table.missing, table.look, None if as_json else table.result)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName
+from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName, a_number
 
 if TYPE_CHECKING:
     from navloom.viewer.showing import Where
@@ -37,7 +38,9 @@ def view(
     viewer: ViewerUrl = None,
     web: Web = False,
     rerun: Rerun = None,
-    seconds: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.", callback=a_number)
+    ] = None,
     robot: RobotName = None,
     connect: Connect = None,
     keys: Keys = None,
@@ -59,6 +62,8 @@ def view(
         from navloom.cli.output import print_json
 
         print_json(vars(counts) if counts is not None else {})
+    if rerun is not None and counts is not None and counts.file_failure:
+        raise typer.Exit(1)
 
 
 def where_of(view: bool, rerun: Path | None, viewer: str | None, web: bool, *, keeps: bool = True) -> Where:
@@ -82,7 +87,7 @@ def where_of(view: bool, rerun: Path | None, viewer: str | None, web: bool, *, k
 
 def say_so(text: str) -> None:
     """One line on standard error."""
-    typer.echo(f"navloom: {text}", err=True)
+    print(f"navloom: {text}", file=sys.stderr, flush=True)  # where a line of progress is, it goes above it
 
 
 def _file(file: Path, where: Where) -> Any:

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from navloom.config.schema import ROLE_TABLES, Config
+from navloom.config.lines import line_of
+from navloom.config.problems import ConfigError, check_params, problems_of
+from navloom.config.schema import DEFAULT_PLUGINS, ROLE_TABLES, Config
+from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
+from navloom.roles.base import RESERVED_KEYS
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
 
 Source = Literal["default", "file", "--set"]
-RESERVED = frozenset({"plugin", "name", "sensors", "rate_hz", "latency", "role", "shadow"})
-
-
-class ConfigError(ValueError):
-    """The config cannot be used; the text names the place, the value, the expectation and the nearest fix."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Loaded:
         base: Folder relative paths in it start from.
         sources: By dotted place, where the value came from; what is not listed is a default.
         dropped: Places of the file's parameters that a `--set` of another plugin made void.
+        text: The file's; empty where there is none.
     """
 
     config: Config
@@ -43,6 +44,24 @@ class Loaded:
     base: Path
     sources: dict[str, Source]
     dropped: tuple[str, ...]
+    text: str = field(default="", repr=False, compare=False)
+
+    def error(self, *problems: str) -> ConfigError:
+        """An error of one line a problem, each with the line of the file, or the `--set`, that its value comes from."""
+        return _located(problems, self.name, self.text, self.sources)
+
+    def notices(self) -> list[str]:
+        """What a user should know before anything drives: parameters that are dropped, a size that is assumed."""
+        said = [f"{place} belongs to the plugin that --set replaced: dropped" for place in self.dropped]
+        if not self.gives("robot.footprint"):
+            shape = self.config.robot.footprint
+            size = f"{{ length = {shape.length:g}, width = {shape.width:g} }}"
+            said.append(f"{self.name}: robot.footprint: is missing, the default holds: {size}, in m; give your robot's")
+        return said
+
+    def gives(self, place: str) -> bool:
+        """Whether the file or a `--set` gives a value, or one in its table."""
+        return any(known == place or known.startswith(f"{place}.") for known in self.sources)
 
     def base_of(self, place: str) -> Path:
         """Folder that relative paths of a value start from: the file's, or the current one for `--set`."""
@@ -81,6 +100,8 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
     Raises:
         ConfigError: No such file, not TOML, or a value that does not fit.
     """
+    if seed is not None and not 0 <= seed < 2**63:
+        raise ConfigError(f"--seed {seed}: expected a whole number of 0 to {2**63 - 1}")
     text, base = _read(reference)
     try:
         tree = tomllib.loads(text)
@@ -95,8 +116,44 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
-        raise ConfigError(f"{reference}: {explain(error, Config)}") from None
-    return Loaded(config, reference, base, sources, tuple(dropped))
+        problems = [*problems_of(error, Config, given=tree), *_problems_of_params(tree)]
+        raise _located(problems, reference, text, sources) from None
+    return Loaded(config, reference, base, sources, tuple(dropped), text)
+
+
+def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, Source]) -> ConfigError:
+    """The error of problems that begin with their places, led by the file and line, or the `--set`, of each."""
+    lines: list[tuple[float, str]] = []
+    for problem in problems:
+        place = problem.partition(": ")[0]
+        if any(known == place or known.startswith(f"{place}.") for known in sources if sources[known] == "--set"):
+            lines.append((math.inf, f"--set {problem}"))
+        else:
+            line = line_of(text, place) if text and " " not in place else None
+            lines.append((line or 0, f"{name}:{line}: {problem}" if line else f"{name}: {problem}"))
+    return ConfigError(*(text for _, text in sorted(lines, key=lambda entry: entry[0])))
+
+
+def _problems_of_params(tree: dict[str, Any]) -> list[str]:
+    """What does not fit in the plugins' parameters of a file that does not fit itself, so that all is said at once."""
+    found = []
+    tables: list[tuple[str, Any, Any]] = [(role, role, tree.get(role, {})) for role in ROLE_TABLES]
+    alternatives = tree.get("alternative", [])
+    for number, table in enumerate(alternatives if isinstance(alternatives, list) else ()):
+        tables.append((f"alternative.{number}", table.get("role") if isinstance(table, dict) else None, table))
+    discovery = Discovery()
+    for place, role, table in tables:
+        plugin = table.get("plugin", DEFAULT_PLUGINS.get(place)) if isinstance(table, dict) else None
+        if not isinstance(plugin, str) or role not in ROLE_TABLES:
+            continue
+        try:
+            params = {key: value for key, value in table.items() if key not in RESERVED_KEYS}
+            check_params(discovery.role(role, plugin).Params, params, place)
+        except PluginError as error:
+            found.append(f"{place}.plugin: {error}")
+        except ConfigError as error:
+            found.extend(error.problems)
+    return found
 
 
 def _read(reference: str) -> tuple[str, Path]:
@@ -136,7 +193,7 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
     where = ".".join(_numbered(tree, keys))
     names_plugin = keys[-1] == "plugin" and ((len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] == "alternative")
     if names_plugin and table.get("plugin") != value:
-        for old in [key for key in table if key not in RESERVED]:
+        for old in [key for key in table if key not in RESERVED_KEYS]:
             dropped.append(f"{where.removesuffix('.plugin')}.{old}")
             del table[old]
             sources.pop(dropped[-1], None)
@@ -189,47 +246,3 @@ def _value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text.strip()
-
-
-def explain(error: ValidationError, model: type[BaseModel], prefix: str = "") -> str:
-    """A validation error as one message: place, value, expectation, nearest fix, and how many more there are."""
-    problems = error.errors(include_url=False)
-    first = problems[0]
-    place = ".".join([prefix, *map(str, first["loc"])] if prefix else map(str, first["loc"]))
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    if first["type"] == "extra_forbidden":
-        known = list(_model_at(model, first["loc"][:-1]).model_fields)
-        return f"{place}: unknown key{nearest(str(first['loc'][-1]), known)}{more}"
-    if first["type"] == "missing":
-        return f"{place}: is missing{more}"
-    message = first["msg"].removeprefix("Value error, ")
-    message = message[0].lower() + message[1:]
-    value = "" if isinstance(first["input"], (dict, BaseModel)) else f"got {first['input']!r}, "
-    return f"{place or 'config'}: {value}{message}{more}"
-
-
-def _model_at(model: type[BaseModel], path: Iterable[str | int]) -> type[BaseModel]:
-    for key in path:
-        field = model.model_fields.get(str(key))
-        if field is not None:
-            model = next((m for m in _models_in(field.annotation)), model)
-    return model
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for inner in getattr(annotation, "__args__", ()):
-        yield from _models_in(inner)
-
-
-def check_params(params: type[BaseModel], table: dict[str, Any], place: str) -> Any:
-    """A plugin's parameters from its table.
-
-    Raises:
-        ConfigError: A key it does not know, or a value that does not fit.
-    """
-    try:
-        return params.model_validate(table)
-    except ValidationError as error:
-        raise ConfigError(explain(error, params, place)) from None

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
+
+from navloom.roles.base import StrictModel
 
 __all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "FootprintTable", "GateTable", "LiveTable",
            "MapTable", "NavigationTable", "PlaceTable", "PluginsTable", "PointTable", "RobotTable", "RoleTable",
@@ -18,13 +21,13 @@ ROLE_TABLES: tuple[str, ...] = ("platform", "localizer", "mapper", "planner", "c
 LIVE_NODES: tuple[str, ...] = (*ROLE_TABLES, "goal", "reference", "gate")
 
 
-class Table(BaseModel):
+class Table(StrictModel):
     """Base of the config's tables: unknown keys are refused, whole numbers pass as reals, nothing is infinite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class OpenTable(BaseModel):
+class OpenTable(StrictModel):
     """Base of tables that carry a plugin's parameters beside their own keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
@@ -334,32 +337,49 @@ class Config(Table):
 
     @model_validator(mode="after")
     def _names_fit(self) -> Config:
+        problems = [*self._wrong_sensors(), *self._wrong_instances(), *self._wrong_events()]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    def _wrong_sensors(self) -> Iterator[str]:
         sensors = [sensor.name for sensor in self.sensor]
-        _refuse_doubles("sensor", sensors)
+        for number, sensor in enumerate(sensors):
+            if sensor in sensors[:number]:
+                yield f'sensor.{number}.name: two tables [[sensor]] are named "{sensor}"'
+        for place, table in self.role_tables():
+            for name in table.sensors or ():
+                if name not in sensors:
+                    yield f'{place}.sensors: names "{name}"; sensors are {", ".join(sensors) or "none"}'
+
+    def _instances(self) -> set[tuple[str, str]]:
+        """Role and name of every instance."""
+        active = {(role, self.role_table(role).instance) for role in ROLE_TABLES}
+        return active | {(table.role, table.instance) for table in self.alternative}
+
+    def _wrong_instances(self) -> Iterator[str]:
         taken = {(role, self.role_table(role).instance) for role in ROLE_TABLES}
         for number, table in enumerate(self.alternative):
             if table.role == "platform":
-                raise ValueError(f"alternative {number} is a platform: the platform is never shadowed or swapped")
-            if (table.role, table.instance) in taken:
-                raise ValueError(f'two instances of {table.role} are named "{table.instance}": give one a `name`')
+                yield f"alternative.{number}.role: is a platform: the platform is never shadowed or swapped"
+            elif (table.role, table.instance) in taken:
+                yield f'alternative.{number}: two instances of {table.role} are named "{table.instance}": ' \
+                      "give one a `name`"  # fmt: skip
             taken.add((table.role, table.instance))
-        for place, role_table in self.role_tables():
-            for name in role_table.sensors or ():
-                if name not in sensors:
-                    raise ValueError(f'{place}.sensors names "{name}"; sensors are {", ".join(sensors) or "none"}')
         for process, nodes in self.live.processes.items():
             for node in nodes:
                 role, dot, name = node.partition(".")
                 if dot and (role, name) not in taken:
-                    known = ", ".join(name for owner, name in sorted(taken) if owner == role)
-                    raise ValueError(f'live.processes.{process} names "{node}"; of {role} there are {known}')
-        for event in self.event:
+                    yield f'live.processes.{process}: names "{node}"; of {role} there are {_names_of(role, taken)}'
+
+    def _wrong_events(self) -> Iterator[str]:
+        taken = self._instances()
+        for number, event in enumerate(self.event):
             if event.do in ("swap", "set") and event.name and (event.role, event.name) not in taken:
-                known = ", ".join(name for role, name in sorted(taken) if role == event.role)
-                raise ValueError(f'event at {event.at:g} s names {event.role} "{event.name}"; there are {known}')
+                known = _names_of(event.role, taken)
+                yield f'event.{number}.name: names {event.role} "{event.name}"; there are {known}'
             if event.do == "swap" and event.role == "platform":
-                raise ValueError("the platform is never swapped")
-        return self
+                yield f"event.{number}.role: the platform is never swapped"
 
     def role_table(self, role: str) -> RoleTable:
         """The table of a role's active instance."""
@@ -374,7 +394,6 @@ class Config(Table):
         ]
 
 
-def _refuse_doubles(what: str, names: list[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f'two tables [[{what}]] are named "{name}"')
+def _names_of(role: str | None, instances: set[tuple[str, str]]) -> str:
+    """Names of a role's instances, for a message."""
+    return ", ".join(name for owner, name in sorted(instances) if owner == role)

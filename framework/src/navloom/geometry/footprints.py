@@ -39,10 +39,10 @@ def polygon(corners: ArrayLike) -> Floats:
     """A checked copy of a footprint's corners.
 
     Args:
-        corners: (n, 2) m, base frame: convex, counter-clockwise, round the origin, 3 to 64 corners.
+        corners: (n, 2) m, base frame: convex, in either order, round the origin, 3 to 64 corners.
 
     Returns:
-        (n, 2) float64, read-only.
+        (n, 2) float64, counter-clockwise, read-only.
 
     Raises:
         FootprintError: Anything else, naming the corner.
@@ -57,6 +57,8 @@ def polygon(corners: ArrayLike) -> Floats:
         )
     if not np.isfinite(outline).all():
         raise FootprintError(f"footprint corner {_first(~np.all(np.isfinite(outline), axis=1))} is not finite")
+    if _is_clockwise(outline):
+        outline = outline[::-1].copy()
     _check_turns(outline)
     if _edge_distances(outline).min() <= 0.0:
         raise FootprintError(
@@ -64,6 +66,12 @@ def polygon(corners: ArrayLike) -> Floats:
         )
     outline.flags.writeable = False
     return outline
+
+
+def _is_clockwise(outline: Floats) -> bool:
+    """A negative area; of an outline that crosses itself it says nothing, but that is refused in either order."""
+    x, y = outline[:, 0], outline[:, 1]
+    return bool((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0)
 
 
 def _check_turns(outline: Floats) -> None:
@@ -75,14 +83,12 @@ def _check_turns(outline: Floats) -> None:
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     forward = (edges * following).sum(axis=1)
     total = np.arctan2(turns, forward).sum()
-    if (turns < 0.0).all() and np.isclose(total, -2.0 * np.pi):
-        raise FootprintError("footprint is clockwise: expected counter-clockwise corners; reverse their order")
     # An outline that turns left everywhere but goes round twice is a star, not convex.
     if (turns <= 0.0).any() or not np.isclose(total, 2.0 * np.pi):
         place = (_first(turns <= 0.0) + 1) % len(outline) if (turns <= 0.0).any() else 0
         raise FootprintError(
-            f"footprint is not convex at corner {place} {outline[place].tolist()}: "
-            "expected a left turn at every corner; give the convex hull"
+            f"footprint is not convex at the corner {outline[place].tolist()}, or crosses itself: "
+            "expected corners in order round a convex outline; give the convex hull"
         )
 
 

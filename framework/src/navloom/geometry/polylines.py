@@ -27,6 +27,26 @@ def hausdorff_distance(ours: Floats, theirs: Floats) -> float:
     return max(_farthest(ours, theirs), _farthest(theirs, ours))
 
 
+def corners(points: Floats, tolerance: float) -> Floats:
+    """The fewest points of a polyline (n, 2) that no other point is farther from than a tolerance, m.
+
+    Ramer 1972, Douglas and Peucker 1973; first and last are kept.
+    """
+    kept, spans = {0, len(points) - 1}, [(0, len(points) - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        along, between = points[last] - points[first], points[first + 1 : last] - points[first]
+        share = np.clip(between @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        away = np.hypot(*(between - share[:, None] * along).T)
+        if away.max() > tolerance:
+            middle = first + 1 + int(away.argmax())
+            kept.add(middle)
+            spans += [(first, middle), (middle, last)]
+    return points[sorted(kept)]
+
+
 def _farthest(points: Floats, line: Floats) -> float:
     """Greatest distance from a polyline to another, m."""
     sampled = _sampled(points)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Protocol
@@ -12,6 +12,7 @@ from typing import Protocol
 from navloom.geometry.world import World
 from navloom.messages import Message
 from navloom.roles import ROLE_API, ROLES, Params, Role
+from navloom.roles.base import RESERVED_KEYS
 
 __all__ = ["Named", "PluginError", "Registry", "close_to", "nearest"]
 
@@ -98,6 +99,15 @@ def _wrong_part(plugin: type[Role]) -> str:
     """What of a class the framework could not use, and what it expects; empty where all fits."""
     if not (isinstance(plugin.Params, type) and issubclass(plugin.Params, Params)):
         return f"its Params is {plugin.Params!r}, expected a subclass of navloom.Params"
+    if taken := [name for name in RESERVED_KEYS if name in _keys_of(plugin.Params)]:
+        return (
+            f"its Params has a field {' and '.join(taken)}, which is a key of the framework in a role's table: "
+            f"no config could set it; rename it, as publish_rate_hz; taken are {', '.join(RESERVED_KEYS)}"
+        )
+    settings: Mapping[str, type[Params]] = getattr(plugin, "sensor_settings", {})
+    for kind, model in settings.items():
+        if taken := [name for name in ("name", "kind") if name in _keys_of(model)]:
+            return f"its settings of {kind} have a field {' and '.join(taken)}, which every [[sensor]] has: rename it"
     if not (isinstance(plugin.accepts, tuple)
             and all(isinstance(kind, type) and issubclass(kind, Message) for kind in plugin.accepts)):  # fmt: skip
         return f"its accepts is {plugin.accepts!r}, expected a tuple of message classes, as (RangeScan,)"
@@ -108,6 +118,14 @@ def _wrong_part(plugin: type[Role]) -> str:
     except TypeError as error:
         return f"its __init__ is given params and context ({error}): `def __init__(self, params, context)`"
     return ""
+
+
+def _keys_of(params: type[Params]) -> set[str]:
+    """Keys that a config may write for a model's fields."""
+    fields = params.model_fields.items()
+    return {
+        key for name, field in fields for key in (name, field.alias, field.validation_alias) if isinstance(key, str)
+    }
 
 
 def _keep_named(kept: dict[str, Named], given: Named, kind: str, expected: str) -> None:

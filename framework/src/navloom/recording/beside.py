@@ -18,13 +18,16 @@ CLOSE = 15.0
 
 
 @contextmanager
-def recorder_beside(prefix: str, path: Path, say: Callable[[str], None], insecure: bool = False) -> Iterator[None]:
+def recorder_beside(
+    prefix: str, path: Path, say: Callable[[str], None], cut: list[str], insecure: bool = False
+) -> Iterator[None]:
     """Record a robot that is up, for the time of a `with` statement, which begins once it is heard.
 
     Args:
         prefix: REALM/ROBOT.
         path: File to write.
         say: Told what the recorder says.
+        cut: Gets a line where the file is cut short.
         insecure: Plain TCP beyond this host was asked for.
 
     Raises:
@@ -51,6 +54,8 @@ def recorder_beside(prefix: str, path: Path, say: Callable[[str], None], insecur
             child.kill()
             child.wait()
             say(f"{path}: its recorder did not end; what it wrote can be read")
+        if child.returncode:
+            cut.append(f"{path}: its recorder ended with code {child.returncode}")
         listener.join(1.0)
 
 

@@ -26,7 +26,7 @@ from navloom.recording.ros_convert import (
     yaw_of,
 )
 from navloom.recording.ros_frames import BASES, FrameTree, Mount, quaternion_matrix
-from navloom.recording.writer import RecordingWriter
+from navloom.recording.writer import RecordingWriter, WriteError
 
 __all__ = ["INSTANCE", "PERIOD", "Imported", "Topic", "import_bag"]
 
@@ -96,15 +96,23 @@ def import_bag(
         odometry_topic: Which of several to take; None for the one with most messages, else the transform from odom.
 
     Raises:
-        RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use.
+        RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use; or there is such a file.
+        WriteError: The disk is full; nothing is left.
     """
     reader = _open(bag)
     with reader:
         work = _Work(reader, dict(names or {}), dict(mounts or {}), odometry_topic)
         header = header_of(work.loaded(bag), "imported", {})
         header = replace(header, clock="wall", origin=bag.name)
-        with RecordingWriter(out, header, {}) as writer:
-            return work.write(writer)
+        writer = RecordingWriter(out, header, {})
+        try:
+            with writer:
+                return work.write(writer)
+        except BaseException as error:
+            writer.discard()
+            if isinstance(error, WriteError):
+                raise WriteError(f"{out}: {error.why}; nothing of the import is kept", error.why) from None
+            raise
 
 
 def _open(bag: Path) -> Any:
@@ -175,7 +183,10 @@ class _Work:
         counts = {name: info.msgcount for name, info in self.reader.topics.items() if info.msgtype == _ODOMETRY}
         if wanted is not None and wanted not in counts:
             raise RecordingError(f"topic {wanted!r} is no {_ODOMETRY}; there are {', '.join(counts) or 'none'}")
-        self.odometry = wanted or max(counts, key=lambda name: (counts[name], name), default=None)
+        filled = {name: count for name, count in counts.items() if count}
+        if wanted is not None and wanted not in filled:
+            raise RecordingError(f"topic {wanted!r} has no message; odometry is in {', '.join(filled) or 'no topic'}")
+        self.odometry = wanted or max(filled, key=lambda name: (filled[name], name), default=None)
 
     def _refuse_doubles(self) -> None:
         taken: dict[str, str] = {}
@@ -190,6 +201,9 @@ class _Work:
                     f"tell them apart with --map-topic {topic.name}=name"
                 )
             taken[topic.sensor] = topic.name
+        unknown = next((name for name in self.mounts if name not in taken), None)
+        if unknown is not None:
+            raise RecordingError(f"--mount {unknown}: the bag has no such sensor; it has {', '.join(taken) or 'none'}")
 
     def _read_frames(self) -> None:
         """Transforms, and the frame of each sensor and of the odometry, from the first message that has one."""
@@ -226,7 +240,7 @@ class _Work:
                 topic.sensor = "odometry"
             elif topic.type in _TRANSFORMS:
                 topic.sensor = "mounts"
-            elif topic.type == _ODOMETRY:
+            elif topic.type == _ODOMETRY and count:
                 topic.skipped[f"{self.odometry} is taken; choose with --odom {topic.name}"] = count
             else:
                 topic.skipped["not a type that is read" if count else "empty"] = count
@@ -236,8 +250,11 @@ class _Work:
                 f"no odometry: neither a topic of {_ODOMETRY} nor a transform from odom to {self.base}"
             )
         if not self.mount_of:
-            reasons = "; ".join(f"{t.name} ({t.type}): {next(iter(t.skipped), 'empty')}" for t in self.topics.values())
-            raise RecordingError(f"no topic with ranges can be used: {reasons or 'the bag is empty'}")
+            ranges = [topic for topic in self.topics.values() if topic.type in _CONVERT]
+            reasons = "; ".join(f"{topic.name} ({topic.type}): {next(iter(topic.skipped))}" for topic in ranges)
+            there = ", ".join(f"{topic.name} ({topic.type})" for topic in self.topics.values()) or "no topic at all"
+            lacking = f"expected one of {', '.join(_CONVERT)}; the bag has {there}"
+            raise RecordingError(f"no topic with ranges can be used: {reasons or lacking}")
 
     def _mount(self, frame: str) -> Mount | None:
         if frame == self.base:

@@ -11,7 +11,7 @@ from typing import Any
 
 from navloom.messages.codec import schema_label
 from navloom.messages.schema import SCHEMAS
-from navloom.recording.header import HEADER, RecordingHeader
+from navloom.recording.header import HEADER, RecordingError, RecordingHeader
 from navloom.recording.reader import COUNTS
 from navloom.recording.schemas import ENCODING, schema_text
 
@@ -22,7 +22,15 @@ CHUNK = 1 << 20
 
 
 class WriteError(OSError):
-    """The file cannot be written on; what it holds so far is whole. The text says why, and how much there is."""
+    """The file cannot be written on; what it holds so far is whole. The text says why, and how much there is.
+
+    Attributes:
+        why: The cause alone.
+    """
+
+    def __init__(self, text: str, why: str = "") -> None:
+        super().__init__(text)
+        self.why = why
 
 
 class RecordingWriter:
@@ -34,7 +42,8 @@ class RecordingWriter:
         attachments: Files to keep in it, by name.
 
     Raises:
-        WriteError: It cannot be written; at any call. Nothing is written after that.
+        RecordingError: There is such a file, or it cannot be made.
+        WriteError: It cannot be written, as on a full disk; at any call. Nothing is written after that.
 
     Attributes:
         messages: How many are in it; where writing failed, how many of them can be read.
@@ -49,12 +58,16 @@ class RecordingWriter:
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._is_open, self._whole = True, 0
-        with self._sound():
-            self._writer.start(profile="navloom", library=f"navloom {header.versions.get('navloom', '')}")
-            self._writer.add_metadata(HEADER, {"header": header.to_text()})
-            for name, data in sorted((attachments or {}).items()):
-                self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
-            self._file.mark()
+        try:
+            with self._sound():
+                self._writer.start(profile="navloom", library=f"navloom {header.versions.get('navloom', '')}")
+                self._writer.add_metadata(HEADER, {"header": header.to_text()})
+                for name, data in sorted((attachments or {}).items()):
+                    self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
+                self._file.mark()
+        except WriteError as error:
+            path.unlink(missing_ok=True)
+            raise WriteError(f"{path}: {error.why}; nothing was recorded", error.why) from None
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -97,6 +110,13 @@ class RecordingWriter:
         self._is_open = False
         self._file.close()
 
+    def discard(self) -> None:
+        """Remove the file: what it was to hold did not take place, or is of no use in part."""
+        if self._is_open:
+            self._is_open = False
+            self._file.close()
+        self.path.unlink(missing_ok=True)
+
     @property
     def size(self) -> int:
         """Bytes of the file."""
@@ -122,9 +142,10 @@ class RecordingWriter:
         except OSError as error:
             self._is_open, self.messages = False, self._whole
             self._file.cut()
+            why = error.strerror or str(error)
+            size = self._file.tell()
             raise WriteError(
-                f"{self.path}: {error.strerror or error}; the recording ends here, with {self._file.tell()} bytes "
-                "that can be read"
+                f"{self.path}: {why}; the recording ends here, with {size} bytes that can be read", why
             ) from None
 
 
@@ -135,9 +156,9 @@ class _Sound:
         try:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except FileExistsError:
-            raise WriteError(f"{path}: there is such a file already; name another, or remove it") from None
+            raise RecordingError(f"{path}: there is such a file already; name another, or remove it") from None
         except OSError as error:
-            raise WriteError(f"{path}: cannot be written: {error.strerror}") from None
+            raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
         self._at = self._good = 0
 
     def write(self, data: bytes) -> int:

@@ -40,6 +40,7 @@ class Avoider(Role):
     """Steers round what is sensed. It steps every tick, whether it drives or not."""
 
     role = "avoider"
+    needs_sensor = True
 
     @abstractmethod
     def avoid(self, given: AvoiderInput) -> Avoidance:

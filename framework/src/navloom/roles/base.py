@@ -10,22 +10,52 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
 
 from navloom.geometry.world import World
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 
-__all__ = ["Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec"]
+__all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
+
+RESERVED_KEYS = ("plugin", "name", "sensors", "rate_hz", "latency", "role", "shadow")
+"""Keys of a role's table that the framework reads itself: no plugin can have a parameter of such a name."""
 
 
 class InputError(ValueError):
     """A plugin was given data it cannot use: the text says what was given and what was expected."""
 
 
-class Params(BaseModel):
+def _make_strict(schema: Any) -> None:
+    """Mark the scalars of a core schema as strict, unless a field says otherwise."""
+    if isinstance(schema, dict):
+        if schema.get("type") in ("int", "float", "bool", "str"):
+            schema.setdefault("strict", True)
+        for key, inner in schema.items():
+            if key not in ("default", "expected", "metadata", "serialization"):
+                _make_strict(inner)
+    elif isinstance(schema, list):
+        for inner in schema:
+            _make_strict(inner)
+
+
+class StrictModel(BaseModel):
+    """A model whose numbers, switches and texts are never converted: "7" is no number, 1 is not true.
+
+    A whole number still passes as a real one. Lists pass as tuples and texts as paths, because TOML has neither.
+    """
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        schema = handler(source)
+        _make_strict(schema)
+        return schema
+
+
+class Params(StrictModel):
     """Base of every plugin's parameters: unknown keys are refused, values cannot change after checking.
 
     Give each field bounds and, in its description, a unit. Angles are in degrees and their names end in `_deg`.
+    Numbers, switches and texts are strict: "7" is no number.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -108,6 +138,7 @@ class Role(ABC):
         api: Major version of the role it is built for.
         accepts: Sensor messages its node is wired to, unless the config names `sensors`.
         needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
+        needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
         Params: Its parameters.
     """
 
@@ -116,6 +147,7 @@ class Role(ABC):
     api: ClassVar[int] = 1
     accepts: ClassVar[tuple[type[Message], ...]] = (RangeScan,)
     needs_map: ClassVar[bool] = False
+    needs_sensor: ClassVar[bool] = False
     Params: ClassVar[type[Params]] = Params
 
     def __init__(self, params: Any, context: Context) -> None:

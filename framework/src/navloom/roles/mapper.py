@@ -35,6 +35,7 @@ class Mapper(Role):
 
     role = "mapper"
     accepts = (Sweep,)
+    needs_sensor = True
 
     @abstractmethod
     def update(self, given: MapperInput) -> MapUpdate | None:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from navloom.config import ConfigError, Loaded, check_params
-from navloom.config.loader import explain
+from navloom.config.problems import Gathered, problems_of
 from navloom.config.schema import ROLE_TABLES, Config, EventTable, PlaceTable, RoleTable
 from navloom.dataflow.graph import order
 from navloom.dataflow.nodes import fault_text, role_node
@@ -28,7 +28,7 @@ from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
 
-__all__ = ["System", "assemble", "make_plugins", "robot_spec"]
+__all__ = ["System", "assemble", "make_plugins", "robot_spec", "try_plugins"]
 
 Progress = Callable[[str], None]
 
@@ -135,17 +135,46 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     """Find the plugins, check their parameters and the wiring. Makes no plugin yet.
 
     Raises:
-        ConfigError: Something in the file does not fit; PluginError: a plugin cannot be used.
+        ConfigError: Something in the file does not fit, each on a line; PluginError: a plugin cannot be used.
     """
-    config = loaded.config
+    config, problems = loaded.config, Gathered()
     discovery = discovery or Discovery(config.plugins.blocked)
-    parts = _find_parts(config, discovery)
-    world = _world(loaded, discovery)
+    parts, world, robot = _find_parts(config, discovery, problems), None, None
+    with problems.gather():
+        world = _world(loaded, discovery)
+    with problems.gather():
+        robot = robot_spec(config)
+    platform_part = parts.get(("platform", config.platform.instance))
+    sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
+    for place, table in config.role_tables():
+        with problems.gather():
+            _stride(table, config.run.period, place)
+    if platform_part is not None and len(sensors) == len(config.sensor):
+        for part in parts.values():
+            with problems.gather():
+                part.sensors = _wired(part, platform_part.cls, sensors)
+    problems.refuse(loaded.error)
+    assert robot is not None and platform_part is not None
+    system = _system(loaded, robot, world, parts, sensors)
+    with problems.gather():
+        if config.map is not None or any(part.cls.needs_map for part in parts.values()):
+            system.map = _known_map(loaded, discovery, world)
+    _check_set_events(system, problems)
+    problems.refuse(loaded.error)
+    return system
+
+
+def _system(
+    loaded: Loaded,
+    robot: RobotSpec,
+    world: World | None,
+    parts: dict[tuple[str, str], Part],
+    sensors: tuple[SensorSpec, ...],
+) -> System:
+    """A system of parts that fit."""
+    config = loaded.config
     platform = parts[("platform", config.platform.instance)].cls
     assert issubclass(platform, Platform)
-    sensors = _sensors(config, platform)
-    for part in parts.values():
-        part.sensors = _wired(part, platform, sensors)
     wired = {role: parts[(role, config.role_table(role).instance)].sensors for role in ROLE_TABLES}
     for part in parts.values():
         extra = [name for name in part.sensors if name not in wired[part.role]]
@@ -153,18 +182,10 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     if config.gate.monitor:
         wired["gate"] = tuple(s.name for s in sensors if issubclass(platform.sensor_kinds[s.kind], RangeScan))
     specs = order(node_table([sensor.name for sensor in sensors], wired))
-    for place, table in config.role_tables():
-        _stride(table, config.run.period, place)
     start, goal, tolerance = _task(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
-    system = System(
-        loaded, robot_spec(config), world, start, goal, tolerance, specs, parts, sensors, asks,
-    )  # fmt: skip
-    if config.map is not None or any(part.cls.needs_map for part in parts.values()):
-        system.map = _known_map(loaded, discovery, world)
-    _check_set_events(system)
-    return system
+    return System(loaded, robot, world, start, goal, tolerance, specs, parts, sensors, asks)
 
 
 def make_plugins(
@@ -175,7 +196,6 @@ def make_plugins(
     Raises:
         ConfigError: A plugin refuses its world, sensors or map.
     """
-    config = system.config
     progress("preparing the framework")
     for warm_up in (blocking.warm_up, echoes.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
@@ -188,20 +208,43 @@ def make_plugins(
             with _blamed(part, "warm_up"):
                 part.cls.warm_up()
             warmed.add(part.cls)
-        context = Context(
-            instance=instance,
-            period=config.run.period,
-            robot=system.robot,
-            stream=stream_source(config.run.seed, role, instance),
-            start=system.true_start if role == "platform" else system.start,
-            sensors=system.sensors if role == "platform" else (),
-            world=system.world if role == "platform" else None,
-            map=system.map if role in ("mapper", "localizer") else None,
-        )
-        with _blamed(part, "__init__"):
-            part.plugin = part.cls(part.params, context)
-        if role != "platform":  # a second one might take the robot's ports from the first
-            _try_set_events(system, part, context)
+        part.plugin = _made(system, part)
+
+
+def try_plugins(system: System) -> None:
+    """Make every plugin once and keep none, without compiling: for what only a plugin itself can refuse.
+
+    A real platform is left out, since it would take the robot's ports.
+
+    Raises:
+        ConfigError, PluginError: One line a plugin that cannot be made.
+    """
+    problems = Gathered()
+    for part in system.parts.values():
+        if part.role != "platform" or getattr(part.cls, "is_simulated", False):
+            with problems.gather():
+                _made(system, part)
+    problems.refuse(system.loaded.error)
+
+
+def _made(system: System, part: Part) -> Role:
+    """A new plugin, which takes the parameters of events too."""
+    config, role, instance = system.config, part.role, part.table.instance
+    context = Context(
+        instance=instance,
+        period=config.run.period,
+        robot=system.robot,
+        stream=stream_source(config.run.seed, role, instance),
+        start=system.true_start if role == "platform" else system.start,
+        sensors=system.sensors if role == "platform" else (),
+        world=system.world if role == "platform" else None,
+        map=system.map if role in ("mapper", "localizer") else None,
+    )
+    with _blamed(part, "__init__"):
+        plugin = part.cls(part.params, context)
+    if role != "platform":  # a second one might take the robot's ports from the first
+        _try_set_events(system, part, context)
+    return plugin
 
 
 def _try_set_events(system: System, part: Part, context: Context) -> None:
@@ -221,7 +264,7 @@ def _blamed(part: Part, verb: str) -> Iterator[None]:
     try:
         yield
     except ValidationError as error:
-        raise ConfigError(explain(error, part.cls.Params, part.place)) from None
+        raise ConfigError(*problems_of(error, part.cls.Params, part.place)) from None
     except ValueError as error:
         raise ConfigError(f"{part.place} ({part.cls.name}): {error}") from None
     except (Exception, SystemExit) as error:
@@ -272,16 +315,17 @@ def stride_of(table: RoleTable, period: float) -> int:
     return 1 if table.rate_hz is None else round(1.0 / (table.rate_hz * period))
 
 
-def _find_parts(config: Config, discovery: Discovery) -> dict[tuple[str, str], Part]:
+def _find_parts(config: Config, discovery: Discovery, problems: Gathered) -> dict[tuple[str, str], Part]:
     parts: dict[tuple[str, str], Part] = {}
     for place, table in config.role_tables():
         role = place if place in ROLE_TABLES else getattr(table, "role")  # noqa: B009
-        try:
-            cls = discovery.role(role, table.plugin)
-        except PluginError as error:
-            raise PluginError(f"{place}.plugin: {error}") from None
-        params = check_params(cls.Params, table.params, place)
-        parts[(role, table.instance)] = Part(place, role, table, cls, params)
+        with problems.gather():
+            try:
+                cls = discovery.role(role, table.plugin)
+            except PluginError as error:
+                raise PluginError(f"{place}.plugin: {error}") from None
+            params = check_params(cls.Params, table.params, place)
+            parts[(role, table.instance)] = Part(place, role, table, cls, params)
     return parts
 
 
@@ -321,22 +365,26 @@ def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
     return OccupancyGrid(grid.cells, grid.resolution, Pose2D(grid.origin.x, grid.origin.y, grid.origin.heading))
 
 
-def _sensors(config: Config, platform: type[Platform]) -> tuple[SensorSpec, ...]:
+def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[SensorSpec, ...]:
+    """The sensors that the platform can give."""
+    assert issubclass(platform, Platform)
     specs = []
     for number, table in enumerate(config.sensor):
-        if table.kind not in platform.sensor_kinds:
-            hint = nearest(table.kind, list(platform.sensor_kinds))
-            raise ConfigError(f"sensor.{number}.kind: {platform.name} has no sensor of kind {table.kind!r}{hint}")
-        if table.name in ("odometry", "contact", "truth"):
-            raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port every platform has; choose another name")
-        if table.kind in platform.sensor_settings:
-            check_params(platform.sensor_settings[table.kind], table.params, f"sensor.{number}")
-        specs.append(SensorSpec(table.name, table.kind, table.params))
+        with problems.gather():
+            if table.kind not in platform.sensor_kinds:
+                hint = nearest(table.kind, list(platform.sensor_kinds))
+                raise ConfigError(f"sensor.{number}.kind: {platform.name} has no sensor of kind {table.kind!r}{hint}")
+            if table.name in ("odometry", "contact", "truth"):
+                raise ConfigError(f"sensor.{number}.name: {table.name!r} is a port of every platform; choose another")
+            if table.kind in platform.sensor_settings:
+                check_params(platform.sensor_settings[table.kind], table.params, f"sensor.{number}")
+            specs.append(SensorSpec(table.name, table.kind, table.params))
     return tuple(specs)
 
 
-def _wired(part: Part, platform: type[Platform], sensors: tuple[SensorSpec, ...]) -> tuple[str, ...]:
+def _wired(part: Part, platform: type[Role], sensors: tuple[SensorSpec, ...]) -> tuple[str, ...]:
     """Sensors an instance gets: those its table names, or all whose messages it accepts."""
+    assert issubclass(platform, Platform)
     gives: Mapping[str, Any] = {sensor.name: platform.sensor_kinds[sensor.kind] for sensor in sensors}
     if part.table.sensors is None:
         return tuple(name for name, message in gives.items() if issubclass(message, part.cls.accepts))
@@ -378,12 +426,12 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
     return start, goal, navigation.goal_tolerance or authored or 0.2
 
 
-def _check_set_events(system: System) -> None:
+def _check_set_events(system: System, problems: Gathered) -> None:
     """Refuse parameter changes that will not fit when their time comes."""
     from navloom.dataflow.events import assignments
 
     for number, event, source in _set_events(system.config):
-        with _blamed_on_event(number):
+        with problems.gather(), _blamed_on_event(number):
             changed_params(system, *source, assignments(event.values))
 
 
@@ -401,4 +449,4 @@ def _blamed_on_event(number: int) -> Iterator[None]:
     try:
         yield
     except ConfigError as error:
-        raise ConfigError(f"event.{number}.values: {error}") from None
+        raise ConfigError(*(f"event.{number}.values: {problem}" for problem in error.problems)) from None

@@ -3,45 +3,105 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.config import ConfigError
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
-from navloom.runtime.build import System
+from navloom.runtime.build import System, stride_of
+from navloom.runtime.needs import needed_sensors
 
-__all__ = ["check_places", "check_task", "place_problem"]
+__all__ = ["check_drive", "check_task", "place_problem"]
 
 
 def check_task(system: System) -> None:
-    """Refuse a start or goal that the robot cannot stand at in the true world.
+    """Refuse what cannot drive, and a config without a goal. See `check_drive`.
 
     Raises:
-        ConfigError: Occupied, naming the obstacle, outside the world, or no goal at all.
+        ConfigError: One line a problem.
     """
     config = system.config
     gives_goal = any(event.do == "goal" for event in config.event)
-    if (system.goal is None or not config.navigation.drive) and not gives_goal:
-        raise ConfigError(
-            "navigation.goal: is missing, and the world names none; give one, as in goal = { x = 0.0, y = 7.6 }"
-        )
-    check_places(system)
+    has_goal = gives_goal or (system.goal is not None and config.navigation.drive)
+    check_drive(
+        system,
+        *(() if has_goal else (
+            "navigation.goal: is missing, and the world names none; give one, as in goal = { x = 0.0, y = 7.6 }",
+        )),
+    )  # fmt: skip
 
 
-def check_places(system: System) -> None:
-    """Refuse a start, or a goal of the config, that the robot cannot stand at in the true world. Raises ConfigError."""
+def check_drive(system: System, *more: str) -> None:
+    """Refuse a robot that cannot drive: a plugin without its sensors, commands that are stale when they come, a start
+    or goal that it cannot stand at in the true world.
+
+    Raises:
+        ConfigError: One line a problem, and `more` of them.
+    """
+    problems = [*more, *_places(system), *needed_sensors(system), *_delays(system), *_robot(system)]
+    if problems:
+        raise system.loaded.error(*problems)
+
+
+def _places(system: System) -> Iterator[str]:
+    """A start, or a goal of the config, that the robot cannot stand at in the true world."""
     start, goal = system.true_start, system.goal
     problem = place_problem(system, start.x, start.y, start.heading)
     if problem:
-        raise ConfigError(f"navigation.start: {problem}")
+        yield f"navigation.start: {problem}"
     if goal is not None:
         heading = None if goal.heading_deg is None else math.radians(goal.heading_deg)
         problem = place_problem(system, goal.x, goal.y, heading)
         if problem:
-            raise ConfigError(f"navigation.goal: {problem}")
+            yield f"navigation.goal: {problem}"
+
+
+def _delays(system: System) -> Iterator[str]:
+    """Commands that are older than the gate takes when they reach it, and answers later than they are waited for."""
+    config, limit = system.config, system.config.gate.stop_deadline
+    drivers = ("controller",) if config.navigation.handover == "never" else ("controller", "avoider")
+    for driver in drivers:
+        ages = {role: _age(system, role) for role in ("localizer", driver)}
+        age = sum(late for late, _ in ages.values()) + max(rest for _, rest in ages.values())
+        if age > limit + 1e-9:
+            role = max(ages, key=lambda role: sum(ages[role]))
+            key = "latency" if ages[role][0] > 0.0 else "rate_hz"
+            yield (
+                f"{role}.{key}: is {getattr(config.role_table(role), key):g}: the {driver}'s commands are up to "
+                f"{age:g} s old when they reach the gate, which stops beyond gate.stop_deadline = {limit:g} s; "
+                f"make the {role} faster, or raise the deadline"
+            )
+            break
+    for role, wait in (("mapper", "map_timeout"), ("planner", "plan_timeout")):
+        late, longest = config.role_table(role).latency, getattr(config.navigation, wait)
+        if late >= longest:
+            yield f"{role}.latency: is {late:g} s; expected less than navigation.{wait} = {longest:g} s"
+
+
+def _age(system: System, role: str) -> tuple[float, float]:
+    """How late a role's answers come, s, and how long the newest one holds until the next, s."""
+    table, period = system.config.role_table(role), system.config.run.period
+    return period * math.ceil(round(table.latency / period, 6)), period * (stride_of(table, period) - 1)
+
+
+def _robot(system: System) -> Iterator[str]:
+    """A reference that is never as slow as the robot, and a real robot of unknown size."""
+    config = system.config
+    slowest, fastest = config.navigation.speed[0], config.robot.max_linear
+    if slowest > fastest:
+        yield (
+            f"navigation.speed: begins with {slowest:g} m/s, more than robot.max_linear = {fastest:g} m/s: the robot "
+            f"cannot follow; expected at most that, as in speed = [{fastest:g}, {fastest:g}]"
+        )
+    platform = system.parts[("platform", config.platform.instance)].cls
+    if not getattr(platform, "is_simulated", True) and not system.loaded.gives("robot.footprint"):
+        yield (
+            f"robot.footprint: is missing, and {platform.name} is a real robot: give its size, as in "
+            "footprint = { length = 0.5, width = 0.4 }"
+        )
 
 
 def place_problem(system: System, x: float, y: float, heading: float | None) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter_ns
@@ -17,6 +19,8 @@ from navloom.runtime.wiring import Instance
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
+TELL_NS = 100_000_000
+"""Wall time between two words of progress, ns. Slower ticks are told of one by one."""
 MAIN_PORTS = {"mapper": ("map",), "planner": ("path", "failure"), "localizer": ("pose",), "recovery": ("command",)}
 
 
@@ -48,6 +52,7 @@ class RunLog:
         tick_ns: Wall time of each.
         control_ns: Wall time of each tick's steps of the active nodes but the platform; empty where it is not measured.
         step_ns: By role, wall time of each step of planner and mapper.
+        spent_ns: By role and instance, wall time of each step; empty for a live run.
         wall_ns: From the first tick to the last.
         swaps: Selections after the first.
         gate_stops: How often the gate stopped a driving robot.
@@ -61,6 +66,7 @@ class RunLog:
     tick_ns: list[int] = field(default_factory=list)
     control_ns: list[int] = field(default_factory=list)
     step_ns: dict[str, list[int]] = field(default_factory=lambda: {"planner": [], "mapper": []})
+    spent_ns: dict[tuple[str, str], array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
     wall_ns: int = 0
     swaps: int = 0
     gate_stops: int = 0
@@ -125,16 +131,18 @@ class Lockstep:
         return instance.enabled and (role == "recovery" or any(instance.slots[p].tick >= 0 for p in ports))
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
-        """Run until the last goal has ended, but no more than this many ticks."""
-        started = perf_counter_ns()
+        """Run until the last goal has ended, but no more than this many ticks. `progress` gets the newest tick."""
+        started, told = perf_counter_ns(), 0
         last_request = max(self.requests, default=0)
         for number in range(ticks):
             before = perf_counter_ns()
             self._control_ns = 0
             self._step(number)
-            self.log.tick_ns.append(perf_counter_ns() - before)
+            now = perf_counter_ns()
+            self.log.tick_ns.append(now - before)
             self.log.control_ns.append(self._control_ns)
-            if progress is not None and number % 64 == 0:
+            if progress is not None and now - told >= TELL_NS:
+                told = now
                 progress(number)
             if self._goal.machine.is_idle and number >= last_request + 1:
                 break
@@ -182,6 +190,7 @@ class Lockstep:
             self._control_ns += spent
         if instance.spec.role in self.log.step_ns and instance.active:
             self.log.step_ns[instance.spec.role].append(spent)
+        self.log.spent_ns[instance.spec.role, instance.name].append(spent)
         if self._step_observers:
             self._record(instance, tick, trigger, consumed, spent, fault)
         if not outputs:

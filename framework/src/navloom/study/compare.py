@@ -6,9 +6,9 @@ import hashlib
 import json
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -133,6 +133,7 @@ class StudyResult:
         wall: Wall time of this call, s.
         files: Names of what the folder holds.
         open_loop: Rows of the episodes driven for their shadows.
+        missing: Why a file was not written, by name.
     """
 
     study: Study
@@ -142,6 +143,7 @@ class StudyResult:
     wall: float
     files: tuple[str, ...] = ()
     open_loop: tuple[Row, ...] = ()
+    missing: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """By method: episodes, outcomes, and the mean of each metric over the episodes it is defined for."""
@@ -275,6 +277,7 @@ def run_study(
     Raises:
         ConfigError: The folder holds another study, or cannot be used.
         PoolError: Workers cannot run at all, or the cluster went away. What has ended is kept, as with Ctrl-C.
+        StudyError: The disk is full. What has ended is kept.
     """
     started = perf_counter()
     tasks = study.tasks()
@@ -297,7 +300,9 @@ def run_study(
         beside = [folder.rows[key] for key in study.open_loop_keys]
         timings = _timings(rows, perf_counter() - started, jobs or cores())
         files = folder.finish(rows, study.metrics, timings, beside)
-    return StudyResult(study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside))
+    return StudyResult(
+        study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside), folder.missing
+    )
 
 
 class _Clock:

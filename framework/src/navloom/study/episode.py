@@ -13,7 +13,7 @@ import numpy as np
 from navloom.config import Loaded
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
-from navloom.runtime.build import System, assemble, make_plugins
+from navloom.runtime.build import System, assemble, make_plugins, stride_of
 from navloom.runtime.checks import check_task
 from navloom.runtime.executor import lockstep_of
 from navloom.runtime.lockstep import Observer, RunLog
@@ -30,6 +30,8 @@ POSE_ERRORS = {
     "p95": measures.pose_error_p95,
     "max": measures.pose_error_max,
 }
+FEW = 20
+"""Steps below which a node is not judged: one that loads something in its first ones is not slow."""
 
 
 @dataclass(eq=False)
@@ -87,6 +89,7 @@ class Episode:
             "planner_ms": _median_ms(log.step_ns["planner"]),
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
+            "slow": self.slow(),
             "shadows": [one.summary() for one in self.shadows],
         }
 
@@ -94,6 +97,26 @@ class Episode:
     def trail(self) -> Trail:
         """The episode as the metrics see it."""
         return trail_of(self)
+
+    def slow(self) -> list[dict[str, Any]]:
+        """Nodes that need longer for a step than they have until the next one, by their 99th percentile.
+
+        A planner is left out: it answers requests, and nothing waits for it in a tick.
+        """
+        found = []
+        for (role, instance), spent_ns in self.log.spent_ns.items():
+            part = self.system.parts.get((role, instance))
+            if part is None or role == "planner" or len(spent_ns) < FEW:
+                continue
+            limit = stride_of(part.table, self.system.config.run.period) * self.system.config.run.period
+            spent = np.array(spent_ns) * 1e-9
+            p99 = float(np.percentile(spent, 99))
+            if p99 > limit:
+                found.append({
+                    "role": role, "instance": instance, "plugin": part.cls.name, "steps": spent.size,
+                    "late": int((spent > limit).sum()), "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3,
+                })  # fmt: skip
+        return found
 
 
 def run_episode(

@@ -6,21 +6,26 @@ import csv
 import fcntl
 import io
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 from navloom.config import ConfigError
-from navloom.files import write_whole
+from navloom.files import write_each, write_whole
 from navloom.study.rows import EpisodeKey, Row
 from navloom.study.tracks import FOLDER, file_of
 
-__all__ = ["StudyFolder", "open_loop_table", "table_of"]
+__all__ = ["StudyError", "StudyFolder", "open_loop_table", "table_of"]
 
 SHOWN = 3
 """Differences that a refusal names."""
+
+
+class StudyError(RuntimeError):
+    """A study that cannot be kept any longer; what has ended is. The text says why, and what to do."""
 
 
 class StudyFolder:
@@ -32,12 +37,16 @@ class StudyFolder:
 
     Raises:
         ConfigError: On entering: the folder holds another study, is no study's, is in use, or cannot be written.
+
+    Attributes:
+        missing: Why a table was not written, by name.
     """
 
     def __init__(self, folder: Path | None, request: dict[str, Any]) -> None:
         self.folder, self.request = folder, json.loads(json.dumps(request))
         self.rows: dict[EpisodeKey, Row] = {}
-        self._journal: IO[bytes] | None = None
+        self.missing: dict[str, str] = {}
+        self._journal: io.FileIO | None = None
 
     def __enter__(self) -> StudyFolder:
         if self.folder is not None:
@@ -57,14 +66,34 @@ class StudyFolder:
         self._close()
 
     def keep(self, row: Row) -> None:
-        """Take an episode that has ended: it is in the journal when this returns."""
-        self.rows[row.key] = replace(row, track=b"")
+        """Take an episode that has ended: it is in the journal when this returns.
+
+        Raises:
+            StudyError: The disk is full: the journal ends with the episode before.
+        """
         if self._journal is not None and self.folder is not None:
-            if row.track:
-                (self.folder / FOLDER).mkdir(exist_ok=True)
-                write_whole(self.folder / FOLDER / file_of(row.key), row.track)
-            self._journal.write(json.dumps(row.to_json(), ensure_ascii=False).encode() + b"\n")
-            self._journal.flush()
+            try:
+                self._write(self._journal, row)
+            except OSError as error:
+                place = error.filename or self.folder / "journal.jsonl"
+                raise StudyError(
+                    f"--out {self.folder}: {place}: {error.strerror}; {len(self.rows)} episodes are kept: make room, "
+                    "and the same command goes on from there"
+                ) from None
+        self.rows[row.key] = replace(row, track=b"")
+
+    def _write(self, journal: io.FileIO, row: Row) -> None:
+        if row.track and self.folder is not None:
+            (self.folder / FOLDER).mkdir(exist_ok=True)
+            write_whole(self.folder / FOLDER / file_of(row.key), row.track)
+        rest = memoryview(json.dumps(row.to_json(), ensure_ascii=False).encode() + b"\n")
+        end = journal.seek(0, io.SEEK_END)
+        try:
+            while rest:
+                rest = rest[journal.write(rest) :]
+        except OSError:
+            journal.truncate(end)
+            raise
 
     def finish(
         self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any], open_loop: Sequence[Row] = ()
@@ -72,14 +101,13 @@ class StudyFolder:
         """Write the tables of a whole study, each at once. Gives the names of all files that are there now."""
         if self.folder is None:
             return []
-        write_whole(self.folder / "timing.json", json.dumps(timing, indent=1) + "\n")
-        write_whole(self.folder / "episodes.csv", table_of(rows, metrics))
-        names = ["episodes.csv", "study.json", "timing.json", "journal.jsonl"]
+        tables = {"episodes.csv": table_of(rows, metrics), "timing.json": json.dumps(timing, indent=1) + "\n"}
         if open_loop:
-            names_of = self.request["open_loop"]["shadows"]
-            write_whole(self.folder / "open_loop.csv", open_loop_table(open_loop, names_of))
-            names.append("open_loop.csv")
-        return [*names, FOLDER] if (self.folder / FOLDER).is_dir() else names
+            tables["open_loop.csv"] = open_loop_table(open_loop, self.request["open_loop"]["shadows"])
+        self.missing = write_each(self.folder, tables)
+        names = dict.fromkeys(["episodes.csv", "study.json", "timing.json", "journal.jsonl", *tables])
+        found = [name for name in names if name not in self.missing]
+        return [*found, FOLDER] if (self.folder / FOLDER).is_dir() else found
 
     def _open(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -87,14 +115,14 @@ class StudyFolder:
         foreign = [entry.name for entry in folder.iterdir() if entry.stat().st_size or entry.is_dir()]
         if foreign and not told.exists():
             raise ConfigError(f"--out {folder}: holds {foreign[0]} and no study; name an empty or a new folder")
-        self._journal = journal.open("a+b")
+        self._journal = io.FileIO(journal, "a+b")
         try:
             fcntl.flock(self._journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ConfigError(f"--out {folder}: another navloom compare writes there; name another") from None
         if told.exists():
             self._check(told)
-            self._read(self._journal)
+            self._read(journal)
         else:
             write_whole(told, json.dumps(self.request, indent=1, ensure_ascii=False) + "\n")
 
@@ -111,11 +139,10 @@ class StudyFolder:
                 "ask for the same again to go on with it, or name another folder"
             )
 
-    def _read(self, journal: IO[bytes]) -> None:
+    def _read(self, journal: Path) -> None:
         """Take over what has ended before; what comes after the first line that is cut short never ended."""
-        journal.seek(0)
         whole = 0
-        for line in journal:
+        for line in journal.read_bytes().splitlines(keepends=True):
             try:
                 row = Row.from_json(json.loads(line)) if line.endswith(b"\n") else None
             except (ValueError, KeyError, TypeError):
@@ -124,7 +151,7 @@ class StudyFolder:
                 break
             self.rows[row.key] = row
             whole += len(line)
-        journal.truncate(whole)
+        os.truncate(journal, whole)
 
     def _close(self) -> None:
         if self._journal is not None:

@@ -28,7 +28,7 @@ from navloom.messages import (
 from navloom.roles import Platform
 from navloom.runtime.build import System, assemble
 from navloom.runtime.cells import all_sources
-from navloom.runtime.checks import check_places, check_task
+from navloom.runtime.checks import check_drive, check_task
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.conductor import BarrierError, Conductor
 from navloom.runtime.keyspace import STEP
@@ -133,7 +133,7 @@ class LiveRun:
 
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
-        check_places(self.system)
+        check_drive(self.system)
         shares = spread(self.loaded.config, all_sources(self.system), self.host)
         self.judges = any(role == "platform" for share in shares.values() for role, _ in share)
         self._mailbox = Mailbox()

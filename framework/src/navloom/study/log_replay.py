@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
+from navloom.config.schema import Config
 from navloom.dataflow.differences import differences
 from navloom.dataflow.nodes import Node, Tick, fault_text
 from navloom.dataflow.reference import ReferenceNode
+from navloom.geometry.angles import wrap
+from navloom.geometry.frames import compose, inverse
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
 from navloom.recording.reader import Recorded, Recording
 from navloom.recording.recorded_platform import discovery
@@ -20,7 +23,7 @@ from navloom.runtime.build import assemble, make_plugins, role_nodes
 from navloom.study.shadows import Disagreement
 from navloom.study.substitutes import Substitute
 
-__all__ = ["DRIVER", "LogReplay", "replay_log"]
+__all__ = ["DRIVER", "LogReplay", "place_in_map", "replay_log"]
 
 Floats = NDArray[np.float64]
 DRIVER = "the driver"
@@ -43,6 +46,10 @@ class LogReplay:
         maps: How many it made.
         way: (n, 2) where the robot was, m, map frame.
         avoider: Compared with the driver; None without an avoider.
+        has_mapper: A mapper was stepped.
+        localizer: Name of the localizer that was asked for; empty for none.
+        poses: (n, 7) time, s, then x, y, m, heading, rad, by recorded odometry and by the localizer, both in the map
+            frame; None where no localizer was asked for.
         faults: What a plugin raised, by tick.
     """
 
@@ -52,6 +59,9 @@ class LogReplay:
     maps: int = 0
     way: Floats = field(default_factory=lambda: np.empty((0, 2)))
     avoider: Substitute | None = None
+    has_mapper: bool = False
+    localizer: str = ""
+    poses: Floats | None = None
     faults: list[str] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
@@ -75,9 +85,56 @@ class LogReplay:
                 "unknown": int((cells < 0).sum()),
                 "segments": len(self.map.segments),
             }
+        if self.poses is not None:
+            found["localizer"] = {"instance": self.localizer, "poses": len(self.poses), **self._offsets(self.poses)}
         if self.avoider is not None:
             found["avoider"] = self.avoider.summary()
         return found
+
+    def _offsets(self, poses: Floats) -> dict[str, dict[str, float | None]]:
+        """How far the localizer's poses are from those of odometry, m and rad."""
+        away = np.hypot(*(poses[:, 4:6] - poses[:, 1:3]).T)
+        turned = np.abs(wrap(poses[:, 6] - poses[:, 3]))
+        return {
+            name: {
+                "rms": float(np.sqrt((values**2).mean())) if values.size else None,
+                "max": float(values.max()) if values.size else None,
+                "end": float(values[-1]) if values.size else None,
+            }
+            for name, values in (("position", away), ("heading", turned))
+        }
+
+    def pose_table(self) -> str:
+        """The poses as CSV."""
+        names = "time_s,odometry_x,odometry_y,odometry_heading,localizer_x,localizer_y,localizer_heading"
+        rows = [] if self.poses is None else self.poses.tolist()
+        return "\n".join([names, *(",".join(f"{value:.6f}" for value in row) for row in rows)]) + "\n"
+
+
+def place_in_map(
+    recording: Recording, loaded: Loaded, map_ref: str | None, start: tuple[float, float, float] | None
+) -> Loaded:
+    """An imported log's config with a map and the place of the odometry's frame in it.
+
+    Args:
+        recording: The log.
+        loaded: Its config.
+        map_ref: A world's reference, or the .yaml of a map_server; None for no map.
+        start: x, y, m, heading, rad, of the robot in the map when the log begins; None where the odometry's frame is
+            the map's.
+    """
+    tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
+    if map_ref is not None:
+        is_yaml = map_ref.endswith((".yaml", ".yml")) and ":" not in map_ref
+        tree["map"] = {"ref": f"rosmap:{map_ref}" if is_yaml else map_ref}
+    if start is not None:
+        first = next(one.message for one in recording.messages(["platform/*/odometry"]))
+        assert isinstance(first, Odometry)
+        pose = np.array([first.pose.x, first.pose.y, first.pose.heading])
+        x, y, heading = compose(np.array(start), inverse(pose)).tolist()
+        place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}
+        tree["navigation"] = {**tree.get("navigation", {}), "start": place}
+    return replace(loaded, config=Config.model_validate(tree))
 
 
 def replay_log(
@@ -94,11 +151,17 @@ def replay_log(
         say: Told what is being prepared.
 
     Raises:
-        ConfigError: A role that a log cannot feed.
+        ConfigError: A role that a log cannot feed, or a plugin that needs a map where none is given.
     """
     wrong = [role for role in roles if role not in ("mapper", "avoider", "localizer")]
     if wrong:
         raise ConfigError(f"--{wrong[0]}: an imported log feeds mappers, avoiders and localizers: it holds no plans")
+    if loaded.config.map is None:
+        plugins = discovery()
+        for role in roles:
+            name = loaded.config.role_table(role).plugin
+            if plugins.role(role, name).needs_map:
+                raise ConfigError(f"--{role} {name}: needs a map, and an imported log has none: give --map WORLD")
     runner = _Runner(recording, loaded, roles, say)
     return runner.run()
 
@@ -122,7 +185,12 @@ class _Runner:
         if "avoider" in roles:
             name = self.config.avoider.instance
             self.result.avoider = Substitute(Disagreement("avoider", name))
+        self.result.has_mapper = "mapper" in roles
+        if "localizer" in roles:
+            self.result.localizer = self.config.localizer.instance
         self.track: list[PoseEstimate] = []
+        self.estimates: list[PoseEstimate | None] = []
+        self.taken = 0
         self.waiting: list[tuple[str, RangeScan | Sweep]] = []
 
     def run(self) -> LogReplay:
@@ -162,19 +230,29 @@ class _Runner:
             yield number, held
 
     def _driven(self) -> tuple[Floats, list[Any]]:
-        """Run times, ns, and poses of the whole log by odometry: the way an avoider is given as its trajectory."""
-        nodes = role_nodes(self.system, {("localizer", self.config.localizer.instance)})
-        localizer = next(iter(nodes.values()))
+        """Run times, ns, and poses of the whole log: the way an avoider is given as its trajectory."""
         stamps, poses = [], []
-        for one in self.recording.messages(["platform/*/odometry"]):
-            estimate = self._localized(localizer, one)
+        rows: list[tuple[float, ...]] = []
+        scans: dict[str, list[Message]] = {name: [] for name in self.sensors["localizer"]}
+        start = self.system.start
+        odometry_to_map = np.array([start.x, start.y, start.heading])
+        for one in self.recording.messages(["platform/*/*"]):
+            name = f"scan.{one.key.rsplit('/', 1)[1]}"
+            if name in scans:
+                scans[name].append(one.message)
+            if not isinstance(one.message, Odometry):
+                continue
+            estimate = self._localized(one, scans)
+            self.estimates.append(estimate)
             if estimate is not None:
                 stamps.append(one.envelope.stamp_ns)
                 poses.append(estimate.pose)
-        make_plugins(self.system, only={("localizer", self.config.localizer.instance)})
-        self.nodes["localizer"] = next(
-            iter(role_nodes(self.system, {("localizer", self.config.localizer.instance)}).values())
-        )
+                driven = one.message.pose
+                seen = compose(odometry_to_map, np.array([driven.x, driven.y, driven.heading])).tolist()
+                found = estimate.pose
+                rows.append(((stamps[-1] - stamps[0]) * 1e-9, *seen, found.x, found.y, found.heading))
+        if self.result.localizer:
+            self.result.poses = np.array(rows).reshape(-1, 7)
         points = np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)
         steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.empty(0)
         self.along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -182,18 +260,23 @@ class _Runner:
         self._at: list[tuple[int, float, float]] = []
         return np.array(stamps, dtype=np.int64), poses
 
-    def _localized(self, node: Node, one: Recorded) -> PoseEstimate | None:
-        given = dict.fromkeys(self.sensors["localizer"], ()) | {"odometry": one.message, "map": None}
+    def _localized(self, one: Recorded, scans: dict[str, list[Message]]) -> PoseEstimate | None:
+        """The pose at an odometry, from it and the scans since the one before, which are used up."""
+        given: dict[str, Any] = {name: tuple(found) for name, found in scans.items()}
+        for found in scans.values():
+            found.clear()
         tick = Tick(one.envelope.tick, one.envelope.stamp_ns * 1e-9, one.envelope.stamp_ns, 0)
-        pose = dict(node.step(tick, given)).get("pose")
+        outputs = self._step(self.nodes["localizer"], tick, given | {"odometry": one.message, "map": None})
+        pose = dict(outputs).get("pose")
         return pose if isinstance(pose, PoseEstimate) else None
 
     def _take(self, tick: Tick, messages: Sequence[Recorded]) -> None:
-        """Localize with every odometry, and put the scans in wait for poses that cover them."""
+        """Take the pose of every odometry, and put the scans in wait for poses that cover them."""
         for one in messages:
             port = one.key.rsplit("/", 1)[1]
             if isinstance(one.message, Odometry):
-                pose = self._localized(self.nodes["localizer"], one)
+                pose = self.estimates[self.taken]
+                self.taken += 1
                 if pose is not None and (not self.track or pose.stamp_ns > self.track[-1].stamp_ns):
                     self.track.append(pose)
             elif isinstance(one.message, (RangeScan, Sweep)):

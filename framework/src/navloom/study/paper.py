@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
-from navloom.config import ConfigError
-from navloom.files import write_whole
 from navloom.plugins import Discovery
 from navloom.study.paper_cloud import cloud_of
 from navloom.study.paper_errata import Errata, Variant, errata_of, limits_of, steps_of_errata
@@ -17,10 +14,12 @@ from navloom.study.paper_plates import Plate, Reproduction, plates_of
 from navloom.study.paper_report import page_of
 from navloom.study.paper_runs import START, Drive, crossing, drive
 
-__all__ = ["FIGURES", "PaperError", "drawn", "facts_of", "files_of", "is_reproduced", "keep", "reproduce", "steps"]
+__all__ = ["FIGURES", "FILES", "PaperError", "drawn", "facts_of", "files_of", "is_reproduced", "reproduce", "steps"]
 
 FIGURES = 11
 """Figures drawn where all of the experiment took place."""
+FILES = ("report.html", "numbers.json", "figure-*", "errata-*")
+"""Names of what `files_of` gives, as patterns."""
 Say = Callable[[str], None]
 
 
@@ -94,20 +93,6 @@ def drawn(plate: Plate) -> tuple[str, bytes]:
     svg = svg_of(figure)
     figure.set_layout_engine("none")  # it has been laid out: once is enough
     return svg, png_of(figure, 300)
-
-
-def keep(files: Mapping[str, bytes], folder: Path) -> None:
-    """Write the files into a folder, each whole or not at all.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            write_whole(folder / name, content)
-    except OSError as error:
-        raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}; name a folder") from None
 
 
 def facts_of(made: Reproduction) -> dict[str, Any]:

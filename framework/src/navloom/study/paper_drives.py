@@ -24,7 +24,7 @@ from navloom.study.paper_figures import (
     plan_axes,
     set_room,
 )
-from navloom.study.paper_runs import Choice, Drive, box
+from navloom.study.paper_runs import GATE_LINE, Choice, Drive, box
 from navloom.study.plotting import GREY, new_figure
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def tracking_figure(drive: Drive) -> Figure:
     draw_world(plan, drive.world, robot.height)
     plan.plot(*drive.trajectory.samples[:, 1:3].T, color=BLUE, linewidth=2.6, alpha=0.55, label="designed", zorder=3)
     plan.plot(*drive.episode.recorder.driven.T, color=VERMILION, linewidth=1.0, label="real", zorder=4)
-    draw_places(plan, drive, gates_at=3.6, beside=0.9)
+    draw_places(plan, drive, gates_at=GATE_LINE, beside=0.6)
     plan.legend(loc="upper left", bbox_to_anchor=(0.0, 1.12), ncols=2, fontsize=7, frameon=False)
     time, e1, e2, e3 = drive.errors.T
     position.plot(time, 100.0 * e1, color=GREEN, label="e₁, ahead")
@@ -98,7 +98,7 @@ def avoiding_figure(drive: Drive) -> Figure:
         axes.plot(
             pose.x, pose.y, "D", color=BLACK, markersize=3.5, zorder=6, linestyle="none", label="first turns away"
         )
-    draw_places(axes, drive, gates_at=3.6, beside=0.9)
+    draw_places(axes, drive, gates_at=GATE_LINE, beside=0.8)
     legend_below(figure, axes, 2, 1.0)
     return figure
 

@@ -11,7 +11,7 @@ from navloom.geometry.solids import overlaps
 from navloom.geometry.world import Box, World
 from navloom.messages import OccupancyGrid
 from navloom.study.paper_cloud import Cloud
-from navloom.study.paper_runs import Drive, gates_of
+from navloom.study.paper_runs import GATE_LINE, Drive, gates_of
 from navloom.study.plotting import GREY, OKABE_ITO, new_figure
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ def grid_figure(drive: Drive) -> Figure:
     axes.plot(*drive.path.points.T, "o-", color=VERMILION, markersize=2.4, linewidth=1.2, zorder=4,
               label=f"A*, {drive.path.length:.2f} m")  # fmt: skip
     axes.plot(*drive.trajectory.samples[:, 1:3].T, color=BLUE, linewidth=1.3, zorder=5, label="rounded, as driven")
-    draw_places(axes, drive, gates_at=3.6, beside=0.7)
+    draw_places(axes, drive, gates_at=GATE_LINE, beside=0.55)
     handles, _ = axes.get_legend_handles_labels()
     handles += [Patch(color=OCCUPIED, label="occupied"), Patch(color=GROWN, label="grown by 2 cells")]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7, frameon=False)

@@ -21,6 +21,8 @@ from navloom.runtime.build import grid_of
 
 __all__ = ["map_update", "plan_once"]
 
+LARGEST = 100.0
+"""Longest side of a robot, m."""
 POINT = 1e-6
 """Size that stands for a point robot, m."""
 
@@ -55,6 +57,7 @@ def plan_once(
     Returns:
         `outcome` ("found" or the kind of failure), `reason`, `place`, `length_m`, `points`, `planner`, `planner_ms`.
     """
+    _check_sizes(size, resolution)
     discovery = discovery or Discovery()
     cls = discovery.role("planner", planner)
     assert issubclass(cls, Planner)
@@ -82,6 +85,15 @@ def plan_once(
         "outcome": answer.kind, "reason": answer.detail, "place": [answer.place.x, answer.place.y], "length_m": None,
         "points": [], "planner": planner, "planner_ms": spent,
     }  # fmt: skip
+
+
+def _check_sizes(size: tuple[float, float], resolution: float) -> None:
+    if not all(0.0 <= side <= LARGEST for side in size):
+        raise ConfigError(
+            f"--size {size[0]:g},{size[1]:g}: expected a length and a width of 0 to {LARGEST:g} m; 0,0 is a point"
+        )
+    if not 0.005 <= resolution <= 1.0:
+        raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
 
 
 def _check_inside(name: str, x: float, y: float, world: World) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from navloom.files import write_whole
+from navloom.files import write_each
 from navloom.study import html
 from navloom.study import report_tables as tables
 from navloom.study.html import Section
@@ -67,6 +68,7 @@ class Report:
         html, markdown: The whole report.
         summary_csv, differences_csv: Its numbers.
         has_figures: matplotlib was there.
+        missing: Why a file was not written, by name.
     """
 
     html: str
@@ -74,6 +76,7 @@ class Report:
     summary_csv: str
     differences_csv: str
     has_figures: bool
+    missing: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_report(folder: Path, baseline: str = "") -> Report:
@@ -88,9 +91,7 @@ def write_report(folder: Path, baseline: str = "") -> Report:
     """
     report = build_report(read_study(folder, baseline))
     contents = (report.html, report.markdown, report.summary_csv, report.differences_csv)
-    for name, text in zip(FILES, contents, strict=True):
-        write_whole(folder / name, text)
-    return report
+    return replace(report, missing=write_each(folder, dict(zip(FILES, contents, strict=True))))
 
 
 def build_report(study: StudyFiles) -> Report:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,16 @@ from navloom.runtime.build import assemble
 from navloom.study.plotting import GREY, OKABE_ITO, new_figure, png_of, styled
 from navloom.study.shadows import COMPARED, Disagreement
 
-__all__ = ["Substitute", "draw_substitute", "substitute", "substitute_config"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Substitute", "draw_substitute", "substitute", "substitute_config", "substitute_figure"]
 
 Floats = NDArray[np.float64]
+TICKS = 5
+"""At most on an x axis: those of a robot that has run for days have many digits."""
+LARGE = 1e6
+"""Numbers above it are shown as what they exceed a common one by."""
 RESERVED = ("rate_hz", "latency", "sensors")
 
 
@@ -166,7 +173,12 @@ def _add_way(result: Substitute, recording: Recording, replayer: Replayer) -> No
 
 
 def draw_substitute(result: Substitute, what: str) -> bytes:
-    """PNG: where along the driven way it would have acted differently, and by how much over time.
+    """PNG of `substitute_figure`."""
+    return png_of(substitute_figure(result, what))
+
+
+def substitute_figure(result: Substitute, what: str) -> Figure:
+    """Where along the driven way it would have acted differently, and by how much over time.
 
     Args:
         result: Of the comparison.
@@ -175,11 +187,19 @@ def draw_substitute(result: Substitute, what: str) -> bytes:
     found = result.found
     names = [name for name in found.values if np.nanmax(np.abs(found.values[name]), initial=0.0) > 0.0][:3]
     with styled():
-        figure, axes = new_figure(180.0, 95.0, 1, 2)
+        from matplotlib.ticker import MaxNLocator
+
+        figure, axes = new_figure(180.0, 100.0, 1, 2)
         _draw_way(axes[0], result, what)
         _draw_series(axes[1], result, names)
         figure.suptitle(f"{found.role} {found.instance} on the recorded inputs of {what}", fontsize=9.0)
-    return png_of(figure)
+        for one in axes:
+            one.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 2.5, 5, 10]))
+            one.ticklabel_format(axis="x", useOffset=one.get_xlim()[1] > LARGE)
+            handles, labels = one.get_legend_handles_labels()
+            if handles:  # below the axes, where it hides nothing that is drawn
+                one.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=len(handles))
+    return figure
 
 
 def _draw_way(axes: Any, result: Substitute, what: str) -> None:
@@ -203,7 +223,6 @@ def _draw_way(axes: Any, result: Substitute, what: str) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
-    axes.legend(loc="upper left")
 
 
 def _draw_series(axes: Any, result: Substitute, names: Sequence[str]) -> None:
@@ -215,8 +234,6 @@ def _draw_series(axes: Any, result: Substitute, names: Sequence[str]) -> None:
     axes.axhline(0.0, color=GREY, lw=0.6)
     axes.set_xlabel("run time, s")
     axes.set_ylabel("difference, its answer less the recorded one")
-    if names:
-        axes.legend(loc="upper left")
-    else:
+    if not names:
         axes.set_yticks([0.0])
         axes.text(0.5, 0.6, "no difference in any tick", transform=axes.transAxes, ha="center", color=GREY)

@@ -66,6 +66,10 @@ class Placed(Loaded):
 
     here: Path = Path()
 
+    def error(self, *problems: str) -> ConfigError:
+        """An error of one line a problem; what a world gives is in no file."""
+        return ConfigError(*problems)
+
     def base_of(self, place: str) -> Path:
         """Folder that relative paths of a value start from."""
         return self.here if self.sources.get(place) == "--set" else self.base
@@ -85,7 +89,7 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
         table, key = place.split(".")
         tree[table] = {**tree.get(table, {}), key: value}
     sources = {**given["sources"], **dict.fromkeys(values, "--set")}
-    return Placed(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here)
+    return Placed(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
 
 
 def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:

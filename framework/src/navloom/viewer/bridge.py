@@ -61,6 +61,7 @@ class Counts:
         dropped_live: Shapes the viewer was too slow for; the file has them.
         connections: How often a viewer was found.
         notes: What went wrong on the way, a line each.
+        file_failure: Why the file is cut short; empty where it is whole.
         is_complete: The child ended in order: what the file holds is all that was put.
     """
 
@@ -69,6 +70,7 @@ class Counts:
     dropped_live: int = 0
     connections: int = 0
     notes: tuple[str, ...] = ()
+    file_failure: str = ""
     is_complete: bool = False
 
 
@@ -145,10 +147,11 @@ class Bridge:
         self._queue.close()
         self._queue.cancel_join_thread()
         if word and word[0] == "done":
-            drawn, dropped_live, connections, notes = word[1:]
-            return Counts(drawn, self.dropped, dropped_live, connections, notes, drawn == self.put_in)
+            drawn, dropped_live, connections, notes, failure = word[1:]
+            is_complete = drawn == self.put_in and not failure
+            return Counts(drawn, self.dropped, dropped_live, connections, notes, failure, is_complete)
         why = f"the viewer's process ended early: {word[1]}" if word else "the viewer's process did not end in time"
-        return Counts(0, self.dropped, 0, 0, (why,), False)
+        return Counts(0, self.dropped, 0, 0, (why,), why, False)
 
     def _hear(self, patience: float) -> tuple[Any, ...]:
         limit = monotonic() + patience

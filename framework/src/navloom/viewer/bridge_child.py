@@ -34,8 +34,8 @@ def serve(order: Order, inbox: Any, words: Connection) -> None:
     parent = os.getppid()
     try:
         live = None if order.url is None else LiveSink(order.url, order.facts.title, order.recording_id, order.patience)
-        sinks: list[Sink] = [] if order.file is None else [FileSink(order.file, order.facts.title, order.recording_id)]
-        sinks += [] if live is None else [live]
+        file = None if order.file is None else FileSink(order.file, order.facts.title, order.recording_id)
+        sinks: list[Sink] = [sink for sink in (file, live) if sink is not None]
         panels, wrong = panels_of(Discovery(order.blocked))
         drawing = Drawing(order.facts, sinks, panels)
         drawing.begin()
@@ -48,7 +48,7 @@ def serve(order: Order, inbox: Any, words: Connection) -> None:
     notes = (*wrong, *drawing.broken.values())
     dropped, connections = (0, 0) if live is None else (live.dropped, live.connections)
     if os.getppid() == parent:
-        words.send(("done", drawn, dropped, connections, notes))
+        words.send(("done", drawn, dropped, connections, notes, "" if file is None else file.failure))
     os._exit(0)
 
 

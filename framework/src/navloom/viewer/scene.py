@@ -15,6 +15,8 @@ from navloom.viewer.shapes import at_height, prism, rgba_cells
 
 __all__ = ["bodies", "changing", "legend", "obstacles", "present", "series_styles", "standing", "state_styles"]
 
+NAME = 0.7
+"""Height of the names of start and goal, m: below it they would hide what they name."""
 METRICS = ("speed", "turn_rate", "clearance", "cross_track")
 
 
@@ -104,13 +106,13 @@ def _places(facts: Facts) -> Iterator[tuple[str, str, Any]]:
     starts = {(v.start.x, v.start.y) for v in facts.variants}
     for number, (x, y) in enumerate(sorted(starts)):
         yield f"/world/start/{number}", "map", rr.Points3D([[x, y, 0.03]], radii=0.1, colors=[GREEN])
-        yield f"/world/start/{number}/name", "map", _label([(x, y, 0.1)], ["start"], WHITE)
+        yield f"/world/start/{number}/name", "map", _label([(x, y, NAME)], ["start"], WHITE)
     goals = {(*v.goal, v.goal_tolerance) for v in facts.variants if v.goal is not None}
     turns = np.linspace(0.0, 2.0 * np.pi, 33)
     for number, (x, y, radius) in enumerate(sorted(goals)):
         ring = at_height(np.column_stack([np.cos(turns), np.sin(turns)]) * radius + (x, y), 0.09)
         yield f"/world/goal/{number}", "map", rr.LineStrips3D([ring], radii=0.025, colors=[GREEN])
-        yield f"/world/goal/{number}/name", "map", _label([(x, y, 0.1)], ["goal"], WHITE)
+        yield f"/world/goal/{number}/name", "map", _label([(x, y, NAME)], ["goal"], WHITE)
 
 
 def series_styles(facts: Facts) -> Iterator[tuple[str, Any]]:

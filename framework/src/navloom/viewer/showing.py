@@ -44,12 +44,27 @@ class Showing:
     Attributes:
         bridge: To put messages into.
         program: The viewer that was started, or None.
-        counts: What became of the messages, once it is over.
+        file: That is written, or None.
+        say: Told what became of the messages.
+        counts: The same, once it is finished.
     """
 
     bridge: Bridge
     program: Program | None = None
+    file: Path | None = None
+    say: Callable[[str], None] = lambda text: None
     counts: Counts = field(default_factory=Counts)
+    is_finished: bool = False
+
+    def finish(self) -> None:
+        """Let all that was put in be drawn, and say what became of it; nothing more can be put in. Once is enough."""
+        if self.is_finished:
+            return
+        self.is_finished = True
+        self.counts = self.bridge.close()
+        if self.file is not None and not self.bridge.put_in:
+            self.file.unlink(missing_ok=True)  # the run was refused: there is nothing to see
+        _tell(self.counts, self.file, self.say)
 
     @property
     def is_closed(self) -> bool:
@@ -109,14 +124,13 @@ def showing(
         if program is not None:
             program.end()
         raise
-    found = Showing(bridge, program)
+    found = Showing(bridge, program, where.file, say)
     is_over = False
     try:
         yield found
         is_over = True
     finally:
-        found.counts = bridge.close()
-        _tell(found.counts, where.file, say)
+        found.finish()
         if program is not None:
             program.leave(say, serves=is_over and not live)
 
@@ -124,6 +138,9 @@ def showing(
 def _tell(counts: Counts, file: Path | None, say: Callable[[str], None]) -> None:
     for note in counts.notes:
         say(note)
+    if file is not None and counts.file_failure and counts.file_failure not in counts.notes:
+        size = file.stat().st_size if file.exists() else 0
+        say(f"--rerun {file}: {counts.file_failure}; it is cut short, and its first {size} bytes can be viewed")
     if counts.dropped:
         say(f"{counts.dropped} messages were dropped: drawing was slower than they came")
     if counts.dropped_live:

@@ -11,6 +11,7 @@ from navloom.config import Loaded
 from navloom.messages import Envelope, Message
 from navloom.runtime.build import assemble
 from navloom.study.episode import Episode, run_episode
+from navloom.viewer.bridge import Counts
 from navloom.viewer.drawing import Shown
 from navloom.viewer.facts import facts_of
 from navloom.viewer.observe import Gathering
@@ -89,7 +90,7 @@ class _Run:
 
 def drive_side_by_side(
     methods: Mapping[str, Loaded], where: Where, title: str, say: Say, tell: Callable[[Mapping[str, Episode]], None]
-) -> None:
+) -> Counts:
     """Drive every method in the world of its config, and show them in one picture until all have ended.
 
     Paced to the wall clock where a viewer shows it; as fast as it goes where only a file is written.
@@ -100,6 +101,9 @@ def drive_side_by_side(
         title: Of the recording.
         say: Told what the user should know.
         tell: Given each method's episode once all have ended, before a web server waits for its user.
+
+    Returns:
+        What became of what was to be shown.
 
     Raises:
         ConfigError, PluginError: The request was wrong; ViewerError: it cannot be shown.
@@ -117,7 +121,9 @@ def drive_side_by_side(
                     run.loaded, observers=[gathering], progress=lambda done, total, g=gathering: g.drain()  # type: ignore[misc]
                 )  # fmt: skip
                 gathering.drain()
+        shown.finish()
         tell({name: run.episode for name, run in runs.items() if run.episode is not None})
+    return shown.counts
 
 
 def _drive_paced(runs: Mapping[str, _Run], shown: Showing) -> None:

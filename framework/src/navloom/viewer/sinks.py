@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -53,19 +55,25 @@ class FileSink:
     """An .rrd file. Whole once it is closed; cut short before, it still opens.
 
     Args:
-        path: Of the file.
+        path: Of the file; an existing one is refused.
         title: Shown as the recording's name.
         recording_id: The same for the same run.
+
+    Attributes:
+        failure: Why the file is cut short, known once it is closed; empty where it is whole.
     """
 
     def __init__(self, path: Path, title: str, recording_id: str) -> None:
         from navloom.viewer.extra import ViewerError
 
-        self.path = path
+        self.path, self.failure = path, ""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("wb"):
+            with path.open("xb"):
                 pass
+        except FileExistsError:
+            kind = "folder" if path.is_dir() else "file"
+            raise ViewerError(f"--rerun {path}: there is such a {kind} already; name another, or remove it") from None
         except OSError as error:
             raise ViewerError(f"--rerun {path}: {error.strerror}") from None
         self._stream = stream(title, recording_id)
@@ -87,6 +95,10 @@ class FileSink:
         send_series(self._stream, path, ticks, stamps_ns, values)
 
     def close(self) -> None:
-        """Everything on disk."""
-        self._stream.flush()
+        """Everything on disk, or, where it is full, what fitted."""
+        try:
+            self._stream.flush()
+        except RuntimeError as error:  # the SDK keeps the system's own word to itself
+            is_full = os.statvfs(self.path).f_bavail == 0
+            self.failure = os.strerror(errno.ENOSPC) if is_full else str(error)
         self._stream.disconnect()

@@ -40,6 +40,12 @@ class Watch:
 
         return tell
 
+    def finish(self) -> None:
+        """The run is over: hand on the rest, and let it be drawn."""
+        self.drain()
+        if self.showing is not None:
+            self.showing.finish()
+
     def drain(self) -> None:
         """Hand on the rest."""
         for observer in self.observers:

@@ -25,7 +25,7 @@ from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of,
 from navloom.worlds.images import Shades, read_image
 from navloom.worlds.rasters import raster_bounds, wall_height
 
-__all__ = ["load_raster", "read_rosmap", "rosmap_world", "save_rosmap"]
+__all__ = ["load_raster", "read_rosmap", "rosmap_files", "rosmap_world", "save_rosmap"]
 
 _MAX_YAML = 100_000
 _MODES = ("trinary", "scale", "raw")
@@ -192,18 +192,33 @@ def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "tr
     that no reader ever finds half a file.
 
     Args:
-        grid: In trinary mode cells from 65 count as occupied, those up to 19 as free, all others as unknown; a grid of
-            -1, 0 and 100 comes back exactly. In raw mode every grid does.
+        grid, mode: As for `rosmap_files`.
         path: The YAML file.
-        mode: "trinary" or "raw".
 
     Raises:
         WorldError: The name does not end in `.yaml` or `.yml`, or the files cannot be written.
     """
-    import yaml
-
     if path.suffix not in (".yaml", ".yml"):
         raise WorldError(f"{path}: expected a name that ends in .yaml")
+    image, description = rosmap_files(grid, path.stem, mode).values()
+    for file, content in ((path.with_suffix(".pgm"), image), (path, description)):
+        try:
+            write_whole(file, content)
+        except OSError as error:
+            raise WorldError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def rosmap_files(grid: GridMap, name: str, mode: Literal["trinary", "raw"] = "trinary") -> dict[str, bytes]:
+    """The two files of a map by name: the image first, then the YAML file that names it.
+
+    Args:
+        grid: In trinary mode cells from 65 count as occupied, those up to 19 as free, all others as unknown; a grid of
+            -1, 0 and 100 comes back exactly. In raw mode every grid does.
+        name: Of both, without its ending.
+        mode: "trinary" or "raw".
+    """
+    import yaml
+
     cells = grid.cells[::-1]
     if mode == "raw":
         levels = np.where(cells == UNKNOWN, 255, cells)
@@ -213,9 +228,8 @@ def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "tr
         )
         levels = np.where(cells == UNKNOWN, _GREY, known)
     header = f"P5\n{cells.shape[1]} {cells.shape[0]}\n255\n".encode("ascii")
-    image = path.with_suffix(".pgm")
     description = {
-        "image": image.name,
+        "image": f"{name}.pgm",
         "mode": mode,
         "resolution": float(grid.resolution),
         "origin": [float(grid.origin.x), float(grid.origin.y), float(grid.origin.heading)],
@@ -224,8 +238,4 @@ def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "tr
         "free_thresh": _FREE_THRESH,
     }
     text = yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
-    for file, content in ((image, header + levels.astype(np.uint8).tobytes()), (path, text.encode())):
-        try:
-            write_whole(file, content)
-        except OSError as error:
-            raise WorldError(f"{file}: cannot be written: {error}") from error
+    return {f"{name}.pgm": header + levels.astype(np.uint8).tobytes(), f"{name}.yaml": text.encode()}

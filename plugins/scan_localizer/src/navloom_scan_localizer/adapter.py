@@ -30,6 +30,7 @@ class ScanMatching(Localizer):
     name = "scan_matching"
     accepts = (RangeScan,)
     needs_map = True
+    needs_sensor = True
     Params = ScanMatchingParams
 
     def __init__(self, params: ScanMatchingParams, context: Context) -> None:

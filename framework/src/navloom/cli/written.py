@@ -1,0 +1,86 @@
+"""What a run wrote beside its answer: said to people and to scripts, and in the exit code where it is cut short."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from navloom.recording.lockstep_recorder import LockstepRecorder
+    from navloom.study.results import OutFolder
+    from navloom.viewer.showing import Showing
+
+__all__ = ["File", "Written", "record_of", "rerun_of", "tell_out"]
+
+
+@dataclass(frozen=True)
+class File:
+    """A file that grew during a run; where it was cut short, that was said when it happened.
+
+    Attributes:
+        path, messages, size, is_whole: Where it is, and what is in it: messages and bytes.
+    """
+
+    path: Path
+    messages: int
+    size: int
+    is_whole: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {"file": str(self.path), "messages": self.messages, "bytes": self.size, "complete": self.is_whole}
+
+
+@dataclass(frozen=True)
+class Written:
+    """What `--out`, `--record` and `--rerun` asked for; None for a file that was not asked for."""
+
+    out: OutFolder
+    record: File | None = None
+    rerun: File | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`: by option."""
+        found: dict[str, Any] = {}
+        if self.out.folder is not None:
+            found["out"] = {"folder": str(self.out.folder), "files": self.out.names, "missing": self.out.missing}
+        files = {"record": self.record, "rerun": self.rerun}
+        return found | {option: file.to_json() for option, file in files.items() if file is not None}
+
+    def tell(self, as_json: bool) -> bool:
+        """Say what is there, where no JSON does, and what is missing; gives whether all is whole."""
+        is_whole = tell_out(self.out, as_json)
+        for word, file in (("recorded in", self.record), ("to be viewed in", self.rerun)):
+            if file is not None:
+                is_whole = is_whole and file.is_whole
+                if not as_json:
+                    typer.echo(f"{word} {file.path}: {file.messages} messages, {file.size / 1e6:.2f} MB")
+        return is_whole
+
+
+def tell_out(out: OutFolder, as_json: bool) -> bool:
+    """Say what is in the folder of `--out`, where no JSON does, and what is missing; gives whether nothing is."""
+    if out.names and not as_json:
+        typer.echo(f"kept in {out.folder}: {', '.join(out.names)}")
+    if out.failure:
+        typer.echo(f"navloom: {out.failure}", err=True)
+    return not out.failure
+
+
+def record_of(recorder: LockstepRecorder | None) -> File | None:
+    """The recording of a run in lockstep, once it has ended."""
+    if recorder is None:
+        return None
+    writer = recorder.writer
+    return File(writer.path, writer.messages, writer.size, not recorder.failure)
+
+
+def rerun_of(path: Path | None, showing: Showing | None) -> File | None:
+    """The viewer's file, once it is closed."""
+    if path is None or showing is None:
+        return None
+    counts = showing.counts
+    return File(path, counts.drawn, path.stat().st_size if path.exists() else 0, not counts.file_failure)

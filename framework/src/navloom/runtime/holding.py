@@ -1,0 +1,58 @@
+"""Every value that holds in a config, and where it came from."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from navloom.config.loader import leaves
+from navloom.roles import Platform
+from navloom.runtime.build import System
+
+__all__ = ["holding"]
+
+
+def holding(system: System) -> list[tuple[str, Any, str]]:
+    """Place, value and source (default, file, --set or world) of every value, plugins' own defaults included."""
+    loaded = system.loaded
+    tree: dict[str, Any] = loaded.config.model_dump(mode="json")
+    for part in system.parts.values():
+        table = _table(tree, part.place)
+        table.update(part.params.model_dump(mode="json"), name=part.table.instance)
+        if part.role != "platform":
+            table["sensors"] = list(part.sensors)
+    platform = system.parts[("platform", loaded.config.platform.instance)].cls
+    assert issubclass(platform, Platform)
+    for number, sensor in enumerate(loaded.config.sensor):
+        if sensor.kind in platform.sensor_settings:
+            settings = platform.sensor_settings[sensor.kind].model_validate(sensor.params)
+            tree["sensor"][number].update(settings.model_dump(mode="json"))
+    if system.map is not None and tree["map"] is None:
+        tree["map"] = {"ref": "world", "resolution": 0.05}
+    worlds = _of_world(system, tree["navigation"])
+    return [(place, value, worlds.get(place) or loaded.sources.get(place, "default")) for place, value in leaves(tree)]
+
+
+def _of_world(system: System, navigation: dict[str, Any]) -> dict[str, str]:
+    """Fill in the task that the world names; gives the places that are the world's."""
+    world, filled = system.world, []
+    if world is None:
+        return {}
+    if navigation["start"] is None and world.start is not None:
+        start = system.start
+        navigation["start"] = {"x": start.x, "y": start.y, "heading_deg": math.degrees(start.heading)}
+        filled.append("start")
+    if navigation["goal"] is None and world.goal is not None:
+        navigation["goal"] = {"x": world.goal.x, "y": world.goal.y}
+        filled.append("goal")
+    if navigation["goal_tolerance"] is None:
+        navigation["goal_tolerance"] = system.goal_tolerance
+        filled += ["goal_tolerance"] * (world.goal_tolerance is not None)
+    return {place: "world" for key in filled for place, _ in leaves(navigation[key], f"navigation.{key}")}
+
+
+def _table(tree: dict[str, Any], place: str) -> dict[str, Any]:
+    """The table of a role, or of an alternative by number, as in `alternative.0`."""
+    key, _, number = place.partition(".")
+    table: dict[str, Any] = tree[key][int(number)] if number else tree[key]
+    return table

@@ -1,0 +1,119 @@
+"""`navloom config` as a user reads it."""
+
+from __future__ import annotations
+
+import json
+import random
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from navloom.config import ConfigError, load_config, shipped_configs
+from navloom.config.loader import leaves
+from navloom.plugins import PluginError
+from navloom.runtime.build import assemble
+from navloom.runtime.checks import check_task
+
+CommandLine = Callable[..., tuple[int, str, str]]
+LASER = '[world]\nref = "doorway"\n[[sensor]]\nname = "laser"\nkind = "laser_2d"\n'
+
+
+def values(in_process: CommandLine, *words: str) -> dict[str, tuple[Any, str]]:
+    """Value and source of each place that `config show` names."""
+    code, said, error = in_process("config", "show", *words, "--json")
+    assert code == 0, error
+    return {one["place"]: (one["value"], one["source"]) for one in json.loads(said)["values"]}
+
+
+def test_a_config_that_cannot_drive_does_not_fit(in_process: CommandLine, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(LASER, "utf-8")
+    for words in (("config", "check"), ("run",), ("up",), ("up", "--barrier")):
+        code, said, error = in_process(*words, str(path))
+        assert (code, said) == (2, "")
+        assert error.splitlines()[-1] == (
+            f"navloom: {path}: mapper.plugin: ipabd, the default, needs a sensor that gives Sweep, and there is none "
+            "among laser_2d: add a [[sensor]] of kind pitched_laser, or take another mapper, as known_map or scan_grid"
+        )
+
+
+def test_what_only_a_plugin_can_refuse_does_not_fit_either(in_process: CommandLine) -> None:
+    code, said, error = in_process("config", "check", "building", "--set", "sensor.laser.rate_hz=7")
+    assert (code, said) == (2, "") and "sensor laser: rate_hz = 7, expected the tick rate, 20" in error
+
+
+def test_check_and_run_say_which_size_is_assumed(in_process: CommandLine, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(LASER + '[mapper]\nplugin = "known_map"\n', "utf-8")
+    notice = f"{path}: robot.footprint: is missing, the default holds: {{ length = 0.8, width = 0.8 }}, in m"
+    code, said, _ = in_process("config", "check", str(path))
+    assert code == 0 and said.startswith(notice) and said.endswith("fits; 7 plugins, 1 sensor\n")
+    _, _, error = in_process("run", str(path), "--set", "navigation.goal.x=99.0", "--set", "navigation.goal.y=0.0")
+    assert error.startswith(f"navloom: {notice}")
+
+
+def test_show_has_what_holds_and_where_it_came_from(in_process: CommandLine) -> None:
+    shown = values(in_process, "building", "--set", "sensor.laser.beams=99")
+    assert shown["sensor.0.beams"] == (99, "--set")
+    assert shown["sensor.0.range_max"] == (20.0, "file")
+    assert shown["sensor.0.sigma"] == (0.01, "default")  # of the platform
+    assert shown["avoider.sensors"] == (["laser"], "default")
+    assert shown["mapper.name"] == ("known_map", "default")
+    assert shown["navigation.goal.y"] == (6.0, "world")
+    assert shown["map.ref"] == ("world", "default")
+
+
+def test_what_show_prints_can_be_set(in_process: CommandLine) -> None:
+    code, said, _ = in_process("config", "show", "paper")
+    assert code == 0
+    for line in said.splitlines()[1:]:
+        value = line.split(maxsplit=1)[1].rpartition("  ")[0].strip()
+        assert value == "-" or "value" in tomllib.loads(f"value = {value}"), line
+
+
+STRANGE: list[Any] = ["", "x", "7", True, -1, 0, 10**30, 1e300, 1e-300, float("nan"), float("inf"), [], [1, "a"], {},
+                      {"x": 1}, [[]], None]  # fmt: skip
+
+
+def mutated(name: str, number: int) -> dict[str, Any]:
+    """A shipped config with one to three of its values replaced, left out, or joined by an unknown one."""
+    draw = random.Random(f"{name} {number}")
+    tree: dict[str, Any] = tomllib.loads(shipped_configs()[name])
+    for _ in range(draw.randint(1, 3)):
+        place, _ = draw.choice(list(leaves(tree)))
+        table: Any = tree
+        *keys, last = place.split(".")
+        for key in keys:
+            table = table[int(key)] if isinstance(table, list) else table[key]
+        do, value = draw.choice(("put", "put", "put", "leave", "join")), draw.choice(STRANGE)
+        if do == "leave" or value is None:
+            del table[last]
+        else:
+            table[f"{last}x" if do == "join" else last] = value
+    return tree
+
+
+def as_toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {as_toml(inner)}' for key, inner in value.items())} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(as_toml, value))}]"
+    return str(value) if isinstance(value, float) else json.dumps(value)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_configs()))
+def test_a_damaged_config_gives_one_typed_error(name: str, tmp_path: Path) -> None:
+    path, refused = tmp_path / "robot.toml", 0
+    for number in range(60):
+        tree = mutated(name, number)
+        path.write_text("\n".join(f"{key} = {as_toml(value)}" for key, value in tree.items()), "utf-8")
+        try:
+            check_task(assemble(load_config(str(path))))
+        except (ConfigError, PluginError) as error:
+            refused += 1
+            assert str(error) and "Traceback" not in str(error)
+            for word in ("pydantic", "input should", "Extra inputs", "value_error", "validation error"):
+                assert word.lower() not in str(error).lower()
+    assert refused > 30

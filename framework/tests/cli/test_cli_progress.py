@@ -1,0 +1,91 @@
+"""What a run says on the way: one line of progress, whether it stands still, and which plugin is slow."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+from navloom.cli import run as run_module
+from navloom.messages import PoseEstimate
+from navloom.navigation.dead_reckoning import OdometryLocalizer
+from navloom.roles import LocalizerInput
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Make every step of the localizer take so long, s."""
+    real = OdometryLocalizer.localize
+
+    def slow(by: float) -> None:
+        def localize(self: OdometryLocalizer, given: LocalizerInput) -> PoseEstimate:
+            time.sleep(by)
+            return real(self, given)
+
+        monkeypatch.setattr(OdometryLocalizer, "localize", localize)
+
+    return slow
+
+
+SAYING = """
+import sys, time
+from navloom.cli.output import stage
+from navloom.cli.view import say_so
+
+with stage(False) as (_, progress):
+    for done in range(3):
+        progress(done, 3.0)
+        time.sleep(0.15)
+        say_so(f"message {done}")
+"""
+
+
+def test_what_is_said_beside_the_line_of_progress_leaves_no_second_one() -> None:
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen([sys.executable, "-c", SAYING], stderr=theirs, env=os.environ | {"TERM": "xterm"})
+    os.close(theirs)
+    said = b""
+    with contextlib.suppress(OSError):  # which is how a terminal ends
+        while data := os.read(ours, 65536):
+            said += data
+    os.close(ours)
+    assert process.wait(60) == 0
+    # What is left of each line on the screen: after the last time that it was erased.
+    lines = [line.rsplit("\x1b[2K", 1)[-1] for line in said.decode().replace("\r", "").split("\n")]
+    left = [re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line).strip() for line in lines]
+    assert [line for line in left if line.startswith("navloom: ")] == [f"navloom: message {done}" for done in range(3)]
+    assert sum("driving" in line for line in left) <= 1  # the last one, which vanishes with the next code
+
+
+def test_a_slow_plugin_is_named_with_how_late_it_is(in_process: Run, slowed: Callable[[float], None]) -> None:
+    slowed(0.003)
+    words = ("run", "paper", "--set", "run.period=0.001", "--set", "run.stop_after=0.05")
+    _, said, errors = in_process(*words, "--json")
+    (found,) = [one for one in json.loads(said)["slow"] if one["role"] == "localizer"]
+    assert found["late"] == found["steps"] >= 50 and found["p99_ms"] > 3.0 and found["limit_ms"] == 1.0
+    told = f"navloom: localizer {found['instance']} is slow: {found['late']} of its {found['steps']} steps took longer "
+    assert told + "than the 1 ms to the next one, p99 " in errors
+
+
+def test_a_plugin_that_keeps_up_is_not_named(in_process: Run) -> None:
+    code, said, errors = in_process("run", "paper", "--set", "run.period=1.0", "--set", "run.stop_after=30", "--json")
+    assert code == 1 and json.loads(said)["slow"] == [] and "is slow" not in errors
+
+
+def test_a_run_of_slow_ticks_is_not_said_to_stand_still(
+    in_process: Run, slowed: Callable[[float], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slowed(0.1)
+    monkeypatch.setattr(run_module, "watched_for_stalls", partial(run_module.watched_for_stalls, patience=1.0))
+    code, _, errors = in_process("run", "paper", "--set", "run.stop_after=1.25", "--json")
+    assert code == 1 and "no tick for 1 s" not in errors  # 27 ticks in 2.7 s

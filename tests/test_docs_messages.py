@@ -40,7 +40,7 @@ def written(kind: Kind) -> str:
     elif kind.item is not None:
         text = f"tuple of {written(kind.item)}"
     elif kind.choices:
-        text = " / ".join(kind.choices)
+        text = " / ".join(choice or "empty" for choice in kind.choices)
     else:
         text = kind.form + (", +inf allowed" if kind.infinite else "")
     return f"{text} or None" if kind.optional else text

@@ -313,3 +313,14 @@ def test_messages_within_messages_and_envelopes_become_plain_values() -> None:
     assert envelope_fields(found[1]) == {
         "key": KEYS.port("goal", "main", "result"), "sequence": 1, "tick": 1, "stamp_ns": 0, "cause_ns": 0, "epoch": 0,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "words"),
+    [(0.5, 0.0, "ahead"), (0.2, 0.4, "left (63°)"), (0.0, -0.5, "right (90°)"), (-0.5, 0.0, "behind")],
+)
+def test_what_the_monitor_slows_the_robot_for_is_told_with_its_place(x: float, y: float, words: str) -> None:
+    slowed = GateStatus("controller", "law", False, False, "", (), 0.4, "obstacle", Point2D(x, y), 0.25)
+    assert who_drives(slowed) == f"controller law drives, slowed: obstacle 0.25 m away, {words}"
+    stopped = replace(slowed, stopped=True, reason="obstacle", share=0.0)
+    assert why_stopped(stopped)[0] == f"obstacle 0.25 m away, {words}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
+from navloom.navigation.gate import OBSTACLE
 from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.quality import is_retained
@@ -173,7 +175,22 @@ def who_drives(status: GateStatus, feedback: Feedback | None = None, result: Goa
     """Who drives, or why nothing does, in a few words; see `why_stopped`."""
     if status.stopped:
         return f"stopped: {why_stopped(status, feedback, result)[0]}"
-    return "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
+    who = "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
+    return f"{who}, slowed: {what_limits(status)}" if status.limit else who
+
+
+def what_limits(status: GateStatus) -> str:
+    """What the gate's monitor slows or stops the robot for, and where; empty where nothing does."""
+    what = {"obstacle": "obstacle", "unseen": "space that no sensor has seen"}.get(status.limit, "")
+    if not what or status.place is None:
+        return what
+    bearing = math.degrees(math.atan2(status.place.y, status.place.x))
+    side = f"{'left' if bearing > 0.0 else 'right'} ({abs(bearing):.0f}°)"
+    if abs(bearing) < 15.0 or abs(bearing) > 165.0:
+        side = "ahead" if abs(bearing) < 90.0 else "behind"
+    if status.limit == "unseen" or status.distance is None:
+        return f"{what} {side}"
+    return f"{what} {status.distance:.2f} m away, {side}"
 
 
 def why_stopped(
@@ -190,6 +207,8 @@ def why_stopped(
         return "", ""
     if status.reason == NO_PATH:
         return _without_path(feedback, result)
+    if status.reason == OBSTACLE:
+        return what_limits(status), "the goal recovers after 2 s; `navloom teleop` drives away from it"
     if status.reason in _STOPS:
         return _STOPS[status.reason]
     kind, _, who = status.reason.partition(": ")

@@ -18,7 +18,7 @@ from navloom.messages import (
     RecoveryRequest,
     Selection,
 )
-from navloom.viewer.colours import BLOCKED, FREE, faded
+from navloom.viewer.colours import BLOCKED, FREE, VERMILION, faded
 from navloom.viewer.draw_sensing import BLENDED
 from navloom.viewer.panels import Change, Drawn, Seen
 from navloom.viewer.shapes import at_height, rgba_cells, ring_bars, slot_arcs
@@ -140,7 +140,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     """Who drives; a stop with its reason in words and what to do."""
     import rerun as rr
 
-    from navloom.runtime.looking import why_stopped
+    from navloom.runtime.looking import what_limits, why_stopped
 
     name = seen.actor.name
     state: str = message.source if message.source != "none" else "stopped"
@@ -154,6 +154,11 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     if state == "standing":
         text = f"{name}: stands, {why}"
     yield f"/log/{name}/gate", Change(key, rr.TextLog(text, level=level) if key else None)
+    slowed = f"{name}: gate slows the robot: {what_limits(message)}"
+    told = message.limit if not message.stopped else ""
+    yield f"/log/{name}/monitor", Change(told, rr.TextLog(slowed, level="INFO") if told else None)
+    places = [] if message.place is None else [(message.place.x, message.place.y, 0.1)]
+    yield seen.in_base("limit"), Change(str(places), rr.Points3D(places, radii=0.06, colors=[VERMILION]))
 
 
 def feedback(message: Feedback, seen: Seen) -> Drawn:

@@ -26,7 +26,9 @@ class _HistogramAvoider(Avoider):
     def __init__(self, params: VfhParams | VfhPlusParams, context: Context) -> None:
         super().__init__(params, context)
         r = context.robot
-        robot = Robot(r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration)
+        robot = Robot(
+            r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
+        )  # fmt: skip
         self._method = self._make(params, robot, context.period)
         self._limits: dict[tuple[tuple[int, float, float], ...], np.ndarray] = {}
 
@@ -41,7 +43,7 @@ class _HistogramAvoider(Avoider):
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
         beams = self._beams(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
-        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y))
+        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:

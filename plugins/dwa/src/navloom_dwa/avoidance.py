@@ -13,6 +13,7 @@ from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_ce
 from navloom_improved_vfh.clearance import footprint_edges
 from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, Trap
+from navloom_improved_vfh.smoothing import smoothed
 from numpy.typing import NDArray
 
 from navloom_dwa.contact import enlarged_corners, first_contacts
@@ -177,9 +178,11 @@ class DynamicWindow:
         """Enter the readings of one tick; (n, 3) obstacles, x, y and margin, m, base frame, and (n,) their gaps, m."""
         p, pose = self.params, given.pose
         for beams in lasers:
+            farthest = float(beams.limits[0, 1])
+            ranges = smoothed(beams.ranges, farthest, p.agreement) if p.agreement > 0.0 else beams.ranges
             self.count = remember(
-                self._points, self.count, pose, beams.origins, beams.bearings, beams.ranges,
-                float(beams.limits[0, 1]), given.time, p.memory, p.reach, p.spacing, self.edges,
+                self._points, self.count, pose, beams.origins, beams.bearings, ranges, farthest,
+                given.time, p.memory, p.reach, p.spacing, self.edges,
             )  # fmt: skip
         if cones is not None:
             self.has_cones = True

@@ -169,7 +169,17 @@ def free_command(
                 continue
             trial = (v * pace, w * turn)
             if is_free(
-                near, edges, twist, trial, period, acceleration, deceleration, turn_horizon, margin, in_flight, lag,
+                near,
+                edges,
+                twist,
+                trial,
+                period,
+                acceleration,
+                deceleration,
+                turn_horizon,
+                margin,
+                in_flight,
+                lag,
                 dead_time,
             ):
                 return trial
@@ -177,7 +187,17 @@ def free_command(
         for turn in (1.0, 0.5, 0.0, -0.5):
             trial = (creep, w * turn)
             if is_free(
-                near, edges, twist, trial, period, acceleration, deceleration, turn_horizon, margin, in_flight, lag,
+                near,
+                edges,
+                twist,
+                trial,
+                period,
+                acceleration,
+                deceleration,
+                turn_horizon,
+                margin,
+                in_flight,
+                lag,
                 dead_time,
             ):
                 return trial

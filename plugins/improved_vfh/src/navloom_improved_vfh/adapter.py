@@ -10,9 +10,11 @@ from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeSca
 
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.avoidance import Avoidance, Beams, Decision, Robot
+from navloom_improved_vfh.certainty import THIN_BEAM
 from navloom_improved_vfh.params import ImprovedVfhParams
+from navloom_improved_vfh.smoothing import smoothed, warm_up_smoothing
 
-__all__ = ["ImprovedVfh"]
+__all__ = ["ImprovedVfh", "less_noisy"]
 
 
 class ImprovedVfh(Avoider):
@@ -36,6 +38,7 @@ class ImprovedVfh(Avoider):
     @classmethod
     def warm_up(cls) -> None:
         avoidance.warm_up(ImprovedVfhParams())
+        warm_up_smoothing()
 
     def avoid(self, given: AvoiderInput) -> Answer:
         pose, target = given.estimate.pose, given.target
@@ -57,7 +60,7 @@ class ImprovedVfh(Avoider):
             np.concatenate([scan.origins for scan in scans]),
             np.concatenate([scan.bearings for scan in scans]),
             np.concatenate([scan.half_angles for scan in scans]),
-            np.concatenate([scan.ranges for scan in scans]),
+            np.concatenate([less_noisy(scan, self.params.agreement) for scan in scans]),
             limits,
             sensors,
         )
@@ -73,3 +76,10 @@ class ImprovedVfh(Avoider):
             method.grid, p.cell, float(corner[0]), float(corner[1]), method.density, p.threshold,
             slots, decision.direction, decision.why,
         )  # fmt: skip
+
+
+def less_noisy(scan: RangeScan, agreement: float) -> np.ndarray:
+    """Ranges of a scan, m; those of a laser averaged as in smoothing.smoothed() where `agreement`, m, is not 0."""
+    if agreement == 0.0 or not (scan.half_angles < THIN_BEAM).all():
+        return scan.ranges
+    return smoothed(scan.ranges, scan.range_max, agreement)

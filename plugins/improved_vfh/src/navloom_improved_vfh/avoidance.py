@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_cells
+from navloom_improved_vfh.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
 from navloom_improved_vfh.clearance import footprint_edges, free_command, nearest_ahead
 from navloom_improved_vfh.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
 from navloom_improved_vfh.motors import Motors
@@ -173,7 +173,7 @@ class Avoidance:
         self.motors = Motors(
             robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
         )  # fmt: skip
-        self._ahead = (math.radians(params.front_sector_deg), measured, self.half_width, params.arc_margin)
+        self._front = (math.radians(params.front_sector_deg), measured, self.half_width)
         self._slow = math.radians(params.slow_on_deg), math.radians(params.slow_off_deg)
         self._window, self._case = math.radians(params.slot_window_deg), math.radians(params.case_limit_deg)
         self._loyalty, self._pivot = math.radians(params.loyalty_deg), math.radians(params.pivot_deg)
@@ -193,6 +193,7 @@ class Avoidance:
         self.slot_count = 0
         self._previous: float | None = None
         self._is_turning = False
+        self._has_cones = False
         self.motors.reset()
         self.in_flight = np.zeros((1, 2))
 
@@ -231,9 +232,15 @@ class Avoidance:
         why = "no slot: rotating " + ("left" if self.search.sign > 0 else "right")
         return self._send(view, 0.0, self.search.sign * self.max_turn, None, why)
 
+    @property
+    def arc_margin(self) -> float:
+        """Kept between footprint and cell centres, m: a laser says where an obstacle is, a cone only how far."""
+        return self.params.arc_margin if self._has_cones else self.params.laser_margin
+
     def sense(self, beams: Beams, pose: Pose) -> None:
         """Enter the readings of one tick into the window."""
         p = self.params
+        self._has_cones = self._has_cones or bool((beams.half_angles >= THIN_BEAM).any())
         sensors = beams.sensors if p.conflict == "seen_through" else np.full_like(beams.sensors, -1)
         insert_beams(
             self.grid, self.origin, p.cell, pose, beams.origins, beams.bearings, beams.half_angles,
@@ -249,8 +256,8 @@ class Avoidance:
         horizon = distance + max(self.radius, self.half_width) if p.stops_at_target else math.inf
         count, self.slot_count, candidates, d30, run = survey(
             self.grid, self.origin, p.cell, pose, self.edges, p.clears_footprint, p.reach, horizon, self.radius,
-            p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing, self._ahead,
-            self._cells, self.density, self.slots, self._directions,
+            p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing,
+            (*self._front, self.arc_margin), self._cells, self.density, self.slots, self._directions,
         )  # fmt: skip
         directions = self._directions[:candidates].tolist()
         return View(pose, twist, target, distance, bearing, self._cells[:count], directions, d30, run)
@@ -294,7 +301,7 @@ class Avoidance:
         if p.arc_check:
             sent = free_command(
                 view.cells, self.edges, view.twist, (speed, turn), p.creep, self.period, r.max_acceleration,
-                r.max_deceleration, p.turn_horizon, p.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
+                r.max_deceleration, p.turn_horizon, self.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"

@@ -28,3 +28,11 @@ def smoothed(ranges: NDArray[np.float64], range_max: float, agreement: float) ->
                 count += 1
         found[i] = total / count
     return found
+
+
+def warm_up_smoothing() -> None:
+    """Compile it for ranges that may be written and those that may not."""
+    ranges = np.ones(3)
+    for is_writeable in (True, False):
+        ranges.flags.writeable = is_writeable
+        smoothed(ranges, 8.0, 0.1)

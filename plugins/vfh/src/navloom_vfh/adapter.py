@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom_improved_vfh.adapter import less_noisy
+from navloom_improved_vfh.smoothing import warm_up_smoothing
 from navloom_vff.avoidance import Beams, Decision, Robot
 
 from navloom_vfh.avoidance import HistogramAvoidance
@@ -38,6 +40,7 @@ class _HistogramAvoider(Avoider):
     @classmethod
     def warm_up(cls) -> None:
         warm_up(cls._make(cls.Params(), WARM_UP_ROBOT, 0.05))
+        warm_up_smoothing()
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
@@ -58,7 +61,7 @@ class _HistogramAvoider(Avoider):
             np.concatenate([scan.origins for scan in scans]),
             np.concatenate([scan.bearings for scan in scans]),
             np.concatenate([scan.half_angles for scan in scans]),
-            np.concatenate([scan.ranges for scan in scans]),
+            np.concatenate([less_noisy(scan, self._method.common.agreement) for scan in scans]),
             limits,
         )
 

@@ -97,14 +97,15 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_summary_is_what_the_rows_come_to_by_hand(two: Path) -> None:
     rows = {(row["method"], row["metric"]): row for row in table(two / "summary.csv")}
-    # good: 20 s at 0.4 m/s are 8 m, of 7.5 m: SPL 0.9375. OT = 15 s, and 20 s are clipped to 2 OT and to 4 OT.
-    expected = {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": 0.5, "barn_4_8": 0.25, "time": 20.0, "path_length": 8.0,
+    # good: 20 s at 0.4 m/s are 8 m, of 7.5 m: SPL 0.9375. OT = 3.75 s, and 19.75 s are after the first 0.1 m.
+    score = 3.75 / 19.75
+    expected = {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": score, "barn_4_8": score, "time": 20.0, "path_length": 8.0,
                 "cross_track_rms": 0.0, "collisions": 0.0}  # fmt: skip
     for name, value in expected.items():
         assert float(rows["good", name]["mean"]) == pytest.approx(value), name
-    # bad: 10 s at 0.2 m/s are 2 m. One of ten succeeds: SPL 1 there (2 m are less than the shortest way), BARN 0.5 and
-    # 0.25, 10 s; nine count with 120 s: 109 s. One collides.
-    expected = {"success": 0.1, "spl": 0.1, "barn_2_8": 0.05, "barn_4_8": 0.025, "time": 109.0, "path_length": 2.0,
+    # bad: 10 s at 0.2 m/s are 2 m. One of ten succeeds: SPL 1 there (2 m are less than the shortest way), BARN
+    # 3.75 s / 9.5 s and at most 0.25, 10 s; nine count with 120 s: 109 s. One collides.
+    expected = {"success": 0.1, "spl": 0.1, "barn_2_8": 0.375 / 9.5, "barn_4_8": 0.025, "time": 109.0, "path_length": 2.0,
                 "cross_track_rms": 0.3, "collisions": 0.1}  # fmt: skip
     for name, value in expected.items():
         assert float(rows["bad", name]["mean"]) == pytest.approx(value), name

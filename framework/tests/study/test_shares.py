@@ -82,7 +82,9 @@ def test_bounds_cut_an_interval_that_the_resamples_would_take_further() -> None:
     ]
     free = Metric("x", "1", "higher", lambda trail: None, "X.")
     bounded = Metric("x", "1", "higher", lambda trail: None, "X.", (0.0, 1.0))
-    ends = [compare_methods(given, "m", [m], np.random.default_rng(0), 2_000).summary("m", "x") for m in (free, bounded)]
+    ends = [
+        compare_methods(given, "m", [m], np.random.default_rng(0), 2_000).summary("m", "x") for m in (free, bounded)
+    ]
     assert ends[0].high > 1.0 and ends[1].high == 1.0 and ends[0].low == ends[1].low
 
 

@@ -85,13 +85,13 @@ def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) ->
 
 
 def test_with_via_points_plan_and_shortest_way_are_of_all_legs(tmp_path: Path) -> None:
-    """From the origin 1.5 m ahead, and then to 3 m ahead: two plans, 3 m together, and the last 0.2 m are tolerance."""
-    episode = run_episode(
-        toy_config(tmp_path, "navigation.via=[{ x = 1.5, y = 0.0 }]"), discovery=discovery()
-    )  # fmt: skip
+    """From the origin 1.5 m ahead, and then to 3 m ahead: two plans, and the last 0.2 m are tolerance."""
+    episode = run_episode(toy_config(tmp_path, "navigation.via=[{ x = 1.5, y = 0.0 }]"), discovery=discovery())
     summary, plans = episode.summary(), episode.recorder.plans
     assert summary["outcome"] == "succeeded" and len(plans) == 2
-    assert summary["plan_length_m"] == pytest.approx(plans[0].length + plans[1].length) > plans[0].length + 1.0
+    # The second leg begins where the first one was within its tolerance.
+    assert plans[0].length == pytest.approx(1.5) and plans[1].length > 1.5
+    assert summary["plan_length_m"] == plans[0].length + plans[1].length
     assert (summary["optimal_length_m"], summary["optimal_to_tolerance_m"]) == pytest.approx((3.0, 2.8))
 
 

@@ -192,7 +192,9 @@ METRICS: tuple[Metric, ...] = (
         SHARE,
     ),
     Metric("recoveries", "1", "lower", measures.recoveries, "Attempts of the recovery.", NOT_NEGATIVE),
-    Metric("gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot.", NOT_NEGATIVE),
+    Metric(
+        "gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot.", NOT_NEGATIVE,
+    ),
     Metric(
         "collisions", "1", "lower", measures.collisions,
         "How often a contact began; at least 1 where the outcome is collision.",

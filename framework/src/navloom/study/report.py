@@ -207,7 +207,8 @@ def _results(study: StudyFiles, draws: bool) -> Part:
     part, few = Part("Metrics"), study.comparison.scope == THESE_WORLDS
     part.say(
         "Mean over worlds of the mean within each, with its 95 % interval: exact for success and other shares, else a "
-        f"BCa bootstrap of {study.comparison.resamples} resamples of {'episodes within their worlds' if few else 'whole worlds'}. "
+        f"BCa bootstrap of {study.comparison.resamples} resamples of "
+        f"{'episodes within their worlds' if few else 'whole worlds'}. "
         "↑ more is better, ↓ less is better. A metric that is not defined for an episode leaves it out, and the cell "
         "says of how many it is made; success, spl, scores and time are defined for every episode, failed ones too."
     )

@@ -41,7 +41,7 @@ def share_interval(episodes: Floats, few: bool) -> tuple[float, float]:
             and as many trials count as there are independent ones in the episodes (Korn and Graubard 1998).
     """
     means = _means(episodes)
-    count = np.count_nonzero(~np.isnan(episodes))
+    count = int(np.count_nonzero(~np.isnan(episodes)))
     return exact_interval(float(means.mean()), count if few else _independent(means, count))
 
 

@@ -7,9 +7,11 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
+from navloom.cli.compare import _truths
 from navloom.study import compare, report
 
 CONFIG = """
@@ -153,3 +155,15 @@ def test_without_dask_the_extra_is_named(navloom: Run, config: str, monkeypatch:
     code, _, errors = navloom(config, "--scheduler", "tcp://127.0.0.1:1")
     assert code == 2
     assert "navloom[cluster]" in errors
+
+
+def test_people_are_told_of_false_successes_and_of_those_without_truth() -> None:
+    def rows(method: str, outcome: str, false: float | None) -> list[Any]:
+        key, metrics = SimpleNamespace(method=method), {"false_success": false}
+        return [SimpleNamespace(key=key, outcome=outcome, metrics=metrics)] * 3
+
+    methods = [SimpleNamespace(name=name) for name in ("right", "wrong", "blind")]
+    told = [*rows("right", "succeeded", 0.0), *rows("wrong", "false_success", 1.0), *rows("blind", "succeeded", None)]
+    lines = list(_truths(cast(Any, SimpleNamespace(study=SimpleNamespace(methods=methods), rows=told))))
+    assert [line.partition(":")[0] for line in lines] == ["wrong", "blind"]
+    assert "false success in 3 of 3 episodes" in lines[0] and "3 of 3 successes are the robot's word" in lines[1]

@@ -18,7 +18,7 @@ from navloom.geometry import (
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import polygon
 from navloom.geometry.grid import world_to_grid
-from navloom.geometry.shortest import optimal_length, optimal_path, warm_up
+from navloom.geometry.shortest import length_to_reach, optimal_length, optimal_path, warm_up
 from navloom.geometry.world import Box, Cylinder, Place, Raster, World
 from navloom.worlds.paper import paper_gates, paper_gates_blocked_b, paper_gates_blocked_bc, paper_gates_open_a
 
@@ -349,3 +349,15 @@ def test_the_warm_up_compiles_all_there_is_to_compile() -> None:
 
 def is_kernel(thing: object) -> bool:
     return hasattr(thing, "nopython_signatures")
+
+
+def test_the_way_to_within_reach_of_the_goal_ends_at_the_disc() -> None:
+    straight = optimal_path(World("empty"), Place(0.0, 0.0), Place(3.0, 4.0), 0.2, 1.2)
+    assert straight is not None
+    for reach, length in ((0.0, 5.0), (1.0, 4.0), (4.999, 0.001), (5.0, 0.0), (9.0, 0.0)):
+        assert length_to_reach(straight, reach) == pytest.approx(length, abs=1e-9)
+    post = World("post", (Cylinder("post", 0.0, 3.0, 0.5),))
+    around = optimal_path(post, Place(0.0, 0.0), Place(0.0, 6.0), 0.2, 1.2)
+    assert around is not None and len(around.points) > 3
+    # The last leg is a straight tangent of √(3² - 0.7²) m: 1 m of it need not be driven.
+    assert length_to_reach(around, 1.0) == pytest.approx(around.length - 1.0, abs=1e-9)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 import re
 import sys
 from dataclasses import replace
@@ -39,11 +40,11 @@ def straight(seconds: int, speed: float, **more: Any) -> Trail:
 LOST: dict[str, Any] = {"period": 1.0, "limit": 120.0, "max_linear": 0.5, "max_deceleration": 1.0, "reaction": 0.1}
 
 ROWS: dict[str, tuple[Trail, dict[str, float | None]]] = {
-    # 40 s at 0.2 m/s: 8 m for 7.5 m. OT = 7.5 / 0.5 = 15 s, and 40 s lie between 2 OT = 30 s and 8 OT = 120 s, but
-    # below 4 OT = 60 s. To stop from 0.2 m/s takes 0.02 + 0.02 m. Of 40 s, 10 s are driven 0.3 m to one side.
+    # 40 s at 0.2 m/s: 8 m for 7.5 m. OT = 7.5 m / 2 m/s = 3.75 s, and 39.5 s after the first 0.1 m are more than
+    # 8 OT = 30 s. To stop from 0.2 m/s takes 0.02 + 0.02 m. Of 40 s, 10 s are driven 0.3 m to one side.
     "succeeded": (
         straight(40, 0.2, cross_track=np.where(np.arange(41) <= 10, -0.3, np.nan), gate_stops=1, recoveries=2),
-        {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": 0.375, "barn_4_8": 0.25, "time": 40.0, "path_length": 8.0,
+        {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": 0.125, "barn_4_8": 0.125, "time": 40.0, "path_length": 8.0,
          "goal_distance": 0.1, "clearance_min": 1.0, "clearance_p5": 1.0, "danger_share": 0.0, "cross_track_rms": 0.3,
          "cross_track_max": 0.3, "jerk": 0.0, "turning": 0.0, "steering_flips": 0.0, "stopped_time": 0.0,
          "avoider_share": 0.0, "recoveries": 2.0, "gate_stops": 1.0, "collisions": 0.0},
@@ -113,12 +114,37 @@ def test_a_row_of_each_outcome_is_what_hand_and_paper_make_it(outcome: str) -> N
 
 @pytest.mark.parametrize(
     ("seconds", "speed", "both"),
-    [(20, 0.4, (0.5, 0.25)), (40, 0.2, (0.375, 0.25)), (80, 0.1, (0.1875, 0.1875)), (200, 0.04, (0.125, 0.125))],
+    [(6, 2.0, (0.5, 0.25)), (11, 0.1, (0.375, 0.25)), (21, 0.1, (0.1875, 0.1875)), (200, 0.04, (0.125, 0.125))],
     ids=["fast", "between", "slow", "very_slow"],
 )
 def test_barn_scores_are_clipped_at_both_ends(seconds: int, speed: float, both: tuple[float, float]) -> None:
+    # OT = 7.5 m / 2 m/s = 3.75 s. The clock starts at 0.1 m: of 11 s at 0.1 m/s 10 s count.
     found = measure(straight(seconds, speed))
     assert (found["barn_2_8"], found["barn_4_8"]) == pytest.approx(both)
+
+
+def test_barn_s_optimal_time_is_of_the_reference_length_at_2_m_a_second_whatever_the_robot_s_limit() -> None:
+    # 12 m at 2 m/s are 6 s; 0.5 m/s reach 0.1 m after 0.2 s, and 30.2 - 0.2 s are 5 times as much.
+    drive = straight(151, 0.5, time=0.2 * np.arange(152.0), x=0.1 * np.arange(152.0), reference=12.0)
+    for limit in (0.5, 2.0):
+        found = measure(replace(drive, max_linear=limit))
+        assert (found["barn_2_8"], found["barn_4_8"]) == pytest.approx((0.2, 0.2))
+    without_way = measure(replace(drive, optimal=None))
+    assert without_way["barn_2_8"] == pytest.approx(0.2) and without_way["spl"] is None
+
+
+def test_the_wait_before_a_drive_costs_time_and_no_score() -> None:
+    waited = measure(straight(70, 0.4, x=0.4 * np.maximum(np.arange(71.0) - 50.0, 0.0)))
+    found = measure(straight(20, 0.4))
+    assert (waited["time"], found["time"]) == (70.0, 20.0)
+    # 0.1 m are driven after a quarter of a second: 19.75 s count.
+    assert waited["barn_2_8"] == found["barn_2_8"] == pytest.approx(3.75 / 19.75)
+
+
+def test_a_success_without_truth_has_no_score_and_no_time() -> None:
+    found = measure(lost_trail("succeeded", "by its own word", optimal=7.5, **LOST))
+    assert found["success"] == 1.0 and found["false_success"] is None
+    assert [found[name] for name in ("spl", "barn_2_8", "barn_4_8", "time")] == [None] * 4
 
 
 def test_a_drive_shorter_than_the_shortest_way_within_the_tolerance_counts_as_the_shortest() -> None:
@@ -236,4 +262,7 @@ def test_the_docs_metric_registers_and_measures(
             table.writerow({"method": method, "world": "hall", "seed": seed, "outcome": "", **row})
     monkeypatch.chdir(tmp_path)
     exec(compile(reading, "metrics.md", "exec"), {})
-    assert capsys.readouterr().out == "for these worlds only 1.0 1.0 1.0 1.0\n"
+    # 2 of 2 is at least √0.025 = 0.158, 0 of 2 at most 0.842: the two deviations of 0.842 add up in squares.
+    scope_told, *numbers = capsys.readouterr().out.rsplit(maxsplit=4)
+    low = 1.0 - math.sqrt(2.0) * (1.0 - math.sqrt(0.025))
+    assert scope_told == "for these worlds only" and list(map(float, numbers)) == pytest.approx([1.0, low, 1.0, 1.0])

@@ -24,6 +24,7 @@ from navloom.study.report_data import read_study
 from navloom.study.report_ways import worlds_shown
 from navloom.study.rows import EpisodeKey, Row
 from navloom.study.tracks import FOLDER, encoded, file_of
+from navloom.study.trail import FALSE_SUCCESS, lost_trail
 
 NAMES = [metric.name for metric in METRICS]
 Outcomes = Callable[[str, str, int], str]
@@ -97,15 +98,16 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_summary_is_what_the_rows_come_to_by_hand(two: Path) -> None:
     rows = {(row["method"], row["metric"]): row for row in table(two / "summary.csv")}
-    # good: 20 s at 0.4 m/s are 8 m, of 7.5 m: SPL 0.9375. OT = 15 s, and 20 s are clipped to 2 OT and to 4 OT.
-    expected = {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": 0.5, "barn_4_8": 0.25, "time": 20.0, "path_length": 8.0,
-                "cross_track_rms": 0.0, "collisions": 0.0}  # fmt: skip
+    # good: 20 s at 0.4 m/s are 8 m, of 7.5 m: SPL 0.9375. OT = 3.75 s, and 19.75 s are after the first 0.1 m.
+    score = 3.75 / 19.75
+    expected = {"success": 1.0, "spl": 7.5 / 8.0, "barn_2_8": score, "barn_4_8": score, "time": 20.0,
+                "path_length": 8.0, "cross_track_rms": 0.0, "collisions": 0.0}  # fmt: skip
     for name, value in expected.items():
         assert float(rows["good", name]["mean"]) == pytest.approx(value), name
-    # bad: 10 s at 0.2 m/s are 2 m. One of ten succeeds: SPL 1 there (2 m are less than the shortest way), BARN 0.5 and
-    # 0.25, 10 s; nine count with 120 s: 109 s. One collides.
-    expected = {"success": 0.1, "spl": 0.1, "barn_2_8": 0.05, "barn_4_8": 0.025, "time": 109.0, "path_length": 2.0,
-                "cross_track_rms": 0.3, "collisions": 0.1}  # fmt: skip
+    # bad: 10 s at 0.2 m/s are 2 m. One of ten succeeds: SPL 1 there (2 m are less than the shortest way), BARN
+    # 3.75 s / 9.5 s and at most 0.25, 10 s; nine count with 120 s: 109 s. One collides.
+    expected = {"success": 0.1, "spl": 0.1, "barn_2_8": 0.375 / 9.5, "barn_4_8": 0.025, "time": 109.0,
+                "path_length": 2.0, "cross_track_rms": 0.3, "collisions": 0.1}  # fmt: skip
     for name, value in expected.items():
         assert float(rows["bad", name]["mean"]) == pytest.approx(value), name
     assert rows["bad", "success"]["episodes"] == "10" and rows["bad", "success"]["worlds"] == "5"
@@ -127,7 +129,8 @@ def test_differences_are_method_less_baseline_with_their_pairs(two: Path) -> Non
 
 def test_the_page_names_what_counts_and_needs_no_other_file(two: Path) -> None:
     page = (two / "report.html").read_text("utf-8")
-    for told in ("For these worlds only", "good: 10 of 10 succeeded", "bad: 1 of 10 succeeded, 90.0 points less than",
+    for told in ("For these worlds only", "good: 10 of 10 succeeded (95 % interval 0.692 to 1.000)",
+                 "bad: 1 of 10 succeeded (95 % interval 0.003 to 0.445), 90.0 points less than",
                  "because collision", "Held equal", "navigation.speed", "c" * 16, "— too slow"):  # fmt: skip
         assert told in page, told
     assert "<script" not in page and "http://" not in page.replace("http://www.w3.org/", "")
@@ -209,6 +212,29 @@ def test_metrics_defined_nowhere_and_ways_of_nobody_are_said_to_be_so(tmp_path: 
     made = write_report(folder)
     assert "Nothing to draw: no way was kept" in made.html
     assert next(row for row in table(folder / "summary.csv") if row["metric"] == "jerk")["mean"] == ""
+
+
+def test_false_successes_and_those_without_truth_are_said_to_be_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "find_spec", lambda name: None)
+    limits = {"period": 1.0, "limit": 120.0, "max_linear": 0.5, "max_deceleration": 1.0, "reaction": 0.1}
+
+    def trail_of(method: str, world: str, seed: int) -> Trail:
+        if method == "blind":
+            return lost_trail("succeeded", "the goal was reached", **limits)
+        reason = f"succeeded by its own belief, {seed + 1}.5 m from the goal in truth"
+        return replace(straight(FALSE_SUCCESS), reason=reason)
+
+    folder = study_folder(tmp_path / "s", ("wrong", "blind"), ["empty"], range(4), trail_of)
+    text = write_report(folder).markdown
+    assert "wrong: 0 of 4 succeeded (95 % interval 0.000 to 0.602)" in text
+    assert "False successes: 4 of 4 with wrong." in text
+    assert "only the robot's word, since there is no ground truth: 4 of 4 with blind." in text
+    assert "| wrong | false_success | succeeded by its own belief, … m from the goal in truth | 4 |" in text
+    rows = {(row["method"], row["metric"]): row["mean"] for row in table(folder / "summary.csv")}
+    assert (rows["wrong", "success"], rows["wrong", "spl"], rows["wrong", "false_success"]) == ("0", "0", "1")
+    assert (rows["blind", "false_success"], rows["blind", "time"]) == ("", "")
 
 
 def test_without_matplotlib_there_are_the_tables_and_what_to_install(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom.geometry.world import Box, World
+from navloom.geometry.world import Box, Place, World
 from navloom.messages import (
     Command,
     Envelope,
@@ -22,10 +23,11 @@ from navloom.messages import (
     Truth,
     Twist2D,
 )
+from navloom.runtime.build import assemble
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import measure
 from navloom.study.recorder import Recorder
-from navloom.study.trail import optimal_of, trail_of
+from navloom.study.trail import Ways, trail_of, ways_of
 from toys import discovery, toy_config
 
 
@@ -46,7 +48,8 @@ def test_a_trail_has_one_entry_a_tick(toy: Episode) -> None:
 def test_what_a_trail_says_is_what_happened(toy: Episode) -> None:
     trail = trail_of(toy)
     assert (trail.outcome, trail.reason) == ("succeeded", "the goal was reached")
-    assert trail.optimal == pytest.approx(3.0)
+    # 3 m to the goal, and the tolerance of 0.2 m need not be driven.
+    assert (trail.optimal, trail.reference) == pytest.approx((2.8, 3.0))
     assert trail.goal_distance == pytest.approx(3.0 - trail.x[-1]) and trail.goal_distance <= 0.21
     assert (trail.period, trail.limit, trail.max_linear) == (0.05, 60.0, 0.5)
     assert (trail.max_deceleration, trail.reaction) == (1.0, 0.10)
@@ -81,6 +84,39 @@ def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) ->
     assert found["pose_error_max"] == pytest.approx(1.0) and summary["pose_error_m"]["rms"] == pytest.approx(1.0)
 
 
+def test_with_via_points_plan_and_shortest_way_are_of_all_legs(tmp_path: Path) -> None:
+    """From the origin 1.5 m ahead, and then to 3 m ahead: two plans, and the last 0.2 m are tolerance."""
+    episode = run_episode(toy_config(tmp_path, "navigation.via=[{ x = 1.5, y = 0.0 }]"), discovery=discovery())
+    summary, plans = episode.summary(), episode.recorder.plans
+    assert summary["outcome"] == "succeeded" and len(plans) == 2
+    # The second leg begins where the first one was within its tolerance.
+    assert plans[0].length == pytest.approx(1.5) and plans[1].length > 1.5
+    assert summary["plan_length_m"] == plans[0].length + plans[1].length
+    assert (summary["optimal_length_m"], summary["optimal_to_tolerance_m"]) == pytest.approx((3.0, 2.8))
+
+
+def test_a_way_beside_the_straight_one_is_through_its_via_point(tmp_path: Path) -> None:
+    system = assemble(toy_config(tmp_path, "navigation.via=[{ x = 0.0, y = 4.0 }]"), discovery())
+    assert ways_of(system).to_goal == pytest.approx(4.0 + 5.0)
+
+
+def test_no_robot_that_arrives_drives_less_than_the_shortest_way_to_the_tolerance(toy: Episode) -> None:
+    summary = toy.summary()
+    assert summary["optimal_to_tolerance_m"] <= summary["path_length_m"] < summary["optimal_length_m"]
+    assert summary["spl"] == pytest.approx(summary["optimal_to_tolerance_m"] / summary["path_length_m"])
+
+
+def test_the_reference_length_is_the_world_s_for_the_world_s_own_task(toy: Episode) -> None:
+    system = toy.system
+    assert system.goal is not None
+    own = World("own", start=Place(0.0, 0.0), goal=Place(3.0, 0.0), goal_tolerance=0.5, reference_length=4.5)
+    assert ways_of(replace(system, world=own)) == Ways(pytest.approx(3.0), pytest.approx(2.8), 4.5)
+    nearby = replace(own, start=Place(-0.25, 0.0))
+    assert ways_of(replace(system, world=nearby)).reference == 4.5
+    other = replace(own, goal=Place(9.0, 0.0))
+    assert ways_of(replace(system, world=other)).reference == pytest.approx(3.0)
+
+
 def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> None:
     events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 5.0\ndo = "resume"\n'
     trail = trail_of(run_episode(toy_config(tmp_path, more=events), discovery=discovery()))
@@ -95,15 +131,15 @@ def test_the_shortest_way_is_searched_for_once_a_world(toy: Episode, monkeypatch
     from navloom.geometry import shortest
 
     calls: list[object] = []
-    original = shortest.optimal_length
-    monkeypatch.setattr(shortest, "optimal_length", lambda *given: calls.append(given) or original(*given))
+    original = shortest.optimal_path
+    monkeypatch.setattr(shortest, "optimal_path", lambda *given: calls.append(given) or original(*given))
     world = World("new", (Box("box", (1.0, 2.0), (-1.0, 1.0)),))
     toy_system, monkeypatched = toy.system, monkeypatch
     monkeypatched.setattr(toy_system, "world", world)
-    first, second = optimal_of(toy_system), optimal_of(toy_system)
-    assert first == second and first is not None and first > 3.0 and len(calls) == 1
+    first, second = ways_of(toy_system), ways_of(toy_system)
+    assert first == second and first.to_goal is not None and first.to_goal > 3.0 and len(calls) == 1
     monkeypatched.setattr(toy_system, "world", None)
-    assert optimal_of(toy_system) is None and len(calls) == 1
+    assert ways_of(toy_system) == Ways() and len(calls) == 1
 
 
 def said(stamp: float, message: Message) -> tuple[Message, Envelope]:
@@ -116,8 +152,6 @@ def truth(x: float, clearance: float, touching: bool = False) -> Truth:
 
 def fed(toy: Episode, world: World | None, messages: Sequence[tuple[Message, Envelope]]) -> Episode:
     """An episode of the toys' robot with a recorder that was told these messages."""
-    from dataclasses import replace
-
     recorder = Recorder()
     for message, at in messages:
         recorder.on_message("role", "main", True, "port", message, at)

@@ -31,7 +31,12 @@ def test_a_world_has_its_own_cylinders_and_the_file_s_task(tmp_path: Path) -> No
     assert (world.start, world.goal) == (Place(-2.0, 3.0, 1.5), Place(-2.0, 13.0))
     assert (world.goal_tolerance, world.time_limit) == (1.0, 100.0)
     assert world.bounds == (-3.0, 2.0, 5.0, 14.0)
-    assert world.name == "barn:b.npz#7"
+    assert world.name == "barn:b.npz#7" and world.reference_length is None
+
+
+def test_a_world_has_the_organisers_length_where_the_file_gives_one(tmp_path: Path) -> None:
+    lengths = np.array([12.5, 11.25], dtype=np.float32)
+    assert SCHEMES["barn"]("b.npz#7", written(tmp_path, path_len_m=lengths)).reference_length == 11.25
 
 
 @pytest.mark.parametrize(
@@ -64,6 +69,8 @@ def test_a_wrong_reference_is_explained(tmp_path: Path, argument: str, message: 
         ({"world": np.array([7])}, "array 'world'"),
         ({"start": np.array(["a", "b", "c"])}, "array 'start' of <U1"),
         ({"start": np.array([1, None, 2], dtype=object)}, "array 'start' of object"),
+        ({"path_len_m": np.array([12.5])}, r"array 'path_len_m' of float64 \(1,\), expected numbers \(2,\)"),
+        ({"path_len_m": np.array([12.5, 0.0])}, "path_len_m of world 7 is 0, expected a length > 0"),
         ({"goal_tol": np.array([1.0])}, r"array 'goal_tol' of float64 \(1,\)"),
     ],
 )

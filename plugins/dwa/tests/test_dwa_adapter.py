@@ -57,9 +57,10 @@ def post(bearing, distance):
     return laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101) - bearing) < 0.1, distance, math.inf))
 
 
-def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0), twist=(0.0, 0.0), time=0.0, remaining=1.0):
+def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0), twist=(0.0, 0.0), time=0.0, remaining=1.0, share=1.0):
     estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(twist[0], 0.0, twist[1]), np.zeros((3, 3)))
-    return AvoiderInput(round(time * 1e9), scans, estimate, Point2D(*target), 0.5, Twist2D(0.3, 0.0, 0.0), remaining)
+    stamp_ns, wished = round(time * 1e9), Twist2D(0.3, 0.0, 0.0)
+    return AvoiderInput(stamp_ns, scans, estimate, Point2D(*target), 0.5, wished, remaining, share)
 
 
 def test_is_found_by_its_entry_point():
@@ -149,6 +150,15 @@ def test_walled_in_it_is_trapped_after_its_patience_and_stays_so():
 
 
 CORNERED = np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 1.2, 0.58, math.inf)
+
+
+def test_it_gives_up_at_once_where_the_gate_lets_it_not_back_up():
+    """Behind a robot that no sensor looks behind, the gate lets it go only where it has been."""
+    avoider = make()
+    answers = [avoider.avoid(given(laser(CORNERED), time=0.05 * k)) for k in range(32)]
+    assert answers[-1].twist.vx < 0.0
+    answer = avoider.avoid(given(laser(CORNERED), time=1.6, share=0.0))
+    assert (answer.status, answer.twist.vx) == ("trapped", 0.0)
 
 
 def test_blocked_ahead_it_backs_up_and_where_it_may_not_it_is_trapped():

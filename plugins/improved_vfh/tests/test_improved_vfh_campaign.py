@@ -32,7 +32,7 @@ def run(world, start, target, rng, params=None, noise=None):
     origins, halves, sensors = rim_origins(), np.full(8, HALF_ANGLE), np.zeros(8, np.int64)
 
     def step(ranges, pose, speed, goal):
-        decision = method.step(Beams(origins, BEARINGS, halves, ranges, LIMITS, sensors), pose, speed, goal)
+        decision = method.step(Beams(origins, BEARINGS, halves, ranges, LIMITS, sensors), pose, (speed, 0.0), goal)
         return decision.speed, decision.turn, decision.status, decision.why
 
     return drive(world, start, target, step, rng, noise or Noise())

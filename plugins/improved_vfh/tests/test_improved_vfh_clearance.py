@@ -16,12 +16,28 @@ def cells(*points):
     return np.array([[x, y, 3.0] for x, y in points]).reshape(-1, 3)
 
 
-def free(points, command, speed=0.0, margin=0.05):
-    return is_free(cells(*points), EDGES, speed, command, 0.05, 0.5, 1.0, 0.2, margin)
+def free(points, command, speed=0.0, margin=0.05, lag=0.0, dead_time=0.0):
+    """is_free() at a speed and turn rate that the newest command asked for too."""
+    twist = (speed, command[1])
+    in_flight = np.array([twist])
+    return is_free(
+        cells(*points), EDGES, twist, command, 0.05, 0.5, 1.0, 0.2, margin, in_flight, lag, dead_time
+    )  # fmt: skip
 
 
 def reduced(points, command, speed=0.0, creep=0.1, margin=0.05):
-    return free_command(cells(*points), EDGES, speed, command, creep, 0.05, 0.5, 1.0, 0.2, margin)
+    twist = (speed, command[1])
+    in_flight = np.array([twist])
+    return free_command(
+        cells(*points), EDGES, twist, command, creep, 0.05, 0.5, 1.0, 0.2, margin, in_flight, 0.0, 0.0
+    )  # fmt: skip
+
+
+def test_lag_and_dead_time_lengthen_the_braking_distance():
+    """From 0.5 m/s at 1 m/s^2: 0.125 m, and 0.075 m more with 0.1 s of lag and 0.05 s of dead time."""
+    assert free([(0.61, 0.0)], (0.0, 0.0), speed=0.5)
+    assert not free([(0.61, 0.0)], (0.0, 0.0), speed=0.5, lag=0.1, dead_time=0.05)
+    assert free([(0.67, 0.0)], (0.0, 0.0), speed=0.5, lag=0.1, dead_time=0.05)
 
 
 def test_distance_beyond_the_sides():

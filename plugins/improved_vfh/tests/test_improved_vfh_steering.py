@@ -77,6 +77,11 @@ def test_speed_can_be_stopped_in_the_free_run():
     assert forward_speed(3.0, 5.0, 0.4, 0.5, -0.1, 1.0) == 0.0
 
 
+def test_motors_that_brake_late_leave_less_speed():
+    """0.2 m/s for 0.15 s and then braking at 1 m/s^2 is 0.03 + 0.02 m."""
+    assert forward_speed(3.0, 5.0, 0.4, 0.5, 0.05, 1.0, 0.15) == pytest.approx(0.2)
+
+
 def test_slowing_for_a_turn_has_hysteresis():
     assert [is_turning(w, was, 10.0, 8.0) for w, was in ((9.0, False), (-10.0, False), (9.0, True), (7.9, True))] == [
         False, True, True, False,

@@ -28,7 +28,7 @@ __all__ = ["Variadic", "compare"]
 MANY = ("--worlds", "--vary", "--set")
 TOLD = 10.0
 """s between lines of progress where no terminal is."""
-SHOWN = ("success", "spl", "time", "clearance_min", "collisions")
+SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 
 
 class Variadic(TyperCommand):
@@ -153,7 +153,10 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
             return
         typer.echo(title)
         keys = ("sim_time_s", "path_length_m", "min_clearance_m")
-        lines = [(name, one["outcome"], *(one[key] for key in keys), one["reason"]) for name, one in found.items()]
+        ends = {name: episode.trail for name, episode in episodes.items()}
+        lines = [
+            (name, ends[name].outcome, *(one[key] for key in keys), ends[name].reason) for name, one in found.items()
+        ]
         print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
 
     counts = drive_side_by_side(methods, where, title, say_so, tell)
@@ -203,17 +206,42 @@ def _print(result: StudyResult, out: Path | None) -> None:
     lines = []
     for name, found in result.summary().items():
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
-        lines.append((name, found["episodes"], *(found["means"][metric] for metric in shown), outcomes))
+        lines.append((name, found["episodes"], *(_mean(found, metric) for metric in shown), outcomes))
     worlds, seeds = len(study.worlds), len(study.seeds)
     typer.echo(
         f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} episodes, "
         f"{result.before} of them from before, in {result.wall:.1f} s; means over episodes"
     )
     print_table(("method", "episodes", *shown, "outcomes"), lines)
+    for line in _truths(result):
+        typer.echo(line)
     if out is None:
         typer.echo("not kept: --out DIR keeps the table, and lets the same command go on")
     else:
         typer.echo(f"kept in {out}: {', '.join(result.files)}")
+
+
+def _mean(found: Mapping[str, Any], metric: str) -> Any:
+    """A mean, and the 95 % interval of a share."""
+    mean, ends = found["means"][metric], found["intervals"].get(metric)
+    return mean if ends is None or mean is None else f"{mean:.3g} [{ends[0]:.2g}, {ends[1]:.2g}]"
+
+
+def _truths(result: StudyResult) -> Iterator[str]:
+    """By method, successes that the ground truth denies, and those that it says nothing about."""
+    from navloom.study.trail import FALSE_SUCCESS
+
+    for method in result.study.methods:
+        rows = [row for row in result.rows if row.key.method == method.name]
+        false = sum(row.outcome == FALSE_SUCCESS for row in rows)
+        untold = sum(row.outcome == "succeeded" and row.metrics.get("false_success") is None for row in rows)
+        if false:
+            yield (
+                f"{method.name}: false success in {false} of {len(rows)} episodes: the robot said that it had arrived, "
+                "and the ground truth says that it had not; counted as failures"
+            )
+        if untold:
+            yield f"{method.name}: {untold} of {len(rows)} successes are the robot's word: there is no ground truth"
 
 
 @contextmanager

@@ -76,7 +76,7 @@ class LiveTable:
         if self._run.judges:
             print_summary(episode, episode.summary())
         else:
-            self.say(f"{episode.result.outcome}: {episode.result.reason}")
+            self.say(f"{episode.result.outcome}: {episode.result.reason}; by the robot's word: no ground truth here")
 
     def _tell_changes(self) -> None:
         feedback = self._run.feedback

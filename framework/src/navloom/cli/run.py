@@ -20,7 +20,7 @@ __all__ = ["print_summary", "recorded", "run", "tell_faults"]
 LABELS = {
     "plan_length_m": "plan, before pruning, m",
     "path_length_m": "driven, m",
-    "optimal_length_m": "shortest possible, m",
+    "optimal_to_tolerance_m": "shortest possible, to within the goal's tolerance, m",
     "goal_error_m": "from the goal, in truth, m",
     "min_clearance_m": "least clearance, m",
     "cross_track_rms_m": "cross-track rms, m",

@@ -23,7 +23,7 @@ from navloom.geometry.solids import centre_at, is_fixed, overlaps
 from navloom.geometry.tangents import Circles, ShortestPath, shortest_among
 from navloom.geometry.world import Box, Obstacle, Place, Raster, World
 
-__all__ = ["optimal_length", "optimal_path", "warm_up"]
+__all__ = ["length_to_reach", "optimal_length", "optimal_path", "warm_up"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,6 +67,29 @@ def optimal_path(world: World, start: Place, goal: Place, radius: float, height:
     origin_to_map = np.array([origin.x, origin.y, origin.heading])
     path = _on_raster(world.raster, _shapes(solid, origin, radius), transform(inverse(origin_to_map), ends))
     return None if path is None else ShortestPath(path.length, transform(origin_to_map, path.points))
+
+
+def length_to_reach(path: ShortestPath, reach: float) -> float:
+    """Length of a shortest path up to where it first comes within a distance of its end, m.
+
+    Where the disc of that distance about the end is free, this is the shortest way to the disc.
+
+    Args:
+        path: The path.
+        reach: Distance from its end, m, >= 0.
+    """
+    end, points = path.points[-1], path.points
+    within = np.hypot(*(points - end).T) <= reach
+    first = int(np.argmax(within))
+    if first == 0:
+        return 0.0
+    outside, inside = points[first - 1], points[first]
+    # Where the segment enters the disc: |inside + t (outside - inside) - end| = reach with 0 <= t <= 1.
+    along, off = outside - inside, inside - end
+    a, b, c = float(along @ along), float(along @ off), float(off @ off) - reach**2
+    t = (-b + math.sqrt(max(b * b - a * c, 0.0))) / a
+    steps = np.hypot(*np.diff(points[first:], axis=0).T)
+    return max(path.length - t * math.sqrt(a) - float(steps.sum()), 0.0)
 
 
 def warm_up() -> None:

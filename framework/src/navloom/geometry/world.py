@@ -110,6 +110,7 @@ class World:
         start, goal: Where the world's author wants the robot to start and to go, or None.
         bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the part of the plane that matters.
         goal_tolerance, time_limit: What the world's author asks for, m and s, or None.
+        reference_length: Length of the author's own way from start to goal, m, which scores are relative to, or None.
     """
 
     name: str
@@ -120,6 +121,7 @@ class World:
     bounds: tuple[float, float, float, float] = (-10.0, -10.0, 10.0, 10.0)
     goal_tolerance: float | None = None
     time_limit: float | None = None
+    reference_length: float | None = None
 
 
 def position_at(waypoints: Sequence[Waypoint], loops: bool, time: float) -> tuple[float, float]:

@@ -28,6 +28,8 @@ __all__ = ["barn", "reference_of", "scene_given"]
 
 CONFIGS = ("building", "explore")
 """Shipped, with planar lasers of their own: one on a known map, one that maps and replans while it drives."""
+BODY = "{ length = 0.458, width = 0.416 }"
+"""Of the challenge's Jackal with its wheels, m: what contact counts for."""
 TURN_RATE = 0.3
 """rad/s of what only simulates: it turns at the start, so that both look at the same place for ever."""
 PATIENCE = 300.0
@@ -53,7 +55,7 @@ def barn(effort: Effort, say: Callable[[str], None], reference: str, python: str
     ticks = effort.size(4, 1)
     for config in CONFIGS:
         say(f"barn: {config} in {reference}")
-        system = assemble(load_config(config, [f"world.ref={reference}"]))
+        system = assemble(load_config(config, [f"world.ref={reference}", f"robot.footprint={BODY}"]))
         make_plugins(system)
         given = scene_given(system)
         laser = f"laser of {given['laser']['beams']} beams, {len(given['cylinders'])} cylinders"

@@ -24,7 +24,7 @@ from navloom.runtime.build import System, assemble
 from navloom.runtime.checks import check_task
 from navloom.study.journal import StudyFolder
 from navloom.study.methods import Method, compared, methods_of, toml_value
-from navloom.study.metrics import all_metrics
+from navloom.study.metrics import METRICS, all_metrics
 from navloom.study.openloop import METHOD, OpenLoop, open_loop_of
 from navloom.study.pool import HANG_AFTER, cores, run_on_executor, run_on_processes
 from navloom.study.rows import EpisodeKey, Row, Task
@@ -146,8 +146,9 @@ class StudyResult:
     missing: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
-        """By method: episodes, outcomes, and the mean of each metric over the episodes it is defined for."""
-        found = {}
+        """By method: episodes, outcomes, the mean of each metric over the episodes it is defined for, and the exact
+        95 % interval of each share, as of `compare_methods`."""
+        found, intervals = {}, self._shares()
         for method in self.study.methods:
             rows = [row for row in self.rows if row.key.method == method.name]
             means = {}
@@ -155,7 +156,22 @@ class StudyResult:
                 values = [value for row in rows if (value := row.metrics[name]) is not None]
                 means[name] = float(np.mean(values)) if values else None
             outcomes = dict(sorted(Counter(row.outcome for row in rows).items()))
-            found[method.name] = {"episodes": len(rows), "outcomes": outcomes, "means": means}
+            told = {"episodes": len(rows), "outcomes": outcomes, "means": means}
+            found[method.name] = {**told, "intervals": intervals[method.name]}
+        return found
+
+    def _shares(self) -> dict[str, dict[str, tuple[float, float]]]:
+        """By method, the intervals of its shares; none where there is too little to tell."""
+        from navloom.study.statistics import compare_methods
+
+        shares = [metric for metric in METRICS if metric.is_share and metric.name in self.study.metrics]
+        rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
+        # Exact intervals need no resamples.
+        compared = compare_methods(rows, self.study.methods[0].name, shares, np.random.default_rng(0), resamples=100)
+        found: dict[str, dict[str, tuple[float, float]]] = {method.name: {} for method in self.study.methods}
+        for one in compared.summaries:
+            if one.estimate.low is not None and one.estimate.high is not None:
+                found[one.method][one.metric] = (one.estimate.low, one.estimate.high)
         return found
 
     @property

@@ -21,7 +21,7 @@ from navloom.runtime.trace import TraceWriter
 from navloom.study import measures
 from navloom.study.recorder import Recorder
 from navloom.study.shadows import Disagreement, ShadowWatch
-from navloom.study.trail import Trail, trail_of
+from navloom.study.trail import Trail, trail_of, ways_of
 
 __all__ = ["Episode", "run_episode"]
 
@@ -58,7 +58,6 @@ class Episode:
     def summary(self) -> dict[str, Any]:
         """The object `run --json` prints. SI units; times in ms and µs where the name says so."""
         log, recorder, result, trail = self.log, self.recorder, self.result, self.trail
-        optimal, driven = trail.optimal, recorder.path_length
         errors = {name: measure(trail) for name, measure in POSE_ERRORS.items()}
         tick_us = np.array(log.tick_ns) * 1e-3
         cross = np.abs(np.array(recorder.cross_tracks))
@@ -72,13 +71,14 @@ class Episode:
             "wall_s": log.wall_ns * 1e-9,
             "ticks": log.ticks,
             "tick_us": {"p50": float(np.percentile(tick_us, 50)), "p99": float(np.percentile(tick_us, 99))},
-            "plan_length_m": recorder.plans[0].length if recorder.plans else None,
-            "path_length_m": driven,
-            "optimal_length_m": optimal,
+            "plan_length_m": recorder.plan_length,
+            "path_length_m": recorder.path_length,
+            "optimal_length_m": ways_of(self.system).to_goal,
+            "optimal_to_tolerance_m": trail.optimal,
             "truly_reached": trail.succeeded if trail.has_truth and trail.goal_distance is not None else None,
             "goal_error_m": trail.goal_distance if trail.has_truth else None,
             "pose_error_m": None if errors["rms"] is None else errors,
-            "spl": None if optimal is None else (optimal / max(driven, optimal, 1e-9) if trail.succeeded else 0.0),
+            "spl": measures.spl(trail),
             "min_clearance_m": recorder.min_clearance,
             "cross_track_rms_m": math.sqrt(float((cross**2).mean())) if cross.size else None,
             "cross_track_max_m": float(cross.max()) if cross.size else None,

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from navloom.study.trail import FALSE_SUCCESS, Trail
 
 __all__ = [
+    "CLOCK_STARTS",
     "DEAD_BAND",
     "JERK_WINDOW",
     "LEAST_WAY",
+    "REFERENCE_SPEED",
     "STILL_SPEED",
     "STILL_TURN",
     "avoider_share",
@@ -58,6 +60,10 @@ STILL_SPEED = 0.02
 """m/s below which a robot does not drive."""
 STILL_TURN = 0.02
 """rad/s below which it does not turn."""
+REFERENCE_SPEED = 2.0
+"""m/s of the BARN challenge's optimal time, whatever the robot's own limit."""
+CLOCK_STARTS = 0.1
+"""m from the start beyond which the BARN challenge's clock runs."""
 _JERK_STEPS = 8
 """Steps of the jerk's own grid in a window: the grid does not depend on the period."""
 
@@ -93,7 +99,7 @@ def pose_error_max(trail: Trail) -> float | None:
 def spl(trail: Trail) -> float | None:
     """Success weighted by path length: Anderson et al. 2018, S l / max(p, l)."""
     optimal = _optimal(trail)
-    if optimal is None:
+    if optimal is None or _is_untold(trail):
         return None
     return optimal / max(trail.path_length, optimal) if trail.succeeded else 0.0
 
@@ -108,8 +114,10 @@ def barn_4_8(trail: Trail) -> float | None:
     return _barn(trail, 4.0, 8.0)
 
 
-def time_to_goal(trail: Trail) -> float:
+def time_to_goal(trail: Trail) -> float | None:
     """Time from the start of the run to the goal, s; the limit for a failure, so that to give up early is not fast."""
+    if _is_untold(trail):
+        return None
     return trail.duration if trail.succeeded else trail.limit
 
 
@@ -236,17 +244,34 @@ def collisions(trail: Trail) -> float:
     return float(max(trail.touches, trail.outcome == "collision"))
 
 
+def _is_untold(trail: Trail) -> bool:
+    """The robot says that it has arrived, and no ground truth says when and by which way."""
+    return trail.succeeded and not trail.has_truth
+
+
 def _optimal(trail: Trail) -> float | None:
     return trail.optimal if trail.optimal is not None and trail.optimal > 0.0 else None
 
 
 def _barn(trail: Trail, low: float, high: float) -> float | None:
-    """Perille et al. 2020, Xiao et al. 2022: S OT / clip(AT, low OT, high OT), OT the optimum at the highest speed."""
-    optimal = _optimal(trail)
-    if optimal is None:
+    """Perille et al. 2020, Xiao et al. 2022: S OT / clip(AT, low OT, high OT), OT the reference length at 2 m/s."""
+    length = trail.optimal if trail.reference is None else trail.reference
+    if length is None or length <= 0.0 or _is_untold(trail):
         return None
-    fastest = optimal / trail.max_linear
-    return fastest / min(max(trail.duration, low * fastest), high * fastest) if trail.succeeded else 0.0
+    optimum = length / REFERENCE_SPEED
+    return optimum / min(max(_moving_time(trail), low * optimum), high * optimum) if trail.succeeded else 0.0
+
+
+def _moving_time(trail: Trail) -> float:
+    """AT, s: to the end from when the robot first was 0.1 m from its start; 0 where it never was."""
+    if not trail.time.size:
+        return 0.0
+    away = np.hypot(trail.x - trail.x[0], trail.y - trail.y[0])
+    first = int(np.argmax(away >= CLOCK_STARTS))
+    if first == 0:
+        return 0.0
+    began = np.interp(CLOCK_STARTS, away[first - 1 : first + 1], trail.time[first - 1 : first + 1])
+    return float(trail.time[-1] - began)
 
 
 def _known(values: Floats) -> Floats:

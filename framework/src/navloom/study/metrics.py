@@ -27,6 +27,8 @@ class Metric:
         better: Which way is better; None where neither is.
         compute: Gives the number, or None where it is not defined for this episode.
         about: One or two sentences: what it is, and when it is not defined.
+        bounds: Least and greatest possible value, None where there is no bound: no interval goes beyond them.
+        is_share: It is 1 or 0 in each episode, so that its mean is a share and has an exact interval.
     """
 
     name: str
@@ -34,6 +36,8 @@ class Metric:
     better: Literal["lower", "higher"] | None
     compute: Callable[[Trail], float | None]
     about: str
+    bounds: tuple[float | None, float | None] = (None, None)
+    is_share: bool = False
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
@@ -54,6 +58,8 @@ def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, 
                 raise ValueError(
                     f"metric {metric.name}: gave {value}, expected a finite number, or None where undefined"
                 )
+            if metric.is_share and value not in (0.0, 1.0):
+                raise ValueError(f"metric {metric.name}: gave {value}, expected 1 or 0: it is declared as a share")
         found[metric.name] = value
     return found
 
@@ -92,37 +98,46 @@ def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
 
 
 _COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
+SHARE = (0.0, 1.0)
+NOT_NEGATIVE = (0.0, None)
 
 METRICS: tuple[Metric, ...] = (
     Metric(
         "success", "1", "higher", measures.success,
         "1 where the goal was reached, by the ground truth where there is one, else 0.",
+        SHARE, is_share=True,
     ),
     Metric(
         "spl", "1", "higher", measures.spl,
-        "Success weighted by path length: optimal / max(driven, optimal), 0 for a failure. "
-        "Undefined where no shortest way is known.",
+        "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, with the shortest way up "
+        "to the goal's tolerance. Undefined where no shortest way is known.",
+        SHARE,
     ),
     Metric(
         "barn_2_8", "1", "higher", measures.barn_2_8,
-        "BARN score: success times OT / clip(time, 2 OT, 8 OT), OT = optimal / max_linear; at best 0.5. "
-        "Undefined where no shortest way is known.",
+        "BARN score: success times OT / clip(AT, 2 OT, 8 OT), OT = the world's reference length, or else the shortest "
+        "way, at 2 m/s, AT from the first 0.1 m; at best 0.5. Undefined where neither length is known.",
+        (0.0, 0.5),
     ),
     Metric(
         "barn_4_8", "1", "higher", measures.barn_4_8,
-        "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined where no shortest way is known.",
+        "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined where neither length is known.",
+        (0.0, 0.25),
     ),
     Metric(
         "time", "s", "lower", measures.time_to_goal,
         "Time from the start of the run to the goal; a failed episode counts with the longest time it was allowed.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "path_length", "m", None, measures.path_length,
         "Distance driven, failed or not. Undefined without ground truth.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "goal_distance", "m", "lower", measures.goal_distance,
         "Distance to the goal where the episode ended. Undefined without a goal, and where nothing is left of a run.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "clearance_min", "m", "higher", measures.clearance_min,
@@ -137,59 +152,77 @@ METRICS: tuple[Metric, ...] = (
         "danger_share", "1", "lower", measures.danger_share,
         "Share of the time in which the gap is within the way the robot would need to stop. "
         "Undefined without ground truth.",
+        SHARE,
     ),
     Metric(
         "cross_track_rms", "m", "lower", measures.cross_track_rms,
         "Root mean square over time of the distance from the trajectory. Undefined where none was driven.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "cross_track_max", "m", "lower", measures.cross_track_max,
         "Largest distance from the trajectory. Undefined where none was driven.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "jerk", "m/s²", "lower", measures.integrated_jerk,
         "Integral of the magnitude of jerk, of the acceleration in the plane averaged over 0.4 s. "
         "Undefined for less than 0.8 s of ground truth.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "turning", "rad/m", "lower", measures.turning_per_metre,
         "Angle turned, either way, per metre driven. Undefined below 0.1 m.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "steering_flips", "1/m", "lower", measures.steering_flips_per_metre,
         "How often the commanded turn rate changed sign by more than 0.05 rad/s either way, per metre driven. "
         "Undefined below 0.1 m.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "stopped_time", "s", "lower", measures.stopped_time,
         "Time the robot neither drove 0.02 m/s nor turned 0.02 rad/s. Undefined without ground truth.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "avoider_share", "1", None, measures.avoider_share,
         "Share of the time the avoider drove instead of the controller. Undefined without ground truth.",
+        SHARE,
     ),
-    Metric("recoveries", "1", "lower", measures.recoveries, "Attempts of the recovery."),
-    Metric("gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot."),
+    Metric("recoveries", "1", "lower", measures.recoveries, "Attempts of the recovery.", NOT_NEGATIVE),
+    Metric(
+        "gate_stops", "1", "lower", measures.gate_stops, "How often the gate stopped a driving robot.", NOT_NEGATIVE,
+    ),
     Metric(
         "collisions", "1", "lower", measures.collisions,
         "How often a contact began; at least 1 where the outcome is collision.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "false_success", "1", "lower", measures.false_success,
         "1 where the robot said that it had arrived and was further from the goal than its tolerance plus 0.1 m. "
         "Undefined without ground truth.",
+        SHARE, is_share=True,
     ),
     Metric(
         "pose_error_rms", "m", "lower", measures.pose_error_rms,
         "Root mean square of how far the robot was from where it took itself to be. Undefined without ground truth.",
+        NOT_NEGATIVE,
     ),
     Metric(
         "pose_error_p95", "m", "lower", measures.pose_error_p95,
         "95th percentile of the same distance. Undefined likewise.",
+        NOT_NEGATIVE,
     ),
-    Metric("pose_error_max", "m", "lower", measures.pose_error_max, "Largest such distance. Undefined likewise."),
+    Metric(
+        "pose_error_max", "m", "lower", measures.pose_error_max, "Largest such distance. Undefined likewise.",
+        NOT_NEGATIVE,
+    ),
     Metric(
         "gate_limits", "1", "lower", measures.gate_limits,
         "How often the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
+        NOT_NEGATIVE,
     ),
 )  # fmt: skip

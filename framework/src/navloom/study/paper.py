@@ -113,7 +113,7 @@ def facts_of(made: Reproduction) -> dict[str, Any]:
 def is_reproduced(made: Reproduction) -> bool:
     """Both drives arrived at D without contact, through gate B."""
     return all(
-        run.episode.result.outcome == "succeeded"
+        run.episode.trail.succeeded
         and run.episode.recorder.touches == 0
         and run.path is not None
         and crossing(run.path, run.world) == "B"

@@ -151,6 +151,7 @@ def _tracking(free: Drive) -> tuple[Number, ...]:
 
 def _avoiding(run: Drive) -> tuple[Number, ...]:
     params, recorder, summary = _params(run, "avoider"), run.episode.recorder, run.episode.summary()
+    ended = _words(run.episode.trail.outcome)
     commands = np.array(recorder.commands)
     since, until = _engaged(recorder.engaged)
     obstacle = box(run.world, "obstacle O")
@@ -169,7 +170,7 @@ def _avoiding(run: Drive) -> tuple[Number, ...]:
                f"V / {params.slow_factor:g} from {params.slow_on_deg:g}°/s on", "III.C",
                f"until {params.slow_off_deg:g}°/s, so that it does not flicker"),
         Number("Improved VFH drives, s", NOT_STATED, f"{since:.2f} to {until:.2f}", "IV.D"),
-        Number("outcome", "arrives at D", f"{_words(summary['outcome'])}, {summary['collisions']} contacts", "IV.D"),
+        Number("outcome", "arrives at D", f"{ended}, {summary['collisions']} contacts", "IV.D"),
         Number("least clearance, m", NOT_STATED, f"{summary['min_clearance_m']:.2f}", "IV.D"),
         Number("way driven, m", NOT_STATED, f"{summary['path_length_m']:.2f}", "IV.D"),
         Number("time from S to D, s", NOT_STATED, f"{summary['sim_time_s']:.1f}", "IV.D", "with sweep and detour"),

@@ -82,8 +82,10 @@ def _cm(metres: float) -> str:
 
 
 def _end(summary: dict[str, Any]) -> str:
-    if summary["outcome"] == "succeeded":
+    if summary["truly_reached"]:
         return f"arrives at D after {summary['sim_time_s']:.1f} s"
+    if summary["outcome"] == "succeeded":
+        return f"does not arrive: it says so {summary['goal_error_m']:.1f} m from D"
     return f"does not arrive: {summary['outcome']}, {summary['reason']}"
 
 
@@ -145,7 +147,7 @@ def _gain_table(gains: Sequence[Variant]) -> str:
     for variant in gains:
         found = variant.drive.episode.summary()
         errors = _cm(found["cross_track_rms_m"]), _cm(found["cross_track_max_m"])
-        rows.append((variant.name, *errors, f"{found['sim_time_s']:.1f}", found["outcome"]))
+        rows.append((variant.name, *errors, f"{found['sim_time_s']:.1f}", variant.drive.episode.trail.outcome))
     return html.table(
         ("k3, 1/s", "rms, cm", "most, cm", "time, s", "outcome"),
         rows,

@@ -17,6 +17,7 @@ from navloom.messages import (
     Message,
     OperatorRequest,
     Path,
+    PlanRequest,
     PoseEstimate,
     RecoveryRequest,
     Reference,
@@ -49,6 +50,8 @@ class Recorder:
         recoveries: Attempts.
         estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
         goals: (x m, y m) of each goal by its number.
+        legs: How many legs the first goal has: one more than it has `via` points.
+        asked: (x m, y m) that each plan request asked for a way to, by the number of the request.
     """
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
@@ -58,6 +61,7 @@ class Recorder:
             ("reference", "trajectory"),
             ("planner", "path"),
             ("mapper", "map"),
+            ("goal", "plan"),
             ("goal", "recovery"),
             ("avoider", "handover"),
             ("gate", "command"),
@@ -84,6 +88,8 @@ class Recorder:
     recoveries: int = 0
     estimates: list[tuple[float, float, float, float]] = field(default_factory=list)
     goals: dict[int, tuple[float, float]] = field(default_factory=dict)
+    legs: int = 1
+    asked: dict[int, tuple[float, float]] = field(default_factory=dict)
     _touching: bool = False
     _least: float = math.inf
 
@@ -98,6 +104,7 @@ class Recorder:
             self.estimates.append((message.stamp_ns * 1e-9, pose.x, pose.y, pose.heading))
         elif isinstance(message, OperatorRequest):
             if message.goal is not None:
+                self.legs = self.legs if self.goals else len(message.goal.via) + 1
                 self.goals[message.goal.goal_id] = (message.goal.x, message.goal.y)
         elif isinstance(message, Command):
             self.commands.append((at.stamp_ns * 1e-9, message.twist.vx, message.twist.wz))
@@ -114,6 +121,8 @@ class Recorder:
                 self.gate_stopped.append((at.stamp_ns * 1e-9, stopped))
         elif isinstance(message, Trajectory):
             self.trajectories.append(message)
+        elif isinstance(message, PlanRequest):
+            self.asked[message.request_id] = (message.goal.x, message.goal.y)
         elif isinstance(message, Path):
             self.plans.append(message)
         elif isinstance(message, MapUpdate):
@@ -139,6 +148,17 @@ class Recorder:
     def driven(self) -> NDArray[np.float64]:
         """(n, 2) true positions, m, map frame."""
         return np.array([row[1:3] for row in self.truth], dtype=np.float64).reshape(-1, 2)
+
+    @property
+    def plan_length(self) -> float | None:
+        """Length of the first plan of each leg of the first goal, m; of a run that ended early, of the legs planned."""
+        firsts: list[float] = []
+        leg = None
+        for plan in self.plans:
+            if not firsts or self.asked.get(plan.request_id) != leg:
+                firsts.append(plan.length)
+                leg = self.asked.get(plan.request_id)
+        return sum(firsts[: self.legs]) if firsts else None
 
     @property
     def path_length(self) -> float:

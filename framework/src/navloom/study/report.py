@@ -23,7 +23,7 @@ PLOTS_MISSING = (
     "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
     "pip install 'navloom[plots]') and make the report again with `navloom report`."
 )
-HEADLINES = ("success", "spl", "time", "clearance_min", "collisions")
+HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
 
 
@@ -133,6 +133,9 @@ def _in_short(study: StudyFiles) -> Part:
     for method in study.methods:
         wins = found.outcomes[method].get("succeeded", 0)
         line = f"{method}: {wins} of {total} succeeded"
+        share = found.summary(method, "success") if study.metric("success") is not None else None
+        if share is not None and share.low is not None:
+            line += f" (95 % interval {tables.number(share.low, 3)} to {tables.number(share.high, 3)})"
         if method != study.baseline and study.metric("success") is not None:
             line += _against(study, method)
         told.append(line)
@@ -145,6 +148,16 @@ def _in_short(study: StudyFiles) -> Part:
             "not; they count as failures.",
             "note",
         )
+    untold = {
+        method: sum(
+            row["method"] == method and row["outcome"] == "succeeded" and not row.get("false_success")
+            for row in study.rows
+        )
+        for method in study.methods
+    }
+    if any(untold.values()):
+        counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
+        part.say(f"Successes that are only the robot's word, since there is no ground truth: {counts}.", "note")
     names = [metric for metric in map(study.metric, HEADLINES) if metric is not None]
     rows = []
     for method in study.methods:
@@ -193,8 +206,9 @@ def _outcomes(study: StudyFiles, draws: bool) -> Part:
 def _results(study: StudyFiles, draws: bool) -> Part:
     part, few = Part("Metrics"), study.comparison.scope == THESE_WORLDS
     part.say(
-        "Mean over worlds of the mean within each, with its 95 % interval (BCa bootstrap, "
-        f"{study.comparison.resamples} resamples of {'episodes within their worlds' if few else 'whole worlds'}). "
+        "Mean over worlds of the mean within each, with its 95 % interval: exact for success and other shares, else a "
+        f"BCa bootstrap of {study.comparison.resamples} resamples of "
+        f"{'episodes within their worlds' if few else 'whole worlds'}. "
         "↑ more is better, ↓ less is better. A metric that is not defined for an episode leaves it out, and the cell "
         "says of how many it is made; success, spl, scores and time are defined for every episode, failed ones too."
     )

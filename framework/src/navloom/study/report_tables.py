@@ -23,6 +23,7 @@ ABREAST = 6
 """Methods side by side on a page of A4."""
 NONE = "–"
 PLACE = re.compile(r"\(-?\d+\.\d+, -?\d+\.\d+\)")
+DISTANCE = re.compile(r"\d+\.\d m (?=from the goal in truth)")
 
 
 @dataclass(frozen=True)
@@ -171,9 +172,9 @@ def outcome_table(study: StudyFiles) -> Table:
 
 
 def reasons(study: StudyFiles, most: int = 12) -> Table:
-    """Why episodes failed, the commonest reasons first; places, which differ each time, are left out."""
+    """Why episodes failed, the commonest reasons first; places and distances, which differ each time, are left out."""
     told = Counter(
-        (row["method"], row["outcome"], PLACE.sub("(…)", row["reason"]))
+        (row["method"], row["outcome"], DISTANCE.sub("… m ", PLACE.sub("(…)", row["reason"])))
         for row in study.rows
         if row["outcome"] != "succeeded"
     )

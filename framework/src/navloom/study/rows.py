@@ -15,7 +15,7 @@ from navloom.plugins.registry import nearest
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import Metric, all_metrics, timing
 from navloom.study.tracks import encoded
-from navloom.study.trail import Trail, lost_trail, optimal_of
+from navloom.study.trail import Trail, Ways, lost_trail, ways_of
 from navloom.study.worldset import CachedDiscovery, placed
 
 __all__ = ["EpisodeKey", "Row", "Task", "episode_row", "lost_row"]
@@ -143,6 +143,7 @@ def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
     discovery = _shared(task).discovery
     loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
     config = loaded.config
+    ways = _ways(loaded, discovery)
     trail = lost_trail(
         "error",
         _one_line(reason),
@@ -151,19 +152,20 @@ def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
         max_linear=config.robot.max_linear,
         max_deceleration=config.robot.max_deceleration,
         reaction=config.gate.stop_deadline,
-        optimal=_optimal(loaded, discovery),
+        optimal=ways.within_tolerance,
+        reference=ways.reference,
     )
     return _row(task, trail, "", spent)
 
 
-def _optimal(loaded: Any, discovery: CachedDiscovery) -> float | None:
-    """Shortest way, m; None also where the config cannot be assembled at all."""
+def _ways(loaded: Any, discovery: CachedDiscovery) -> Ways:
+    """What the episode would have been measured by; nothing where the config cannot be assembled at all."""
     from navloom.runtime.build import assemble
 
     try:
-        return optimal_of(assemble(loaded, discovery))
+        return ways_of(assemble(loaded, discovery))
     except (Exception, SystemExit):
-        return None
+        return Ways()
 
 
 def _row(task: Task, trail: Trail, trace: str, spent: float) -> Row:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from navloom.study.metrics import Metric
 from navloom.study.resampling import holm, intervals, sign_flip_p
+from navloom.study.shares import difference_interval, share_interval
 
 __all__ = ["FEW_WORLDS", "THESE_WORLDS", "WORLDS_LIKE_THESE", "Comparison", "Difference", "Estimate", "Summary",
            "WorstWorld", "compare_methods"]  # fmt: skip
@@ -39,8 +40,8 @@ class Estimate:
 
     Attributes:
         mean: None where it is defined in no episode.
-        low, high: Ends of the interval; None where there is too little to tell: less than two worlds or, for these
-            worlds only, a world with less than two episodes.
+        low, high: Ends of the interval, within what is possible; None where there is too little to tell: less than two
+            worlds or, for these worlds only, a world with less than two episodes.
         worlds, episodes: How many it is made of.
     """
 
@@ -149,7 +150,7 @@ def compare_methods(
     Raises:
         ValueError: No rows, an unknown baseline, an episode that is there twice, or a missing or unreadable column.
     """
-    table = _Table(list(rows), [metric.name for metric in metrics])
+    table = _Table(list(rows), metrics)
     if baseline not in table.methods:
         close = get_close_matches(baseline, table.methods, n=1) or [", ".join(table.methods)]
         raise ValueError(f"baseline {baseline!r}: no such method in the rows; did you mean {close[0]}?")
@@ -164,17 +165,22 @@ def compare_methods(
     estimates = _estimates(episodes, units, strata, rng, resamples)
     count, first = len(metrics), len(table.methods) * len(metrics)
     summaries = [
-        Summary(method, metric.name, estimates[m * count + k])
+        Summary(method, metric.name, _possible(estimates[m * count + k], metric, few, parts[m][..., k]))
         for m, method in enumerate(table.methods)
         for k, metric in enumerate(metrics)
     ]
     differences: list[Difference] = []
     for m, method in enumerate(others):
+        values = table.values[table.methods.index(method)]
+        found = [
+            _possible(estimates[first + m * count + k], metric, few, values[..., k], base[..., k])
+            for k, metric in enumerate(metrics)
+        ]
         here = slice(first + m * count, first + (m + 1) * count)
-        told = np.isfinite(table.values[table.methods.index(method)]) | np.isfinite(base)
+        told = np.isfinite(values) | np.isfinite(base)
         unpaired = (told & ~np.isfinite(episodes[..., here])).sum(axis=(0, 1)).tolist()
         chances = sign_flip_p(units[:, here], strata, rng, resamples)
-        differences += _differences(method, metrics, estimates[here], chances, unpaired)
+        differences += _differences(method, metrics, found, chances, unpaired)
     return Comparison(
         baseline=baseline,
         methods=tuple(table.methods),
@@ -198,10 +204,10 @@ class _Table:
         outcomes: By method, world and seed.
     """
 
-    def __init__(self, rows: list[Mapping[str, Any]], metrics: list[str]) -> None:
+    def __init__(self, rows: list[Mapping[str, Any]], metrics: Sequence[Metric]) -> None:
         if not rows:
             raise ValueError("rows: there are none; expected one an episode")
-        for column in ("method", "world", "seed", "outcome", *metrics):
+        for column in ("method", "world", "seed", "outcome", *(metric.name for metric in metrics)):
             if any(column not in row for row in rows):
                 close = get_close_matches(column, list(rows[0]), n=1)
                 raise ValueError(f"rows: no column {column!r}" + (f"; did you mean {close[0]!r}?" if close else ""))
@@ -218,7 +224,7 @@ class _Table:
                 raise ValueError(f"rows: {key[0]} in {key[1]} with seed {key[2]} is there twice; keep one of them")
             self.outcomes[key] = row["outcome"]
             at = (places[0][key[0]], places[1][key[1]], at_seed[key[2]])
-            self.values[at] = [_number(row[name], name, key) for name in metrics]
+            self.values[at] = [_number(row[metric.name], metric, key) for metric in metrics]
 
     def counts(self) -> dict[str, dict[str, int]]:
         """How many episodes of each method ended how."""
@@ -228,16 +234,17 @@ class _Table:
         }
 
 
-def _number(value: Any, name: str, key: tuple[str, str, int]) -> float:
+def _number(value: Any, metric: Metric, key: tuple[str, str, int]) -> float:
     if value is None or value == "":
         return np.nan
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = np.inf
-    if not np.isfinite(number):
-        where = f"{key[0]} in {key[1]} with seed {key[2]}"
-        raise ValueError(f"rows: {name} of {where} is {value!r}, expected a finite number, or nothing where undefined")
+    if not np.isfinite(number) or (metric.is_share and number not in (0.0, 1.0)):
+        where = f"{metric.name} of {key[0]} in {key[1]} with seed {key[2]}"
+        expected = "1 or 0" if metric.is_share else "a finite number"
+        raise ValueError(f"rows: {where} is {value!r}, expected {expected}, or nothing where undefined")
     return number
 
 
@@ -269,6 +276,29 @@ def _estimates(
     worlds, count = there.any(axis=1).sum(axis=0).tolist(), there.sum(axis=(0, 1)).tolist()
     ends = zip(mean.tolist(), low.tolist(), high.tolist(), worlds, count, strict=True)
     return [Estimate(_told(m), _told(lo), _told(hi), w, n) for m, lo, hi, w, n in ends]
+
+
+def _possible(one: Estimate, metric: Metric, few: bool, episodes: Floats, baseline: Floats | None = None) -> Estimate:
+    """An estimate with the exact interval, of a share, and with no interval beyond the metric's bounds.
+
+    Args:
+        one: Of the metric, or of its difference from the baseline's.
+        metric: Which.
+        few: It speaks about these worlds only.
+        episodes, baseline: (worlds, seeds) values it is made of.
+    """
+    if one.low is None or one.high is None:
+        return one
+    least, greatest = metric.bounds
+    if baseline is not None:
+        widest = None if least is None or greatest is None else greatest - least
+        least, greatest = None if widest is None else -widest, widest
+    low, high = one.low, one.high
+    if metric.is_share:
+        low, high = share_interval(episodes, few) if baseline is None else difference_interval(episodes, baseline, few)
+    low = low if least is None else max(low, least)
+    high = high if greatest is None else min(high, greatest)
+    return replace(one, low=low, high=high)
 
 
 def _told(value: float) -> float | None:

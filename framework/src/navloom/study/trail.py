@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from navloom.study.episode import Episode
     from navloom.study.recorder import Recorder
 
-__all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "lost_trail", "optimal_of", "trail_of"]
+__all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "Ways", "lost_trail", "trail_of", "ways_of"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -51,7 +52,8 @@ class Trail:
         recoveries: Attempts.
         gate_stops: How often the gate stopped a driving robot.
         period: Control tick, s.
-        optimal: Shortest way of the inscribed disc in the true world, m; None where it is not known or there is none.
+        optimal: Shortest way of the inscribed disc in the true world, through all `via` points, up to where it comes
+            within the goal's tolerance, m; None where it is not known or there is none.
         goal_distance: From where the episode ended to the goal, m; None where there was no goal.
         limit: Longest time an episode may take, s.
         max_linear: Limit of the robot's speed, m/s.
@@ -61,6 +63,8 @@ class Trail:
         pose_error: How far the robot took itself to be from where it was, m; NaN where it said nothing or no truth is
             known. Empty stands for NaN throughout.
         gate_limits: How often the gate's monitor began to slow or stop the robot.
+        reference: Length that the BARN scores are relative to, m: the world's `reference_length`, else the shortest way
+            to the goal itself; None stands for `optimal`.
     """
 
     time: Floats
@@ -90,6 +94,7 @@ class Trail:
     tick_ns: NDArray[np.int64]
     pose_error: Floats = field(default_factory=lambda: np.empty(0))
     gate_limits: int = 0
+    reference: float | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -128,6 +133,7 @@ def trail_of(episode: Episode) -> Trail:
     goal = recorder.goals.get(result.goal_id) or (None if system.goal is None else (system.goal.x, system.goal.y))
     goal_distance = None if goal is None else math.hypot(goal[0] - end[0], goal[1] - end[1])
     outcome, reason = _truly(result, goal_distance if len(truth) else None, system.goal_tolerance)
+    ways = ways_of(system)
     return Trail(
         time=time,
         x=truth[:, 1],
@@ -147,7 +153,7 @@ def trail_of(episode: Episode) -> Trail:
         recoveries=recorder.recoveries,
         gate_stops=log.gate_stops,
         period=config.run.period,
-        optimal=optimal_of(system),
+        optimal=ways.within_tolerance,
         goal_distance=goal_distance,
         limit=system.time_limit,
         max_linear=system.robot.max_linear,
@@ -156,6 +162,7 @@ def trail_of(episode: Episode) -> Trail:
         tick_ns=np.array(log.control_ns or log.tick_ns, dtype=np.int64),
         pose_error=_pose_error(truth, recorder),
         gate_limits=log.gate_limits,
+        reference=ways.reference,
     )
 
 
@@ -169,6 +176,7 @@ def lost_trail(
     max_deceleration: float,
     reaction: float,
     optimal: float | None = None,
+    reference: float | None = None,
 ) -> Trail:
     """The trail of an episode of which nothing is left, as after a crash: no ticks. Arguments as of `Trail`."""
     none, never = np.empty(0), np.empty(0, dtype=np.bool_)
@@ -198,29 +206,71 @@ def lost_trail(
         max_deceleration=max_deceleration,
         reaction=reaction,
         tick_ns=np.empty(0, dtype=np.int64),
+        reference=reference,
     )
 
 
-_OPTIMAL: WeakKeyDictionary[World, dict[tuple[float, ...], float | None]] = WeakKeyDictionary()
-"""A search on a raster takes longer than many an episode: what is known of a world is kept as long as the world is."""
+@dataclass(frozen=True)
+class Ways:
+    """Lengths that a drive is measured by, m; None where there is no world, no goal, or no way.
 
-
-def optimal_of(system: System) -> float | None:
-    """Shortest way of the robot's inscribed disc from start to goal, m, at any angle in the true world.
-
-    None where there is no world, no goal, or no way. Kept by world object: whoever hands out one world twice pays once.
+    Attributes:
+        to_goal: Shortest way of the robot's inscribed disc in the true world, at any angle, from the true start through
+            all `via` points to the goal.
+        within_tolerance: The same up to where it comes within the goal's tolerance, which is all that has to be driven.
+        reference: What the BARN scores are relative to: the world's `reference_length` where start and goal are the
+            world's to within its goal tolerance, else `to_goal`.
     """
-    from navloom.geometry.shortest import optimal_length
 
-    if system.world is None or system.goal is None:
-        return None
-    start, goal, radius = system.true_start, system.goal, inscribed_radius(system.robot.footprint)
-    key = (start.x, start.y, goal.x, goal.y, radius, system.robot.height)
-    known = _OPTIMAL.setdefault(system.world, {})
-    if key not in known:
-        places = Place(start.x, start.y), Place(goal.x, goal.y)
-        known[key] = optimal_length(system.world, *places, radius, system.robot.height)
-    return known[key]
+    to_goal: float | None = None
+    within_tolerance: float | None = None
+    reference: float | None = None
+
+
+_LEGS: WeakKeyDictionary[World, dict[tuple[float, ...], tuple[float, float] | None]] = WeakKeyDictionary()
+"""Of a world, the lengths of the ways searched for: a search on a raster takes longer than many an episode."""
+
+
+def ways_of(system: System) -> Ways:
+    """The lengths that a drive of this system is measured by. Kept by world object: one world is searched once."""
+    world, goal, start = system.world, system.goal, system.true_start
+    if world is None or goal is None:
+        return Ways()
+    via = [Place(point.x, point.y) for point in system.config.navigation.via]
+    places = [Place(start.x, start.y), *via, Place(goal.x, goal.y)]
+    legs = [_leg(system, world, *ends) for ends in pairwise(places)]
+    known = [leg for leg in legs if leg is not None]
+    if len(known) < len(legs):
+        return Ways(reference=_reference(system, world, None))
+    to_goal = sum(length for length, _ in known)
+    return Ways(to_goal, to_goal - known[-1][0] + known[-1][1], _reference(system, world, to_goal))
+
+
+def _leg(system: System, world: World, start: Place, goal: Place) -> tuple[float, float] | None:
+    """Length of the shortest way, m, and of its part outside the goal's tolerance; None where there is no way."""
+    from navloom.geometry.shortest import length_to_reach, optimal_path
+
+    radius, height, reach = inscribed_radius(system.robot.footprint), system.robot.height, system.goal_tolerance
+    key = (start.x, start.y, goal.x, goal.y, radius, height, reach)
+    found = _LEGS.setdefault(world, {})
+    if key not in found:
+        path = optimal_path(world, start, goal, radius, height)
+        found[key] = None if path is None else (path.length, length_to_reach(path, reach))
+    return found[key]
+
+
+def _reference(system: System, world: World, to_goal: float | None) -> float | None:
+    """The world's own length for the world's own task, else the shortest way."""
+    start, goal = system.true_start, system.goal
+    if world.reference_length is None or world.start is None or world.goal is None or goal is None:
+        return to_goal
+    off = world.goal_tolerance or system.goal_tolerance
+    is_own = (
+        not system.config.navigation.via
+        and math.hypot(start.x - world.start.x, start.y - world.start.y) <= off
+        and math.hypot(goal.x - world.goal.x, goal.y - world.goal.y) <= off
+    )
+    return world.reference_length if is_own else to_goal
 
 
 def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:

@@ -1,7 +1,8 @@
 """Worlds of the BARN data set (Perille et al. 2020), many in one `.npz` file.
 
 The file holds: `world` (n,) the worlds' numbers; `cyl` (k, 3) x, y, radius of all cylinders, m, those of the i-th world
-from `cyl_off[i]` up to `cyl_off[i + 1]`; `start` (3,) x, y, heading; `goal` (2,); `goal_tol`, m; `time_limit`, s.
+from `cyl_off[i]` up to `cyl_off[i + 1]`; `start` (3,) x, y, heading; `goal` (2,); `goal_tol`, m; `time_limit`, s; and,
+where scores are to be relative to it, `path_len_m` (n,) the organisers' way through each world, m.
 """
 
 from __future__ import annotations
@@ -49,7 +50,12 @@ def barn_world(argument: str, base: Path) -> World:
     first, last = offsets[matches[0] : matches[0] + 2].tolist()
     if not 0 <= first <= last <= len(cylinders):
         raise WorldError(f"{path}: cylinders {first} to {last} of world {number}, expected 0 to {len(cylinders)}")
-    return _world(f"barn:{argument}", cylinders[first:last], arrays)
+    reference = None
+    if arrays.has("path_len_m"):
+        reference = float(arrays.read("path_len_m", (len(numbers),))[matches[0]])
+        if reference <= 0.0:
+            raise WorldError(f"{path}: path_len_m of world {number} is {reference:g}, expected a length > 0 in metres")
+    return _world(f"barn:{argument}", cylinders[first:last], arrays, reference)
 
 
 def barn_numbers(name: str, base: Path) -> list[int]:
@@ -58,7 +64,7 @@ def barn_numbers(name: str, base: Path) -> list[int]:
     return sorted(numbers)
 
 
-def _world(name: str, cylinders: Floats, arrays: _Arrays) -> World:
+def _world(name: str, cylinders: Floats, arrays: _Arrays, reference: float | None) -> World:
     start = arrays.read("start", (3,))
     goal = arrays.read("goal", (2,))
     if cylinders.size and cylinders[:, 2].min() <= 0.0:
@@ -73,6 +79,7 @@ def _world(name: str, cylinders: Floats, arrays: _Arrays) -> World:
         bounds=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
         goal_tolerance=float(arrays.read("goal_tol", ())),
         time_limit=float(arrays.read("time_limit", ())),
+        reference_length=reference,
     )
 
 
@@ -82,6 +89,14 @@ class _Arrays:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._content = read_bytes(path, _MAX_FILE)
+
+    def has(self, name: str) -> bool:
+        """Whether there is an array of that name. Raises WorldError: the file is damaged."""
+        try:
+            with zipfile.ZipFile(io.BytesIO(self._content)) as archive:
+                return f"{name}.npy" in archive.namelist()
+        except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
+            raise WorldError(f"{self.path}: damaged .npz file: {error}; copy the file again") from None
 
     def read(self, name: str, shape: tuple[int, ...]) -> Floats:
         """One array as float64; -1 in `shape` is any length.

@@ -27,7 +27,10 @@ class Dwa(Avoider):
     def __init__(self, params: DwaParams, context: Context) -> None:
         super().__init__(params, context)
         r = context.robot
-        robot = Robot(r.footprint, r.half_track, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration)
+        robot = Robot(
+            r.footprint, r.half_track, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration,
+            r.max_angular_acceleration, r.motor_lag, r.dead_time,
+        )  # fmt: skip
         self._method = DynamicWindow(params, robot, context.period)
 
     def reset(self) -> None:
@@ -42,7 +45,7 @@ class Dwa(Avoider):
         lasers, cones = split_scans(given.scans)
         now = Given(
             given.stamp_ns * 1e-9, (pose.x, pose.y, pose.heading), (twist.vx, twist.wz),
-            (given.target.x, given.target.y), given.remaining,
+            (given.target.x, given.target.y), given.remaining, given.share,
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision, now))

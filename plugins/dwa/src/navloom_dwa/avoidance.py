@@ -11,7 +11,9 @@ import numpy as np
 from navloom_improved_vfh.avoidance import Beams
 from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_cells
 from navloom_improved_vfh.clearance import footprint_edges
+from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, Trap
+from navloom_improved_vfh.smoothing import smoothed
 from numpy.typing import NDArray
 
 from navloom_dwa.contact import enlarged_corners, first_contacts
@@ -31,6 +33,7 @@ Pose = tuple[float, float, float]
 Point = tuple[float, float]
 SPEED_ERROR, TURN_ERROR = 0.1, 0.2  # m/s, rad/s: a robot this far off its command is not following it
 STANDING = (0.01, 0.02)  # m/s, rad/s: slower is to stand
+HELD = 0.5  # less of a command than this passes the gate: it holds the robot back
 MOST_OBSTACLES, MOST_POINTS = 4096, 8192
 
 
@@ -44,6 +47,9 @@ class Robot:
     max_angular: float
     max_acceleration: float
     max_deceleration: float
+    max_angular_acceleration: float = math.inf
+    motor_lag: float = 0.0
+    dead_time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +59,7 @@ class Given:
     Attributes:
         time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
         target: m. remaining: Way after it, m.
+        share: Of the last command that the gate let through.
     """
 
     time: float
@@ -60,6 +67,7 @@ class Given:
     twist: tuple[float, float]
     target: Point
     remaining: float
+    share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +109,14 @@ class DynamicWindow:
         self.radius = float(np.hypot(robot.footprint[:, 0], robot.footprint[:, 1]).max())
         self.max_speed = min(p.max_speed, robot.max_linear)
         self.max_turn = min(math.radians(p.max_turn_deg), robot.max_angular)
-        self.turn_acceleration = math.radians(p.turn_acceleration_deg)
+        self.turn_acceleration = min(math.radians(p.turn_acceleration_deg), robot.max_angular_acceleration)
+        self.motors = Motors(
+            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
+        )  # fmt: skip
         self.rim_speed = p.wheel_speed if p.wheel_speed > 0.0 else math.inf
         self.margin = max(p.laser_margin, p.sonar_margin)
         self.corners = enlarged_corners(self.edges, self.margin)
-        self.reaction = period if p.reacts else 0.0
+        self.reaction = period + self.motors.delay if p.reacts else 0.0
         self.weights = np.array(
             [p.goal_distance, p.goal_align, p.path_distance, p.path_align, p.obstacle, p.contact, p.turning]
         )
@@ -130,6 +141,8 @@ class DynamicWindow:
         self._trail: list[Point] = []
         self._backed, self._backing = 0, None
         self._sent = (0.0, 0.0)
+        self.motors.reset()
+        self.in_flight = np.zeros((1, 2))
 
     _backing: Pose | None
 
@@ -140,6 +153,12 @@ class DynamicWindow:
             lasers: Readings of each laser in this tick. cones: Of all sonars; None where there are none.
             given: Where the robot is and is to go.
         """
+        self.in_flight = self.motors.in_flight(given.twist, given.share)
+        decision = self._decide(lasers, cones, given)
+        self.motors.give(decision.speed, decision.turn)
+        return decision
+
+    def _decide(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> Decision:
         p, pose, target = self.params, given.pose, given.target
         obstacles, gaps = self.sense(lasers, cones, given)
         if self.trap.place is not None:
@@ -159,9 +178,11 @@ class DynamicWindow:
         """Enter the readings of one tick; (n, 3) obstacles, x, y and margin, m, base frame, and (n,) their gaps, m."""
         p, pose = self.params, given.pose
         for beams in lasers:
+            farthest = float(beams.limits[0, 1])
+            ranges = smoothed(beams.ranges, farthest, p.agreement) if p.agreement > 0.0 else beams.ranges
             self.count = remember(
-                self._points, self.count, pose, beams.origins, beams.bearings, beams.ranges,
-                float(beams.limits[0, 1]), given.time, p.memory, p.reach, p.spacing, self.edges,
+                self._points, self.count, pose, beams.origins, beams.bearings, ranges, farthest,
+                given.time, p.memory, p.reach, p.spacing, self.edges,
             )  # fmt: skip
         if cones is not None:
             self.has_cones = True
@@ -198,6 +219,7 @@ class DynamicWindow:
         arc, speed, v, w = choose(
             self.costs, self.arcs, given.twist, obstacles, gaps, self.edges, self.period,
             r.max_acceleration, r.max_deceleration, self.turn_acceleration, self.margin, p.roll_check,
+            self.in_flight, r.motor_lag, r.dead_time,
         )  # fmt: skip
         is_clear = bool(np.isinf(self.contacts).all())
         if is_clear:
@@ -208,14 +230,14 @@ class DynamicWindow:
             return self._recover(given, obstacles, gaps)
         if arc < 0 or self.progress.stalled > p.patience:
             # Braking on the arc that was found free a tick ago keeps it free, whatever the noise says now.
-            turn = given.twist[1] if abs(given.twist[0]) > STANDING[0] else 0.0
+            turn = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STANDING[0] else 0.0
             return self._send(0.0, turn, "steering", -1, "nothing of the window is free: braking")
         self.trend.note(v, w, p.slow, given.pose)
         return self._send(v, w, "clear" if is_clear else "steering", arc, self._reason(arc, speed))
 
     def _look(self, given: Given, obstacles: Floats, gaps: Floats) -> None:
         """Fill window, arcs, contacts, field and costs."""
-        p, r, (v, w) = self.params, self.robot, given.twist
+        p, r, (v, w) = self.params, self.robot, self.in_flight[-1].tolist()
         low, high = reachable(v, 0.0, self.max_speed, r.max_acceleration, r.max_deceleration, p.window_time)
         turn = self.turn_acceleration
         self.window = (low, high, *reachable(w, -self.max_turn, self.max_turn, turn, turn, p.window_time))
@@ -262,9 +284,13 @@ class DynamicWindow:
         assert self._backing is not None
         way = math.dist(given.pose[:2], self._backing[:2])
         command = (-min(p.back_speed, self.max_speed), 0.0)
-        if way < p.back_up and stays_free(
-            obstacles, gaps, self.edges, given.twist[0], command, self.period,
-            r.max_acceleration, r.max_deceleration, self.turn_acceleration, self.margin,
+        # The gate lets no robot back into what no sensor sees and where it has not been; a recovery retraces its way.
+        is_held = self._sent == command and given.share < HELD
+        if is_held and way < STANDING[0]:
+            return self._give_up(given, "blocked, and the gate lets it not back up")
+        if way < p.back_up and not is_held and stays_free(
+            obstacles, gaps, self.edges, given.twist, command, self.period, r.max_acceleration, r.max_deceleration,
+            self.turn_acceleration, self.margin, self.in_flight, r.motor_lag, r.dead_time,
         ):  # fmt: skip
             return self._send(*command, "steering", -1, f"blocked: backing up, {way:.2f} of {p.back_up:g} m")
         self._backing = None

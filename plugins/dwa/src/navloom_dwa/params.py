@@ -34,6 +34,9 @@ class DwaParams(Params):
     memory: float = Field(20.0, ge=0.0, le=3600.0, description="What a laser no longer sees counts this long, s.")
     reach: float = Field(4.0, ge=0.5, le=20.0, description="Laser points farther away than this are dropped, m.")
     spacing: float = Field(0.03, ge=0.005, le=0.2, description="One remembered point is kept in a square of this, m.")
+    agreement: float = Field(
+        0.1, ge=0.0, le=1.0, description="Neighbouring readings of a laser this near to each other are averaged, m."
+    )
     cone_cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a cell of the sonars' window, m.")
     cone_window: int = Field(41, ge=11, le=161, description="Cells along a side of the sonars' window.")
     cone_reach: float = Field(
@@ -84,6 +87,7 @@ def fox_1997() -> dict[str, Any]:
         "objective": "1997",
         "shape": "disc",
         "memory": 0.0,
+        "agreement": 0.0,
         "reacts": False,
         "roll_check": False,
         "back_up": 0.0,

@@ -12,6 +12,8 @@ from navloom_dwa.window import stoppable_speed
 Floats = NDArray[np.float64]
 LONGEST = 200  # steps of one roll-forward
 TRIES = 24
+STOPPED = 0.01  # m/s: a lagging robot that is this slow stops within a millimetre or two
+TAIL = 6.0  # time constants until then
 
 
 @njit(cache=True, nogil=True)
@@ -26,36 +28,51 @@ def stays_free(
     obstacles: Floats,
     gaps: Floats,
     edges: Floats,
-    speed: float,
+    twist: tuple[float, float],
     command: tuple[float, float],
     period: float,
     up: float,
     down: float,
     turn_down: float,
     margin: float,
+    in_flight: Floats,
+    lag: float,
+    dead_time: float,
 ) -> bool:
     """Whether one period of a command, and braking along the same arc, keeps every obstacle's margin.
 
     Args:
         obstacles, gaps: Of points.obstacles_in_base(). edges: clearance.footprint_edges().
-        speed: Present forward speed, m/s. command: m/s and rad/s.
+        twist: Present speed, m/s, and turn rate, rad/s. command: m/s and rad/s.
         period: s. up, down: Of the gate, m/s^2. turn_down: rad/s^2. margin: The greatest of all obstacles, m.
+        in_flight, lag, dead_time: Of motors.Motors; without lag and dead time the robot turns as commanded at once.
     """
-    v, w = command
-    highest = max(abs(speed), abs(v))
-    reach = highest * (period + 0.5 * highest / down) + 0.05
-    reach += abs(w) * (period + highest / down + 0.5 * abs(w) / turn_down)  # of a corner 1 m from the base
+    (speed, turning), (v, w) = twist, command
+    commanded, delay = in_flight[-1, 0], lag + dead_time
+    highest = max(abs(speed), abs(v), abs(commanded))
+    fastest = max(abs(w), abs(turning), abs(in_flight[-1, 1])) if delay > 0.0 else abs(w)
+    reach = highest * (period + delay + 0.5 * highest / down) + 0.05
+    reach += fastest * (period + delay + highest / down + 0.5 * fastest / turn_down)  # of a corner 1 m from the base
     count = np.searchsorted(gaps, margin + reach)
     step = period / math.ceil(period / 0.025)
-    step = max(step, (period + highest / down + abs(w) / turn_down) / LONGEST)
+    step = max(step, (period + dead_time + TAIL * lag + highest / down + abs(w) / turn_down) / LONGEST)
+    keeps = math.exp(-step / lag) if lag > 0.0 else 0.0
     x, y, heading, elapsed = 0.0, 0.0, 0.0, 0.0
-    rest = period + 0.5 * abs(w) / turn_down
+    rest = period + delay + 0.5 * abs(w) / turn_down
     for _ in range(LONGEST + 4):
-        faster = ramp(speed, v if elapsed < period - 1.0e-9 else 0.0, up, down, step)
-        middle = heading + 0.5 * w * step
+        driven = elapsed - dead_time
+        if driven < -1.0e-9:
+            row = max(0, in_flight.shape[0] - math.ceil(-driven / period - 1.0e-9))
+            goal_v, goal_w = in_flight[row, 0], in_flight[row, 1]
+        else:
+            commanded = ramp(commanded, v if driven < period - 1.0e-9 else 0.0, up, down, step)
+            goal_v, goal_w = commanded, w
+        faster = goal_v + keeps * (speed - goal_v) if lag > 0.0 else goal_v
+        turning = goal_w + keeps * (turning - goal_w) if lag > 0.0 else goal_w
+        middle = heading + 0.5 * turning * step
         x += 0.5 * (speed + faster) * step * math.cos(middle)
         y += 0.5 * (speed + faster) * step * math.sin(middle)
-        heading += w * step
+        heading += turning * step
         speed = faster
         elapsed += step
         c, s = math.cos(heading), math.sin(heading)
@@ -63,7 +80,7 @@ def stays_free(
             dx, dy = obstacles[i, 0] - x, obstacles[i, 1] - y
             if outside_distance(edges, dx * c + dy * s, dy * c - dx * s) < obstacles[i, 2] - 1.0e-6:
                 return False
-        if speed == 0.0 and elapsed >= rest - 1.0e-9:
+        if abs(speed) <= (STOPPED if lag > 0.0 else 0.0) and elapsed >= rest - 1.0e-9:
             return True
     return False
 
@@ -101,12 +118,16 @@ def choose(
     turn: float,
     margin: float,
     is_checked: bool,
+    in_flight: Floats,
+    lag: float,
+    dead_time: float,
 ) -> tuple[int, int, float, float]:
     """The cheapest velocity that stays free.
 
     Args:
         costs: (m, n), +inf where not admissible. twist: Present speed, m/s, and turn rate, rad/s.
-        turn: Greatest change of the turn rate, rad/s^2. is_checked: Whether stays_free() is asked.
+        turn: Greatest change of the turn rate, rad/s^2, from the newest command in flight.
+        is_checked: Whether stays_free() is asked.
         The others: As for window.sample_arcs() and stays_free().
 
     Returns:
@@ -119,8 +140,10 @@ def choose(
         if left[j, i] == np.inf:
             break
         u = arcs[j, 2] + (arcs[j, 3] - arcs[j, 2]) * i / (costs.shape[1] - 1)
-        v, w = arcs[j, 0] * u, ramp(twist[1], arcs[j, 1] * u, turn, turn, period)
-        if not is_checked or stays_free(obstacles, gaps, edges, twist[0], (v, w), period, up, down, turn, margin):
+        v, w = arcs[j, 0] * u, ramp(in_flight[-1, 1], arcs[j, 1] * u, turn, turn, period)
+        if not is_checked or stays_free(
+            obstacles, gaps, edges, twist, (v, w), period, up, down, turn, margin, in_flight, lag, dead_time
+        ):
             return j, i, v, w
         left[j, i:] = np.inf  # what is faster on the same arc is not free either
     return -1, -1, 0.0, 0.0

@@ -10,9 +10,11 @@ from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeSca
 
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.avoidance import Avoidance, Beams, Decision, Robot
+from navloom_improved_vfh.certainty import THIN_BEAM
 from navloom_improved_vfh.params import ImprovedVfhParams
+from navloom_improved_vfh.smoothing import smoothed, warm_up_smoothing
 
-__all__ = ["ImprovedVfh"]
+__all__ = ["ImprovedVfh", "less_noisy"]
 
 
 class ImprovedVfh(Avoider):
@@ -24,7 +26,9 @@ class ImprovedVfh(Avoider):
     def __init__(self, params: ImprovedVfhParams, context: Context) -> None:
         super().__init__(params, context)
         r = context.robot
-        robot = Robot(r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration)
+        robot = Robot(
+            r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
+        )  # fmt: skip
         self._method = Avoidance(params, robot, context.period)
         self._fixed: dict[tuple[tuple[int, float, float], ...], tuple[np.ndarray, np.ndarray]] = {}
 
@@ -34,12 +38,14 @@ class ImprovedVfh(Avoider):
     @classmethod
     def warm_up(cls) -> None:
         avoidance.warm_up(ImprovedVfhParams())
+        warm_up_smoothing()
 
     def avoid(self, given: AvoiderInput) -> Answer:
         pose, target = given.estimate.pose, given.target
         beams = self._beams(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
-        decision = self._method.step(beams, place, given.estimate.twist.vx, (target.x, target.y))
+        twist = given.estimate.twist
+        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
         return Answer(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
@@ -54,7 +60,7 @@ class ImprovedVfh(Avoider):
             np.concatenate([scan.origins for scan in scans]),
             np.concatenate([scan.bearings for scan in scans]),
             np.concatenate([scan.half_angles for scan in scans]),
-            np.concatenate([scan.ranges for scan in scans]),
+            np.concatenate([less_noisy(scan, self.params.agreement) for scan in scans]),
             limits,
             sensors,
         )
@@ -70,3 +76,10 @@ class ImprovedVfh(Avoider):
             method.grid, p.cell, float(corner[0]), float(corner[1]), method.density, p.threshold,
             slots, decision.direction, decision.why,
         )  # fmt: skip
+
+
+def less_noisy(scan: RangeScan, agreement: float) -> np.ndarray:
+    """Ranges of a scan, m; those of a laser averaged as in smoothing.smoothed() where `agreement`, m, is not 0."""
+    if agreement == 0.0 or not (scan.half_angles < THIN_BEAM).all():
+        return scan.ranges
+    return smoothed(scan.ranges, scan.range_max, agreement)

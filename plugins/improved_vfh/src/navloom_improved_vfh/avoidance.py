@@ -10,9 +10,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_cells
+from navloom_improved_vfh.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
 from navloom_improved_vfh.clearance import footprint_edges, free_command, nearest_ahead
 from navloom_improved_vfh.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
+from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, RotationSearch, Trap
 from navloom_improved_vfh.steering import forward_speed, is_turning, select_direction, turn_rate, wrap
 
@@ -33,6 +34,8 @@ class Robot:
     max_angular: float
     max_acceleration: float
     max_deceleration: float
+    motor_lag: float = 0.0
+    dead_time: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class View:
     """What one tick is decided on, pose frame but for the cells.
 
     Attributes:
-        pose: x, y, m, heading, rad. speed: m/s. target: m.
+        pose: x, y, m, heading, rad. twist: Present speed, m/s, and turn rate, rad/s. target: m.
         distance: To the target, m. bearing: theta_t, rad.
         cells: (n, 3), occupied: x, y, m, base frame, and certainty.
         directions: Candidates of the slots, rad.
@@ -83,7 +86,7 @@ class View:
     """
 
     pose: Pose
-    speed: float
+    twist: tuple[float, float]
     target: Point
     distance: float
     bearing: float
@@ -167,7 +170,10 @@ class Avoidance:
         shaded = params.enlargement == "footprint"
         self.radius = self.half_width + params.safety_distance if shaded else -1.0
         measured = self.front if params.distance_from == "front" else 0.0
-        self._ahead = (math.radians(params.front_sector_deg), measured, self.half_width, params.arc_margin)
+        self.motors = Motors(
+            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
+        )  # fmt: skip
+        self._front = (math.radians(params.front_sector_deg), measured, self.half_width)
         self._slow = math.radians(params.slow_on_deg), math.radians(params.slow_off_deg)
         self._window, self._case = math.radians(params.slot_window_deg), math.radians(params.case_limit_deg)
         self._loyalty, self._pivot = math.radians(params.loyalty_deg), math.radians(params.pivot_deg)
@@ -187,19 +193,31 @@ class Avoidance:
         self.slot_count = 0
         self._previous: float | None = None
         self._is_turning = False
+        self._has_cones = False
+        self.motors.reset()
+        self.in_flight = np.zeros((1, 2))
 
-    def step(self, beams: Beams | None, pose: Pose, speed: float, target: Point) -> Decision:
+    def step(
+        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
+    ) -> Decision:
         """Decide for one tick.
 
         Args:
             beams: Readings of this tick, None where there are none.
             pose: x, y, m, heading, rad, of the base in the pose frame.
-            speed: Present forward speed, m/s.
+            twist: Present forward speed, m/s, and turn rate, rad/s.
             target: x_t, y_t, m, pose frame.
+            share: Of the last command that the gate let through.
         """
+        self.in_flight = self.motors.in_flight(twist, share)
+        decision = self._decide(beams, pose, twist, target)
+        self.motors.give(decision.speed, decision.turn)
+        return decision
+
+    def _decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
-        view = self.look(pose, speed, target)
+        view = self.look(pose, twist, target)
         if self.trap.place is not None:
             if self.trap.holds(pose, target, self.params.target_shift):
                 return Decision(0.0, 0.0, "trapped", None, "trapped: neither robot nor target moved since")
@@ -214,9 +232,15 @@ class Avoidance:
         why = "no slot: rotating " + ("left" if self.search.sign > 0 else "right")
         return self._send(view, 0.0, self.search.sign * self.max_turn, None, why)
 
+    @property
+    def arc_margin(self) -> float:
+        """Kept between footprint and cell centres, m: a laser says where an obstacle is, a cone only how far."""
+        return self.params.arc_margin if self._has_cones else self.params.laser_margin
+
     def sense(self, beams: Beams, pose: Pose) -> None:
         """Enter the readings of one tick into the window."""
         p = self.params
+        self._has_cones = self._has_cones or bool((beams.half_angles >= THIN_BEAM).any())
         sensors = beams.sensors if p.conflict == "seen_through" else np.full_like(beams.sensors, -1)
         insert_beams(
             self.grid, self.origin, p.cell, pose, beams.origins, beams.bearings, beams.half_angles,
@@ -224,7 +248,7 @@ class Avoidance:
             p.blind_depth, p.clears_blind_zone, p.reset_scope == "window",
         )  # fmt: skip
 
-    def look(self, pose: Pose, speed: float, target: Point) -> View:
+    def look(self, pose: Pose, twist: tuple[float, float], target: Point) -> View:
         """Histogram, slots and clearances of the present window."""
         p = self.params
         distance = math.dist(target, pose[:2])
@@ -232,11 +256,11 @@ class Avoidance:
         horizon = distance + max(self.radius, self.half_width) if p.stops_at_target else math.inf
         count, self.slot_count, candidates, d30, run = survey(
             self.grid, self.origin, p.cell, pose, self.edges, p.clears_footprint, p.reach, horizon, self.radius,
-            p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing, self._ahead,
-            self._cells, self.density, self.slots, self._directions,
+            p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing,
+            (*self._front, self.arc_margin), self._cells, self.density, self.slots, self._directions,
         )  # fmt: skip
         directions = self._directions[:candidates].tolist()
-        return View(pose, speed, target, distance, bearing, self._cells[:count], directions, d30, run)
+        return View(pose, twist, target, distance, bearing, self._cells[:count], directions, d30, run)
 
     def _choose(self, view: View) -> float | None:
         """Direction of a slot, or None while a rotation is under way or has to begin."""
@@ -259,7 +283,9 @@ class Avoidance:
         p, heading = self.params, view.pose[2]
         turn = turn_rate(direction, heading, p.turn_gain, self.max_turn)
         run = view.run if p.brakes else math.inf
-        speed = forward_speed(view.d30, p.speed_gain, p.standoff, self.max_speed, run, self.robot.max_deceleration)
+        speed = forward_speed(
+            view.d30, p.speed_gain, p.standoff, self.max_speed, run, self.robot.max_deceleration, self.motors.delay
+        )  # fmt: skip
         self._is_turning = is_turning(turn, self._is_turning, *self._slow)
         if self._is_turning:
             speed /= p.slow_factor
@@ -274,8 +300,8 @@ class Avoidance:
         sent = (speed, turn)
         if p.arc_check:
             sent = free_command(
-                view.cells, self.edges, view.speed, (speed, turn), p.creep, self.period,
-                r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
+                view.cells, self.edges, view.twist, (speed, turn), p.creep, self.period, r.max_acceleration,
+                r.max_deceleration, p.turn_horizon, self.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"
@@ -307,4 +333,4 @@ def warm_up(*choices: ImprovedVfhParams) -> None:
     ones, none = np.ones(2), np.zeros((2, 2))
     beams = Beams(none, np.zeros(2), np.array([0.2, 0.0]), ones, np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64))
     for params in choices:
-        Avoidance(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), 0.0, (3.0, 0.0))
+        Avoidance(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

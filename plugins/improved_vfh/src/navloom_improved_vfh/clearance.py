@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 LONGEST_ROLL = 64  # steps; bounds the work of one check
+STOPPED = 0.01  # m/s: a lagging robot that is this slow stops within a millimetre or two
 
 
 def footprint_edges(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -61,13 +62,16 @@ def nearest_ahead(
 def is_free(
     cells: NDArray[np.float64],
     edges: NDArray[np.float64],
-    speed: float,
+    twist: tuple[float, float],
     command: tuple[float, float],
     period: float,
     acceleration: float,
     deceleration: float,
     turn_horizon: float,
     margin: float,
+    in_flight: NDArray[np.float64],
+    lag: float,
+    dead_time: float,
 ) -> bool:
     """Whether one period of a command, and braking along the same arc, keeps the margin to every occupied cell.
 
@@ -75,19 +79,34 @@ def is_free(
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty. edges: From footprint_edges().
-        speed: Present forward speed, m/s.
+        twist: Present forward speed, m/s, and turn rate, rad/s.
         command: Forward speed, m/s, and turn rate, rad/s, sent now.
         period: s. acceleration, deceleration: m/s^2, of the command gate.
         turn_horizon: Least time looked ahead, s: a turn in place has no braking distance.
         margin: m.
+        in_flight, lag, dead_time: Of motors.Motors; without lag and dead time the robot turns as commanded at once.
     """
     step = 0.05
+    keeps = math.exp(-step / lag) if lag > 0.0 else 0.0
     x = y = heading = elapsed = 0.0
-    v = speed
+    v, w = twist
+    commanded = in_flight[-1, 0]
     for _ in range(LONGEST_ROLL):
-        goal = command[0] if elapsed < period else 0.0
-        v_next = min(goal, v + acceleration * step) if goal >= v else max(goal, v - deceleration * step)
-        travel, turn = 0.5 * (v + v_next) * step, command[1] * step
+        driven = elapsed - dead_time
+        if driven < -1.0e-9:
+            row = max(0, in_flight.shape[0] - math.ceil(-driven / period - 1.0e-9))
+            v_next, w_next = in_flight[row, 0], in_flight[row, 1]
+        else:
+            goal = command[0] if driven < period else 0.0
+            if goal >= commanded:
+                commanded = min(goal, commanded + acceleration * step)
+            else:
+                commanded = max(goal, commanded - deceleration * step)
+            v_next, w_next = commanded, command[1]
+        if lag > 0.0:
+            v_next, w_next = v_next + keeps * (v - v_next), w_next + keeps * (w - w_next)
+        w = w_next
+        travel, turn = 0.5 * (v + v_next) * step, w * step
         x += travel * math.cos(heading + 0.5 * turn)
         y += travel * math.sin(heading + 0.5 * turn)
         heading += turn
@@ -99,7 +118,7 @@ def is_free(
             distance = outside_distance(edges, dx * cos_t + dy * sin_t, dy * cos_t - dx * sin_t)
             if distance < margin and distance < outside_distance(edges, cells[i, 0], cells[i, 1]) - 1.0e-6:
                 return False
-        if elapsed >= period + turn_horizon and v <= 0.0:
+        if elapsed >= period + turn_horizon + lag + dead_time and v <= (STOPPED if lag > 0.0 else 0.0):
             break
     return True
 
@@ -108,7 +127,7 @@ def is_free(
 def free_command(
     cells: NDArray[np.float64],
     edges: NDArray[np.float64],
-    speed: float,
+    twist: tuple[float, float],
     command: tuple[float, float],
     creep: float,
     period: float,
@@ -116,6 +135,9 @@ def free_command(
     deceleration: float,
     turn_horizon: float,
     margin: float,
+    in_flight: NDArray[np.float64],
+    lag: float,
+    dead_time: float,
 ) -> tuple[float, float]:
     """The wanted command, reduced until is_free(): speed first, then turn rate; last, creeping out along a free arc.
 
@@ -126,8 +148,12 @@ def free_command(
         Forward speed, m/s, and turn rate, rad/s; (0, 0) where nothing is free.
     """
     v, w = command
-    reach = max(v, speed, creep)
-    reach = reach * (2.0 * period + reach / deceleration) + abs(w) * (period + turn_horizon + reach / deceleration)
+    delay = lag + dead_time
+    reach, fastest = max(v, twist[0], creep), abs(w)
+    if delay > 0.0:
+        reach, fastest = max(reach, in_flight[-1, 0]), max(fastest, abs(twist[1]), abs(in_flight[-1, 1]))
+    turning = fastest * (period + delay + turn_horizon + reach / deceleration)
+    reach = reach * (2.0 * period + delay + reach / deceleration) + turning
     near = np.empty_like(cells)
     count = 0
     for i in range(cells.shape[0]):
@@ -142,11 +168,37 @@ def free_command(
             if (pace < 1.0 and v == 0.0) or (turn < 1.0 and w == 0.0) or (v * pace == 0.0 and turn == 0.0):
                 continue
             trial = (v * pace, w * turn)
-            if is_free(near, edges, speed, trial, period, acceleration, deceleration, turn_horizon, margin):
+            if is_free(
+                near,
+                edges,
+                twist,
+                trial,
+                period,
+                acceleration,
+                deceleration,
+                turn_horizon,
+                margin,
+                in_flight,
+                lag,
+                dead_time,
+            ):
                 return trial
     if creep > 0.0 and w != 0.0:
         for turn in (1.0, 0.5, 0.0, -0.5):
             trial = (creep, w * turn)
-            if is_free(near, edges, speed, trial, period, acceleration, deceleration, turn_horizon, margin):
+            if is_free(
+                near,
+                edges,
+                twist,
+                trial,
+                period,
+                acceleration,
+                deceleration,
+                turn_horizon,
+                margin,
+                in_flight,
+                lag,
+                dead_time,
+            ):
                 return trial
     return 0.0, 0.0

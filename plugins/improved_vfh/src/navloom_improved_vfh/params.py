@@ -28,6 +28,9 @@ class ImprovedVfhParams(Params):
         0.05, ge=0.0, le=0.5, description="Left uncleared before an echo and along a cone's flanks, m. Paper: 0."
     )
     clears_footprint: bool = Field(True, description="Cells deep under the robot are set to 0. Paper: false.")
+    agreement: float = Field(
+        0.1, ge=0.0, le=1.0, description="Neighbouring readings of a laser this near to each other are averaged, m."
+    )
     sectors: int = Field(72, ge=36, le=360, description="Sectors of the polar histogram (72: 5 degrees each).")
     reach: float = Field(1.3, gt=0.2, le=8.0, description="Distance at which a cell's magnitude falls to 0, m: d_max.")
     threshold: float = Field(
@@ -95,6 +98,9 @@ class ImprovedVfhParams(Params):
     )
     arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
     arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and cell centres, m.")
+    laser_margin: float = Field(
+        0.08, ge=0.0, le=1.0, description="The same for a robot whose range sensors are lasers, m."
+    )
     turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
     creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave where a corner has no room to turn, m/s.")
     blocked_patience: float = Field(
@@ -114,6 +120,7 @@ def paper_literal() -> dict[str, Any]:
         "blind_depth": 0.0,
         "clear_margin": 0.0,
         "clears_footprint": False,
+        "agreement": 0.0,
         "reach": 2.26,
         "threshold": 0.089,
         "enlargement": "none",

@@ -53,7 +53,7 @@ def turn_rate(direction: float, heading: float, gain: float, limit: float) -> fl
 
 
 def forward_speed(
-    d30: float, gain: float, standoff: float, v_max: float, free_run: float, deceleration: float
+    d30: float, gain: float, standoff: float, v_max: float, free_run: float, deceleration: float, delay: float = 0.0
 ) -> float:
     """V = 5 (d30 - 0.4) between 0 and V_max, and never more than can be stopped in the free run.
 
@@ -61,9 +61,10 @@ def forward_speed(
         d30: Distance to the nearest obstacle within 30 deg of the heading, m.
         gain: 1/s (5). standoff: m (0.4). v_max: m/s (0.5).
         free_run: m, straight ahead; +inf leaves the paper's law alone.
-        deceleration: m/s^2.
+        deceleration: m/s^2. delay: Of the motors, s, before they brake.
     """
-    stoppable = math.sqrt(2.0 * deceleration * max(0.0, free_run))
+    lost = deceleration * delay
+    stoppable = math.sqrt(lost * lost + 2.0 * deceleration * max(0.0, free_run)) - lost
     return max(0.0, min(v_max, gain * (d30 - standoff), stoppable))
 
 

@@ -24,7 +24,9 @@ class Vff(Avoider):
     def __init__(self, params: VffParams, context: Context) -> None:
         super().__init__(params, context)
         r = context.robot
-        robot = Robot(r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration)
+        robot = Robot(
+            r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
+        )  # fmt: skip
         self._method = ForceField(params, robot, context.period)
         self._limits: dict[tuple[tuple[int, float, float], ...], np.ndarray] = {}
 
@@ -39,7 +41,7 @@ class Vff(Avoider):
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
         beams = self._beams(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
-        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y))
+        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from navloom_improved_vfh.certainty import new_window, occupied_cells, place_beams, scroll_window
 from navloom_improved_vfh.clearance import footprint_edges, free_command
+from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, Trap
 from navloom_improved_vfh.steering import wrap
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ class Robot:
     max_angular: float
     max_acceleration: float
     max_deceleration: float
+    motor_lag: float = 0.0
+    dead_time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,9 @@ class ForceField:
     def __init__(self, params: VffParams, robot: Robot, period: float) -> None:
         self.params, self.robot, self.period = params, robot, period
         self.edges = footprint_edges(robot.footprint)
+        self.motors = Motors(
+            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
+        )  # fmt: skip
         self.radius = disc_radius(robot.footprint, params.disc)
         self.constant = force_constant(params.balance)
         self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
@@ -128,8 +134,12 @@ class ForceField:
         self._target: Point | None = None
         self._sent = (0.0, 0.0)
         self._turn = 0.0
+        self.motors.reset()
+        self.in_flight = np.zeros((1, 2))
 
-    def step(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
+    def step(
+        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
+    ) -> Decision:
         """Decide for one tick.
 
         Args:
@@ -137,7 +147,14 @@ class ForceField:
             pose: x, y, m, heading, rad, of the base in the pose frame.
             twist: Present forward speed, m/s, and turn rate, rad/s.
             target: x_t, y_t, m, pose frame.
+            share: Of the last command that the gate let through.
         """
+        self.in_flight = self.motors.in_flight(twist, share)
+        decision = self._decide(beams, pose, twist, target)
+        self.motors.give(decision.speed, decision.turn)
+        return decision
+
+    def _decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
         view = self.look(pose, twist, target)
@@ -225,8 +242,8 @@ class ForceField:
         sent = (speed, turn)
         if p.arc_check:
             sent = free_command(
-                view.cells, self.edges, view.twist[0], sent, p.creep, self.period,
-                r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
+                view.cells, self.edges, view.twist, sent, p.creep, self.period, r.max_acceleration,
+                r.max_deceleration, p.turn_horizon, p.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"

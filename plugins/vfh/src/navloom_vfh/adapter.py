@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom_improved_vfh.adapter import less_noisy
+from navloom_improved_vfh.smoothing import warm_up_smoothing
 from navloom_vff.avoidance import Beams, Decision, Robot
 
 from navloom_vfh.avoidance import HistogramAvoidance
@@ -26,7 +28,9 @@ class _HistogramAvoider(Avoider):
     def __init__(self, params: VfhParams | VfhPlusParams, context: Context) -> None:
         super().__init__(params, context)
         r = context.robot
-        robot = Robot(r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration)
+        robot = Robot(
+            r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
+        )  # fmt: skip
         self._method = self._make(params, robot, context.period)
         self._limits: dict[tuple[tuple[int, float, float], ...], np.ndarray] = {}
 
@@ -36,12 +40,13 @@ class _HistogramAvoider(Avoider):
     @classmethod
     def warm_up(cls) -> None:
         warm_up(cls._make(cls.Params(), WARM_UP_ROBOT, 0.05))
+        warm_up_smoothing()
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
         beams = self._beams(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
-        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y))
+        decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
@@ -56,7 +61,7 @@ class _HistogramAvoider(Avoider):
             np.concatenate([scan.origins for scan in scans]),
             np.concatenate([scan.bearings for scan in scans]),
             np.concatenate([scan.half_angles for scan in scans]),
-            np.concatenate([scan.ranges for scan in scans]),
+            np.concatenate([less_noisy(scan, self._method.common.agreement) for scan in scans]),
             limits,
         )
 

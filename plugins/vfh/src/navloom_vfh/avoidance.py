@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from navloom_improved_vfh.certainty import new_window, place_beams, scroll_window
 from navloom_improved_vfh.clearance import footprint_edges, free_command
+from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, RotationSearch, Trap
 from navloom_vff.avoidance import SPEED_ERROR, TURN_ERROR, Beams, Decision, Robot, disc_radius
 from navloom_vff.himm import count_readings
@@ -76,6 +77,9 @@ class HistogramAvoidance(ABC):
     def __init__(self, params: HistogramParams, robot: Robot, period: float) -> None:
         self.common, self.robot, self.period = params, robot, period
         self.edges = footprint_edges(robot.footprint)
+        self.motors = Motors(
+            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
+        )  # fmt: skip
         disc = disc_radius(robot.footprint, params.disc)
         self.radius = disc + params.safety_distance if disc > 0.0 else 0.0
         self.slack = max(self.radius, disc_radius(robot.footprint, "inscribed"))
@@ -97,12 +101,16 @@ class HistogramAvoidance(ABC):
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
         self.slot_count = 0
         self._sent = (0.0, 0.0)
+        self.motors.reset()
+        self.in_flight = np.zeros((1, 2))
 
     @abstractmethod
     def choose(self, view: View) -> Choice:
         """The direction to steer to, from the window and the view."""
 
-    def step(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
+    def step(
+        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
+    ) -> Decision:
         """Decide for one tick.
 
         Args:
@@ -110,7 +118,14 @@ class HistogramAvoidance(ABC):
             pose: x, y, m, heading, rad, of the base in the pose frame.
             twist: Present forward speed, m/s, and turn rate, rad/s.
             target: x_t, y_t, m, pose frame.
+            share: Of the last command that the gate let through.
         """
+        self.in_flight = self.motors.in_flight(twist, share)
+        decision = self._decide(beams, pose, twist, target)
+        self.motors.give(decision.speed, decision.turn)
+        return decision
+
+    def _decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
         distance = math.dist(target, pose[:2])
@@ -172,8 +187,8 @@ class HistogramAvoidance(ABC):
         sent = (speed, turn)
         if p.arc_check:
             sent = free_command(
-                choice.cells, self.edges, view.twist[0], sent, p.creep, self.period,
-                r.max_acceleration, r.max_deceleration, p.turn_horizon, p.arc_margin,
+                choice.cells, self.edges, view.twist, sent, p.creep, self.period, r.max_acceleration,
+                r.max_deceleration, p.turn_horizon, p.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"

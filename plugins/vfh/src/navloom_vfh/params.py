@@ -17,6 +17,9 @@ class HistogramParams(Params):
     blind_depth: float = Field(
         0.1, ge=0.0, le=1.0, description="A reading at range_min counts this far before it too, m. Paper: 0."
     )
+    agreement: float = Field(
+        0.1, ge=0.0, le=1.0, description="Neighbouring readings of a laser this near to each other are averaged, m."
+    )
     sectors: int = Field(72, ge=36, le=360, description="Sectors of the polar histogram (72: 5 degrees each).")
     disc: Literal["inscribed", "enclosing", "point"] = Field(
         "inscribed", description="Cells block the directions in which this disc of the footprint would meet them."
@@ -112,6 +115,7 @@ def paper_literal(name: str) -> dict[str, Any]:
     literal: dict[str, Any] = {
         "clear_margin": 0.0,
         "blind_depth": 0.0,
+        "agreement": 0.0,
         "stops_at_target": False,
         "arc_check": False,
         "creep": 0.0,

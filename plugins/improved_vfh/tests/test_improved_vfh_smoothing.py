@@ -1,0 +1,35 @@
+"""Less noise in the ranges of a laser."""
+
+import math
+
+import numpy as np
+import pytest
+from navloom_improved_vfh.avoidance import Avoidance, Beams, Robot
+from navloom_improved_vfh.params import ImprovedVfhParams
+from navloom_improved_vfh.smoothing import smoothed
+
+
+def test_a_reading_is_averaged_with_the_two_on_either_side():
+    """1.00 + 0.05 + 0.00 - 0.05 + 0.00 + ...: the middle one of five is their mean."""
+    ranges = np.array([1.02, 1.0, 0.95, 1.0, 1.03])
+    assert smoothed(ranges, 8.0, 0.1)[2] == pytest.approx(1.0)
+
+
+def test_another_surface_and_no_echo_are_left_out():
+    ranges = np.array([3.0, 1.0, 1.04, math.inf, 3.0])
+    assert smoothed(ranges, 8.0, 0.1).tolist() == pytest.approx([3.0, 1.02, 1.02, math.inf, 3.0])
+
+
+def test_the_noise_of_a_wall_falls_to_less_than_half():
+    """One over the root of five is 0.45."""
+    ranges = 1.0 + 0.03 * np.random.default_rng(1).standard_normal(3610)
+    assert smoothed(ranges, 8.0, 0.1).std() < 0.5 * ranges.std()
+
+
+@pytest.mark.parametrize(("half_angle", "margin"), [(0.0, 0.08), (0.26, 0.12)])
+def test_a_laser_needs_less_margin_than_a_cone(half_angle, margin):
+    square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
+    method = Avoidance(ImprovedVfhParams(), Robot(square, 0.5, 0.4, 0.5, 1.0), 0.05)
+    limits, sensors = np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64)
+    method.sense(Beams(np.zeros((2, 2)), np.zeros(2), np.full(2, half_angle), np.ones(2), limits, sensors), (0, 0, 0))
+    assert method.arc_margin == margin

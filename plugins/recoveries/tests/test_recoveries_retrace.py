@@ -1,6 +1,7 @@
 """Retracing: what it drives, what it refuses, and that it always ends."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,13 @@ def test_it_stops_before_what_stands_behind_it():
     poses, _ = drive(behind)
     assert -0.2 + 0.03 - 0.001 < poses[:, 0].min() + 0.03 < 0.0
     assert poses[:, 0].min() - 0.2 > behind[0, 0] + 0.03 - 1e-9
+
+
+def test_motors_that_lag_make_it_stop_earlier():
+    """1 s at 0.15 m/s is 0.15 m."""
+    post = np.array([[-0.55, 0.0]])
+    (at_once, _), (late, _) = drive(post), drive(post, rules=replace(RULES, delay=1.0))
+    assert late[:, 0].min() - at_once[:, 0].min() == pytest.approx(0.15, abs=0.02)
 
 
 def test_a_robot_that_is_wedged_in_stays_where_it_is_and_ends():

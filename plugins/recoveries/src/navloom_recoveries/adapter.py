@@ -34,6 +34,7 @@ class Retrace(Recovery):
             memory=params.memory,
             patience=params.patience,
             rest=params.wait,
+            delay=robot.motor_lag + robot.dead_time,
         )
         self._retracing = Retracing(rules, robot.footprint)
 

@@ -35,6 +35,7 @@ class Rules:
         turn, turn_rate: rad and rad/s.
         margin: m.
         memory, patience, rest: s.
+        delay: Lag and dead time of the motors, s.
     """
 
     distance: float
@@ -46,6 +47,7 @@ class Rules:
     memory: float
     patience: float
     rest: float
+    delay: float = 0.0
 
 
 class Retracing:
@@ -118,7 +120,7 @@ class Retracing:
 
     def _may(self, seen: Floats, v: float, w: float) -> bool:
         assert self._margin is not None
-        horizon = abs(v) / self.rules.deceleration + _REACTION
+        horizon = abs(v) / self.rules.deceleration + _REACTION + self.rules.delay
         return is_free(seen, self._edges, v, w, horizon, self._margin)
 
     def _count(self, pose: Pose) -> None:

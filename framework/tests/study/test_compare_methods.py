@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from navloom.config import ConfigError, load_config
+from navloom.geometry.world import Place, World
 from navloom.plugins import Discovery
 from navloom.study.compare import Study, plan_study
 from navloom.study.methods import methods_of, toml_value, variation_of
-from navloom.study.worldset import expanded, placed, seeds_of
+from navloom.study.worldset import expanded, placed, seeds_of, world_digest
 
 CONFIG = """
 [world]
@@ -243,3 +245,10 @@ def test_episodes_are_ordered_by_method_world_and_seed() -> None:
     keys = [(key.method, key.world, key.seed) for key in study.keys]
     assert keys[:4] == [("vff", "empty", 3), ("vff", "empty", 1), ("vff", "corridor", 3), ("vff", "corridor", 1)]
     assert sorted(task.key for task in study.tasks()) == sorted(study.keys)
+
+
+def test_a_reference_length_is_in_a_world_s_hash_and_its_absence_is_not() -> None:
+    plain = World("w", start=Place(0.0, 0.0))
+    # The hash that studies made before worlds had reference lengths hold.
+    assert world_digest(plain) == "dbdb83bb425fa735299b017f30acd70a7fd2ccab2076d5c88f51d47dbb4c8af1"
+    assert world_digest(replace(plain, reference_length=2.0)) != world_digest(replace(plain, reference_length=3.0))

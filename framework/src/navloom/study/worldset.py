@@ -205,7 +205,7 @@ def _pieces(value: Any) -> Iterator[bytes]:
     elif is_dataclass(value):
         yield type(value).__name__.encode()
         for entry in fields(value):
-            if not (isinstance(value, World) and entry.name == "name"):
+            if not (isinstance(value, World) and entry.name in _unhashed(value)):
                 yield from _pieces(getattr(value, entry.name))
     elif isinstance(value, tuple):
         yield str(len(value)).encode()
@@ -213,3 +213,8 @@ def _pieces(value: Any) -> Iterator[bytes]:
             yield from _pieces(inner)
     else:
         yield repr(value).encode()
+
+
+def _unhashed(world: World) -> tuple[str, ...]:
+    """Names of what is not in a world's hash: also a reference length that it lacks, so that older hashes hold."""
+    return ("name", "reference_length") if world.reference_length is None else ("name",)

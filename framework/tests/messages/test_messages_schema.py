@@ -152,7 +152,7 @@ def test_a_literal_refuses_what_is_not_text(given: Any) -> None:
 
 def test_the_outcomes_are_those_a_goal_result_takes() -> None:
     assert set(OUTCOMES) == set(GoalResult.kinds["outcome"].choices)
-    assert len(OUTCOMES) == len(set(OUTCOMES)) == 9
+    assert len(OUTCOMES) == len(set(OUTCOMES)) == 10
 
 
 # Nested messages, tuples, None

@@ -88,6 +88,15 @@ def test_ticks_that_are_late_for_a_slow_platform_are_told_once() -> None:
     assert found.what.startswith("platform sim takes 80 ms a step")
 
 
+@pytest.mark.parametrize("goal_id", [0, 3], ids=["without a goal", "with a goal"])
+def test_a_localizer_that_is_lost_is_a_problem_with_what_helps(goal_id: int) -> None:
+    lost = Feedback(goal_id, "searching" if goal_id else "idle", 0.0, 0.0, 0.0, 0, "lost: 24% of the echoes fit")
+    last = {"gate/main/status": status("no_trajectory"), "goal/main/feedback": lost}
+    found = only(examine(client(BusInWords(everyone(), last=last)), None, "robot.toml")[1])
+    assert (found.severity, found.what) == ("problem", "the localizer is lost: 24% of the echoes fit")
+    assert "navigation.start" in found.remedy
+
+
 def test_a_stop_for_a_slow_plugin_is_not_told_twice() -> None:
     last = {"gate/main/status": status("stale: controller law")}
     nodes = everyone(controller={"step_s": 0.3, "streams": {"a": counts(dropped=500)}})

@@ -139,8 +139,9 @@ REACHED = GoalResult(1, "succeeded", "the goal was reached", Point2D(0.0, 0.0))
         (NO_GOAL, replace(REACHED, outcome="cancelled"), "stopped: no goal"),
         (replace(NO_GOAL, goal_id=2, state="mapping"), REACHED, "stopped: it waits for a map"),
         (replace(NO_GOAL, goal_id=2, state="planning"), REACHED, "stopped: it waits for a path"),
+        (replace(NO_GOAL, goal_id=2, state="searching"), REACHED, "stopped: it does not know where it is"),
     ],
-    ids=["new", "reached", "cancelled", "mapping", "planning"],
+    ids=["new", "reached", "cancelled", "mapping", "planning", "searching"],
 )
 def test_a_robot_without_a_path_is_no_fault(feedback: Feedback, result: GoalResult | None, words: str) -> None:
     status = GateStatus("none", "", True, False, "no_trajectory", ())
@@ -156,8 +157,10 @@ def test_a_robot_without_a_path_is_no_fault(feedback: Feedback, result: GoalResu
          "driving, 3.12 m and 8 s left, 0.40 m/s, recoveries 2, cross-track +0.00 m"),
         (Feedback(1, "driving", 0.0, 0.0, 0.0, 0), "planning, 0.40 m/s"),
         (Feedback(1, "recovering", 0.0, 0.0, 0.0, 1), "recovering, 0.40 m/s, recoveries 1"),
+        (Feedback(1, "searching", 0.0, 0.0, 0.0, 0, "lost: 24% of the echoes fit"),
+         "searching, localizer lost: 24% of the echoes fit, 0.40 m/s"),
     ],
-    ids=["driving", "after recoveries", "path not followed yet", "recovering"],
+    ids=["driving", "after recoveries", "path not followed yet", "recovering", "lost"],
 )  # fmt: skip
 def test_the_progress_of_a_goal_says_what_is_left_and_what_holds_it_up(feedback: Feedback, words: str) -> None:
     assert progress(feedback, "0.40 m/s") == words
@@ -179,6 +182,19 @@ def test_status_of_a_robot_that_has_reached_its_goal_reads_like_no_fault() -> No
     assert found["stopped"] == "goal reached; `navloom goal X Y` gives it a goal" and "drives" not in found
     del last["goal/main/feedback"], last["goal/main/result"]
     assert status_rows(last)["stopped"] == "no goal; `navloom goal X Y` gives it a goal"
+
+
+def test_status_says_that_the_robot_does_not_know_where_it_is_and_what_helps() -> None:
+    last: dict[str, Message] = {
+        "goal/main/feedback": Feedback(2, "searching", 0.0, 0.0, 0.0, 0, "lost: 24% of the echoes fit the map"),
+        "gate/main/status": GateStatus("none", "", True, False, "no_trajectory", ()),
+    }
+    found = status_rows(last)
+    assert found["goal"] == "2: searching, localizer lost: 24% of the echoes fit the map"
+    assert found["stopped"].startswith("it does not know where it is; move it to navigation.start")
+    assert found["localizer"].startswith("lost: 24% of the echoes fit the map; move it to navigation.start")
+    last["goal/main/feedback"] = Feedback(2, "driving", 1.0, 2.0, 0.0, 0)
+    assert "localizer" not in status_rows(last)
 
 
 def test_nothing_is_told_of_a_robot_that_drives() -> None:

@@ -86,6 +86,12 @@ ROWS: dict[str, tuple[Trail, dict[str, float | None]]] = {
         {"success": 0.0, "spl": 0.0, "time": 120.0, "path_length": 0.0, "clearance_min": None, "clearance_p5": None,
          "danger_share": 0.0, "jerk": None, "stopped_time": 0.0, "avoider_share": 0.0, "goal_distance": 7.5},
     ),
+    # Driven for 5 s, then 5 s at a standstill without knowing where.
+    "lost": (
+        straight(10, 0.0, x=np.minimum(np.arange(11) * 0.4, 2.0), vx=np.where(np.arange(11) <= 5, 0.4, 0.0),
+                 goal_distance=5.5),
+        {"success": 0.0, "spl": 0.0, "time": 120.0, "path_length": 2.0, "stopped_time": 4.0 + 0.02 / 0.4},
+    ),
     # Stopped by the operator after 4 m of 20 s, driven half of the time.
     "stopped": (
         straight(20, 0.0, x=np.minimum(np.arange(21) * 0.4, 4.0), vx=np.where(np.arange(21) <= 10, 0.4, 0.0),

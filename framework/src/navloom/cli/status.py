@@ -67,6 +67,7 @@ def rows(
         ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
         ("goal", _goal(words["goal/feedback"], nodes)),
         ("last goal", _result(words["goal/result"])),
+        ("localizer", _localizer(words["goal/feedback"])),
         _driver(words, nodes),
         ("platform", _platform(nodes)),
         ("in charge", _selection(words["gate/selection"])),
@@ -106,6 +107,13 @@ def _result(result: Any) -> str:
     if result is None:
         return ""
     return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
+
+
+def _localizer(feedback: Any) -> str:
+    """Empty where it is tracking, or where the goal has not said."""
+    from navloom.runtime.looking import WHERE_IT_IS
+
+    return f"{feedback.localizer}; {WHERE_IT_IS}" if feedback is not None and feedback.localizer else ""
 
 
 def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:

@@ -9,9 +9,11 @@ from navloom.messages.schema import Message, message
 
 __all__ = ["OUTCOMES", "Drive", "Feedback", "Goal", "GoalResult", "OperatorRequest", "Outcome"]
 
-Outcome = Literal["succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"]
+Outcome = Literal[
+    "succeeded", "cancelled", "rejected", "no_path", "stuck", "lost", "collision", "timeout", "stopped", "error"
+]
 OUTCOMES: tuple[str, ...] = (
-    "succeeded", "cancelled", "rejected", "no_path", "stuck", "collision", "timeout", "stopped", "error"
+    "succeeded", "cancelled", "rejected", "no_path", "stuck", "lost", "collision", "timeout", "stopped", "error"
 )  # fmt: skip
 
 
@@ -74,19 +76,21 @@ class Feedback(Message):
 
     Attributes:
         goal_id: Which; 0 while there is none.
-        state: Where its state machine is; "waiting" for a platform that fell silent.
+        state: Where its state machine is; "waiting" for a platform that fell silent, "searching" for its place.
         distance: Left along the trajectory, m.
         time_left: Estimate, s.
         cross_track: Distance from the trajectory, m, left positive.
         recoveries: Attempts so far.
+        localizer: What the localizer says where it is not tracking: its state and why; else empty.
     """
 
     goal_id: int
-    state: Literal["idle", "mapping", "planning", "driving", "recovering", "waiting"]
+    state: Literal["idle", "mapping", "planning", "driving", "recovering", "waiting", "searching"]
     distance: float
     time_left: float
     cross_track: float
     recoveries: int
+    localizer: str = ""
 
 
 @message()

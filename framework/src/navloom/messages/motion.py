@@ -91,12 +91,16 @@ class PoseEstimate(Message):
         pose: Base in the map frame.
         twist: Velocity, base frame.
         covariance: (3, 3) of x, y, heading; m², m rad, rad².
+        state: How sure the localizer is: "searching" while it doubts the pose, "lost" when that lasts.
+        reason: Why it is not tracking, as one phrase; else empty.
     """
 
     stamp_ns: int
     pose: Pose2D
     twist: Twist2D
     covariance: Annotated[Floats, Array("float64", (3, 3))]
+    state: Literal["tracking", "searching", "lost"] = "tracking"
+    reason: str = ""
 
 
 @message()

@@ -30,6 +30,8 @@ __all__ = ["GoalMachine"]
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
 """s a goal waits for a platform that fell silent."""
+UNSURE = 5.0
+"""How long a goal waits for a localizer that is not tracking, s; then it ends lost."""
 BLOCKED = 2.0
 """How long the gate may hold the robot before an obstacle until the goal recovers, s."""
 SILENT_RECOVERY = 10.0
@@ -94,7 +96,7 @@ class GoalMachine:
         self._scan: tuple[SweepRequest, int] | None = None
         self._selected = ("", "")
         self._pending: tuple[str, ...] = ()
-        self._said: tuple[int, str] = (0, "idle")
+        self._said: tuple[int, str, str] = (0, "idle", "tracking")
         self._out: list[tuple[str, Message]] = []
         self._replanning = Replanning(rules.replan)
 
@@ -138,7 +140,7 @@ class GoalMachine:
             unfinished: Goal it was at; 0 for none.
         """
         self._requests = tick
-        self._said = (unfinished, "")  # so that the next report says what holds now
+        self._said = (unfinished, "", "")  # so that the next report says what holds now
         self._out.append(("drive", NO_DRIVE))
         self._out.append(("recovery", RecoveryRequest(False, 0, "")))
         if unfinished:
@@ -147,14 +149,8 @@ class GoalMachine:
 
     def hold(self, seen: Seen) -> None:
         """The platform is not heard: nobody drives on, and the goal waits for it."""
-        active = self._active
-        if active is None or self.state == "waiting":
-            return
-        if self.state == "recovering":
-            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
-        self._set_drive(NO_DRIVE)
-        active.since = seen.time
-        self.state = "waiting"
+        if self._active is not None and self.state != "waiting":
+            self._pause(self._active, "waiting", seen)
 
     def go_on(self, seen: Seen) -> None:
         """The platform is heard again: plan anew from where it is."""
@@ -186,6 +182,8 @@ class GoalMachine:
                     "an operator's stop was not resumed" if stopped else f"not there after {seen.time:g} s",
                     seen,
                 )
+            elif seen.estimate.state != "tracking" and self.state not in ("waiting", "searching"):
+                self._pause(active, "searching", seen)
             else:
                 self._react_to_swaps(active, seen)
                 getattr(self, f"_while_{self.state}")(active, seen)
@@ -265,6 +263,16 @@ class GoalMachine:
         if seen.time - active.since > LOST:
             self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
+    def _while_searching(self, active: _Active, seen: Seen) -> None:
+        """The robot does not know where it is: it stands until it does, and plans from there."""
+        estimate = seen.estimate
+        assert estimate is not None
+        if estimate.state == "tracking":
+            self._need_map(seen)
+        elif seen.time - active.since > UNSURE:
+            why = f"the localizer has not been tracking for {UNSURE:g} s: {estimate.reason}"
+            self._finish("lost", why.removesuffix(": "), seen)
+
     def _replan(self, active: _Active, seen: Seen) -> None:
         """Ask for another path while driving on, and take it where it is better."""
         watch = self._replanning
@@ -290,6 +298,14 @@ class GoalMachine:
                 self._fail_plan(active, answer, seen)
 
     # --- what they share ------------------------------------------------------------------------------------------
+
+    def _pause(self, active: _Active, state: str, seen: Seen) -> None:
+        """Stop the drive, or the recovery, and wait."""
+        if self.state == "recovering":
+            self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
+        self._set_drive(NO_DRIVE)
+        active.since = seen.time
+        self.state = state
 
     def _need_map(self, seen: Seen, is_cleared: bool = False) -> None:
         """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map.
@@ -449,7 +465,9 @@ class GoalMachine:
 
     def _report(self, seen: Seen) -> None:
         active = self._active
-        now = (self.goal_id, self.state)
+        estimate = seen.estimate
+        certainty = "tracking" if estimate is None else estimate.state
+        now = (self.goal_id, self.state, certainty)
         if now == self._said and (active is None or seen.tick % self.rules.feedback_ticks):
             return
         self._said = now
@@ -464,5 +482,6 @@ class GoalMachine:
             time_left=left / reference.speed if reference is not None else 0.0,
             cross_track=reference.cross_track if reference is not None else 0.0,
             recoveries=active.recoveries if active else 0,
+            localizer="" if estimate is None or certainty == "tracking" else f"{certainty}: {estimate.reason}",
         )
         self._out.append(("feedback", feedback))

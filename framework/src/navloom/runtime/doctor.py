@@ -7,7 +7,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from navloom.messages import Feedback, GateStatus, GoalResult
+from navloom.messages import Feedback, GateStatus, GoalResult, Message
 from navloom.runtime.client import Client
 from navloom.runtime.directory import DirectoryError, RobotFolder, robots
 from navloom.runtime.findings import (
@@ -27,6 +27,7 @@ from navloom.runtime.joining import find_robot, join
 from navloom.runtime.looking import (
     NO_GOAL,
     NO_PATH,
+    WHERE_IT_IS,
     Missing,
     last_words,
     listing,
@@ -143,7 +144,9 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
     stands = _standing(client, answering)
     found = _with_waiting(found, stands, ill, folder)
     is_slowed = any(is_slow(node) and node["active"] for node in answering)
-    return len(nodes), found + _stopped(client, has_cause=bool(stands or ill or is_slowed))
+    words = last_words(client)
+    found += _unsure(words["goal/feedback"])
+    return len(nodes), found + _stopped(words, has_cause=bool(stands or ill or is_slowed))
 
 
 def _is_ill(node: Mapping[str, Any]) -> bool:
@@ -286,9 +289,15 @@ def _restart(node: Mapping[str, Any], folder: RobotFolder | None) -> str:
     return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} has `navloom up` restart it"
 
 
-def _stopped(client: Client, has_cause: bool) -> list[Finding]:
+def _unsure(feedback: Message | None) -> list[Finding]:
+    """A localizer that is not tracking, as the goal heard it."""
+    if not isinstance(feedback, Feedback) or not feedback.localizer:
+        return []
+    return [Finding("problem", f"the localizer is {feedback.localizer}", WHERE_IT_IS)]
+
+
+def _stopped(words: Mapping[str, Message | None], has_cause: bool) -> list[Finding]:
     """A robot that is kept from driving. What is missing or ill has been told already, and stops it as well."""
-    words = last_words(client)
     status, feedback, result = words["gate/status"], words["goal/feedback"], words["goal/result"]
     if not isinstance(status, GateStatus) or not status.stopped or (has_cause and not status.latched):
         return []

@@ -20,6 +20,7 @@ from navloom.runtime.quality import is_retained
 __all__ = [
     "NO_GOAL",
     "NO_PATH",
+    "WHERE_IT_IS",
     "Missing",
     "NoStream",
     "changed_parameters",
@@ -45,6 +46,11 @@ NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
 """What a goal node that has had no goal would say."""
 NO_PATH = "no_trajectory"
 """Reason of a gate that has nothing to drive: no fault, where the robot has no goal."""
+WHERE_IT_IS = (
+    "move it to navigation.start, or set that to where it is, and restart it; where it sees little of the map, "
+    "`navloom teleop` takes it to where it sees more"
+)
+"""What helps a robot that does not know where it is."""
 _STOPS = {
     "operator": ("by an operator", "`navloom resume` lets it drive again"),
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
@@ -58,6 +64,7 @@ _WAITS = {
     "driving": "its new path is not followed yet",
     "recovering": "it waits for its recovery",
     "waiting": "it waits for the platform",
+    "searching": "it does not know where it is",
 }
 """Why nothing drives, by the state of the goal."""
 _KINDS = {
@@ -162,6 +169,8 @@ def progress(feedback: Feedback, pace: str = "") -> str:
     parts: list[str] = ["planning" if feedback.state == "driving" and not has_way else feedback.state]
     if has_way:
         parts.append(f"{feedback.distance:.2f} m and {feedback.time_left:.0f} s left")
+    if feedback.localizer:
+        parts.append(f"localizer {feedback.localizer}")
     if pace:
         parts.append(pace)
     if feedback.recoveries:
@@ -221,7 +230,7 @@ def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple
     if feedback is None:
         return "no path to follow", "`navloom goal X Y` gives it a goal"
     if feedback.goal_id:
-        return _WAITS.get(feedback.state, "no path to follow"), ""
+        return _WAITS.get(feedback.state, "no path to follow"), WHERE_IT_IS if feedback.state == "searching" else ""
     is_reached = result is not None and result.outcome == "succeeded"
     return ("goal reached" if is_reached else "no goal"), "`navloom goal X Y` gives it a goal"
 

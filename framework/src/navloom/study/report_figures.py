@@ -23,7 +23,7 @@ WIDTH = 180.0
 """mm: the text of an A4 page."""
 COLOURS = {
     "succeeded": "#009E73", "collision": "#D55E00", "stuck": "#E69F00", "timeout": "#F0E442", "no_path": "#56B4E9",
-    "rejected": "#0072B2", "error": "#333333", "stopped": "#CC79A7", "cancelled": "#B5B5B5",
+    "rejected": "#0072B2", "error": "#333333", "stopped": "#CC79A7", "lost": "#117733", "cancelled": "#B5B5B5",
     FALSE_SUCCESS: "#882255",
 }  # fmt: skip
 SPREAD = ("spl", "time", "clearance_min", "cross_track_rms", "turning", "jerk")

@@ -53,6 +53,7 @@ STATES: dict[str, Colour] = {
     "driving": GREEN,
     "recovering": PURPLE,
     "waiting": ORANGE,
+    "searching": VERMILION,
     "controller": GREEN,
     "avoider": ORANGE,
     "recovery": PURPLE,

@@ -49,6 +49,9 @@ def pose(message: PoseEstimate, seen: Seen) -> Drawn:
     yield f"/tf/{name}", transform(at.x, at.y, at.heading, f"{name}/base")
     yield f"/metrics/speed/{name}", rr.Scalars(twist.vx)
     yield f"/metrics/turn_rate/{name}", rr.Scalars(math.degrees(twist.wz))
+    doubt = "" if message.state == "tracking" else message.state
+    text = f"{name}: the localizer is {message.state}: {message.reason}"
+    yield f"/log/{name}/localizer", Change(doubt, rr.TextLog(text, level="WARN") if doubt else None)
 
 
 def truth(message: Truth, seen: Seen) -> Drawn:

@@ -16,7 +16,8 @@ from navloom import (
 )
 from numpy.typing import NDArray
 
-from navloom_scan_localizer import beams, matching
+from navloom_scan_localizer import beams, matching, search
+from navloom_scan_localizer.judging import Judge
 from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams
 from navloom_scan_localizer.tracking import PoseTracker
@@ -43,6 +44,7 @@ class ScanMatching(Localizer):
         start = self.context.start
         place = np.array([start.x, start.y, start.heading])
         self._tracker, self._stamp_ns = PoseTracker(self.params.settings(), self._field, place), 0
+        self._judge = Judge(self._tracker)
 
     def configure(self, params: ScanMatchingParams) -> None:
         """Take new parameters and stay where it is."""
@@ -53,6 +55,7 @@ class ScanMatching(Localizer):
     def warm_up(cls) -> None:
         beams.warm_up()
         matching.warm_up()
+        search.warm_up()
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker = given.odometry, self._tracker
@@ -61,8 +64,12 @@ class ScanMatching(Localizer):
         self._stamp_ns = odometry.stamp_ns
         points = [self._points(scan, odometry) for scan in given.scans if isinstance(scan, RangeScan)]
         if points:
-            tracker.correct(np.concatenate(points))
-        return PoseEstimate(odometry.stamp_ns, Pose2D(*tracker.pose.tolist()), odometry.twist, tracker.covariance)
+            joined = np.concatenate(points)
+            tracker.correct(joined)
+            self._judge.look(joined, odometry.stamp_ns / 1e9)
+        state, reason = self._judge.state, self._judge.reason
+        pose = Pose2D(*tracker.pose.tolist())
+        return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
 
     def _points(self, scan: RangeScan, odometry: Odometry) -> NDArray[np.float64]:
         p, twist, late = self.params, odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9

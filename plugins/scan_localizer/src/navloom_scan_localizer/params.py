@@ -41,6 +41,15 @@ class ScanMatchingParams(Params):
     limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
     max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
 
+    trusted_share: float = Field(0.4, ge=0.0, le=1.0, description="Share of echoes that fit a trusted pose, no unit.")
+    sure_share: float = Field(0.9, ge=0.0, le=1.0, description="Share from which no other place is looked for.")
+    search_reach: float = Field(0.7, ge=0.0, le=5.0, description="How far round the pose it looks for another, m.")
+    search_turn_deg: float = Field(20.0, ge=0.0, le=180.0, description="How far in heading it looks, degrees.")
+    search_every: float = Field(1.0, ge=0.0, le=60.0, description="Time between two searches, s.")
+    patience: float = Field(0.5, ge=0.0, le=60.0, description="How long a scan must (not) fit to change the state, s.")
+    lost_after: float = Field(3.0, ge=0.0, le=600.0, description="Time of searching after which it is lost, s.")
+    lost_sigma: float = Field(1.0, gt=0.0, le=100.0, description="Spread of the place that is not trusted, m.")
+
     def settings(self) -> Settings:
         """The same for the pure modules."""
         return Settings(
@@ -60,4 +69,12 @@ class ScanMatchingParams(Params):
             iterations=self.iterations,
             max_shift=self.max_shift,
             max_turn=math.radians(self.max_turn_deg),
+            trusted_share=self.trusted_share,
+            sure_share=self.sure_share,
+            search_reach=self.search_reach,
+            search_turn=math.radians(self.search_turn_deg),
+            search_every=self.search_every,
+            patience=self.patience,
+            lost_after=self.lost_after,
+            lost_sigma=self.lost_sigma,
         )

@@ -32,6 +32,13 @@ class Settings:
         least_inliers, least_share: What a scan must have, in beams and as share of its echoes.
         iterations: Most steps of a fit.
         max_shift, max_turn: Highest correction a scan may make, m and rad.
+        trusted_share: Share of its echoes that must fit for the pose to be trusted.
+        sure_share: Share from which no other place is looked for.
+        search_reach, search_turn: How far round the pose another place is looked for, m and rad.
+        search_every: Time between two searches, s.
+        patience: How long a scan must fit, or not fit, until the state changes, s.
+        lost_after: Time of searching after which the robot is lost, s.
+        lost_sigma: Standard deviation of the position from which it is not trusted, m.
     """
 
     start_sigma: float = 0.05
@@ -50,6 +57,14 @@ class Settings:
     iterations: int = 8
     max_shift: float = 0.03
     max_turn: float = math.radians(2.0)
+    trusted_share: float = 0.4
+    sure_share: float = 0.9
+    search_reach: float = 0.7
+    search_turn: float = math.radians(20.0)
+    search_every: float = 1.0
+    patience: float = 0.5
+    lost_after: float = 3.0
+    lost_sigma: float = 1.0
 
 
 def compose(a: Floats, b: Floats) -> Floats:
@@ -95,6 +110,7 @@ class PoseTracker:
         pose: (3,) x, y, m, heading, rad in [-π, π), map frame.
         covariance: (3, 3) of it; m², m rad, rad².
         inliers: Beams of the last scan that fit the map; 0 where it was not used.
+        share: Share of the last scan's echoes that fit the map; None where it had too few of them to say.
     """
 
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
@@ -103,6 +119,7 @@ class PoseTracker:
         place, turn = settings.start_sigma**2, settings.start_turn_sigma**2
         self.covariance: Floats = np.diag([place, place, turn])
         self.inliers = 0
+        self.share: float | None = None
         self._odometry = np.zeros(3)
 
     def predict(self, odometry: Floats, time: float) -> None:
@@ -116,25 +133,46 @@ class PoseTracker:
         self.covariance = predicted_covariance(
             self.covariance, float(self.pose[2]), step, max(time, 0.0), self.settings
         )
-        self.pose, self._odometry, self.inliers = compose(self.pose, step), odometry.copy(), 0
+        self.pose, self._odometry = compose(self.pose, step), odometry.copy()
+        self.inliers, self.share = 0, None
 
     def correct(self, beams: Floats) -> bool:
         """Fit beams of this instant, (n, 4) end point, m, and direction, base frame; tells whether they were used."""
-        s, limit = self.settings, max(self.settings.least_inliers, self.settings.least_share * len(beams))
+        limit = max(self.settings.least_inliers, self.settings.least_share * len(beams))
         if len(beams) < limit:
             return False
-        spread = math.sqrt(max(self.covariance[0, 0], self.covariance[1, 1]))
-        first = min(max(s.robust_scale, 2.0 * spread), max(s.reach, s.robust_scale))
-        options = np.array([s.sigma**2 * s.redundancy, first, s.robust_scale, 2.0 * s.robust_scale, s.reach])
-        information = np.linalg.inv(self.covariance)
-        pose, fused = np.empty(3), np.empty((3, 3))
-        field = self.field
-        inliers = fit_pose(field.values, field.frame, beams, self.pose, information, options, s.iterations, pose, fused)
-        if inliers < limit or not np.isfinite(pose).all():
+        pose, fused, inliers = self.fit(beams, self.pose, self.covariance)
+        self.share = inliers / len(beams)
+        if inliers < limit:
             return False
         self.inliers = inliers
         self._move(pose - self.pose, np.linalg.inv(fused).astype(np.float64))
         return True
+
+    def fit(self, beams: Floats, start: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
+        """The pose near another at which beams fit best.
+
+        Args:
+            beams: (n, 4) end point, m, and direction, base frame.
+            start: (3,) x, y, m, heading, rad, map frame: prior, and where the search starts.
+            covariance: (3, 3) of it.
+
+        Returns:
+            (3,) pose, heading not wrapped; (3, 3) its inverse covariance; beams that fit, 0 where there is no pose.
+        """
+        s, field = self.settings, self.field
+        spread = math.sqrt(max(covariance[0, 0], covariance[1, 1]))
+        first = min(max(s.robust_scale, 2.0 * spread), max(s.reach, s.robust_scale))
+        options = np.array([s.sigma**2 * s.redundancy, first, s.robust_scale, 2.0 * s.robust_scale, s.reach])
+        information = np.linalg.inv(covariance)
+        pose, fused = np.empty(3), np.empty((3, 3))
+        inliers = fit_pose(field.values, field.frame, beams, start, information, options, s.iterations, pose, fused)
+        return pose, fused, inliers if np.isfinite(pose).all() else 0
+
+    def relocate(self, pose: Floats, covariance: Floats) -> None:
+        """Continue from another pose: (3,) x, y, m, heading, rad, map frame, and its (3, 3) covariance."""
+        self.pose = compose(np.array([pose[0], pose[1], 0.0]), np.array([0.0, 0.0, pose[2]]))
+        self.covariance = 0.5 * (covariance + covariance.T)
 
     def _move(self, shift: Floats, covariance: Floats) -> None:
         """Take a correction, (3,) m, m, rad, or the share of it that the limits allow; the rest follows by and by."""

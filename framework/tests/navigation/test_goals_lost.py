@@ -1,0 +1,116 @@
+"""The goal of a robot that does not know where it is: it waits at a standstill, and ends lost where that lasts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from navloom.messages import (
+    Feedback,
+    GateStatus,
+    Goal,
+    GoalResult,
+    MapUpdate,
+    Message,
+    OccupancyGrid,
+    Path,
+    Pose2D,
+    PoseEstimate,
+    Twist2D,
+)
+from navloom.navigation.gate import OBSTACLE
+from navloom.navigation.goal_rules import GoalRules, Seen
+from navloom.navigation.goals import UNSURE, GoalMachine
+
+RULES = GoalRules(
+    tolerance=0.2, heading_tolerance=0.1, stuck_after=5.0, max_recoveries=1, map_timeout=10.0, plan_timeout=2.0,
+    deadline=60.0, scans_on_request=False, feedback_ticks=10,
+)  # fmt: skip
+MAP = MapUpdate(0, OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.0, 0.0, 0.0)), np.empty((0, 4)), ())
+REASON = "24% of the echoes fit the map, less than 40%"
+
+
+def seen(time: float, state: str = "tracking", x: float = 0.0, **more: object) -> Seen:
+    estimate = PoseEstimate(
+        0, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)), state,  # type: ignore[arg-type]
+        "" if state == "tracking" else REASON,
+    )  # fmt: skip
+    base = Seen(round(time * 20), time, round(time * 1e9), estimate=estimate, map=MAP, selected=("known", "astar"))
+    return replace(base, **more)  # type: ignore[arg-type]
+
+
+def driving() -> GoalMachine:
+    """A machine that follows path 1 to (4, 0), at 1 s."""
+    machine = GoalMachine(RULES)
+    machine.submit(Goal(1, 4.0, 0.0, None, ()), seen(0.5))
+    machine.step(seen(0.5))
+    machine.step(seen(1.0, answer=Path(1, np.array([(0.0, 0.0), (4.0, 0.0)]), 4.0, None)))
+    assert machine.state == "driving"
+    return machine
+
+
+def ports(out: list[tuple[str, Message]]) -> list[str]:
+    return [port for port, _ in out if port != "feedback"]
+
+
+def results(out: list[tuple[str, Message]]) -> list[GoalResult]:
+    return [message for _, message in out if isinstance(message, GoalResult)]
+
+
+@pytest.mark.parametrize("state", ["searching", "lost"])
+def test_the_drive_stops_as_soon_as_the_localizer_doubts(state: str) -> None:
+    machine = driving()
+    out = machine.step(seen(2.0, state))
+    assert machine.state == "searching" and [m.path_id for p, m in out if p == "drive"] == [0]  # type: ignore[attr-defined]
+    (feedback,) = [message for _, message in out if isinstance(message, Feedback)]
+    assert (feedback.state, feedback.localizer) == ("searching", f"{state}: {REASON}")
+
+
+def test_it_plans_again_from_where_it_is_once_it_knows() -> None:
+    machine = driving()
+    machine.step(seen(2.0, "searching"))
+    assert ports(machine.step(seen(6.0, "lost"))) == []
+    out = machine.step(seen(6.5, x=0.7))
+    (request,) = [m for p, m in out if p == "plan"]
+    assert request.start.x == 0.7 and machine.state == "planning"  # type: ignore[attr-defined]
+    assert not any(m.localizer for _, m in out if isinstance(m, Feedback))
+
+
+def test_it_ends_lost_with_the_reason_and_the_place_after_five_seconds() -> None:
+    machine = driving()
+    machine.step(seen(2.0, "searching", x=1.0))
+    assert results(machine.step(seen(2.0 + UNSURE, "lost", x=1.0))) == []
+    (result,) = results(machine.step(seen(2.05 + UNSURE, "lost", x=1.0)))
+    assert (result.outcome, result.place.x) == ("lost", 1.0)
+    assert result.reason == f"the localizer has not been tracking for 5 s: {REASON}"
+    assert machine.is_idle
+
+
+def test_it_never_succeeds_at_the_goal_while_it_does_not_know_where_it_is() -> None:
+    machine = driving()
+    out = [*machine.step(seen(3.0, "searching", x=4.0)), *machine.step(seen(4.0, "lost", x=4.0))]
+    assert results(out) == []
+    (result,) = results(machine.step(seen(9.0, "lost", x=4.0)))
+    assert result.outcome == "lost"
+
+
+def test_a_recovery_is_called_off() -> None:
+    machine = driving()
+    held = GateStatus("controller", "law", True, False, OBSTACLE, ())
+    for time in (1.5, 2.0, 4.0):
+        machine.step(seen(time, gate=held))
+    assert machine.state == "recovering"
+    out = machine.step(seen(4.5, "searching"))
+    assert [m.active for p, m in out if p == "recovery"] == [False]  # type: ignore[attr-defined]
+
+
+def test_without_a_goal_the_state_is_told_when_it_changes() -> None:
+    machine = GoalMachine(RULES)
+    told = [
+        message.localizer
+        for tick, state in enumerate(("tracking", "searching", "searching", "lost", "tracking"))
+        for _, message in machine.step(seen(tick * 0.05, state))
+        if isinstance(message, Feedback)
+    ]
+    assert told == [f"searching: {REASON}", f"lost: {REASON}", ""]

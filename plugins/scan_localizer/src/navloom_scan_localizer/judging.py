@@ -1,0 +1,108 @@
+"""How sure the tracker may be of its pose: tracking, searching or lost, and why."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_scan_localizer.search import candidates
+from navloom_scan_localizer.tracking import PoseTracker
+
+__all__ = ["Judge"]
+
+Floats = NDArray[np.float64]
+
+_CANDIDATES = 8
+"""Places that are fitted after the rough search."""
+_GOOD = 0.7
+"""Share of the echoes that another place must fit to be taken."""
+_BETTER = 0.1
+"""Share of the echoes that another place must fit more than the pose to be taken."""
+_ALIKE = 0.02
+"""Shares that differ by less are alike: then the place nearest to the pose is taken."""
+
+
+class Judge:
+    """Judges a tracker by its scans and moves it to a better place where there is one.
+
+    The share of echoes that fit the map tells a right pose from a wrong one. Where it is not high, the places round the
+    pose are tried: one that fits clearly better contradicts the odometry, and the tracker continues from there.
+
+    Attributes:
+        state: "tracking"; "searching" since the pose was moved, or since scans do not fit; "lost" when that lasts.
+        reason: Why it is not tracking; else empty.
+    """
+
+    def __init__(self, tracker: PoseTracker) -> None:
+        self.state: Literal["tracking", "searching", "lost"] = "tracking"
+        self.reason = ""
+        self._tracker = tracker
+        self._search_at = -math.inf
+        """When another place is looked for next, s: at the first scan, later once scans have fitted badly."""
+        self._since: float | None = None
+        """When scans began to contradict the state, s; None where the last agreed with it."""
+        self._searching_since = 0.0
+
+    def look(self, beams: Floats, time: float) -> None:
+        """Judge after a correction.
+
+        Args:
+            beams: (n, 4) end point, m, and direction, base frame: those the tracker was corrected with.
+            time: Now, s.
+        """
+        s, share = self._tracker.settings, self._tracker.share
+        if share is not None and share >= s.sure_share:
+            self._search_at = time + s.patience
+        elif share is not None and time >= self._search_at:
+            self._search_at = time + s.search_every
+            if self._move(beams, share):
+                self.state, self._since, self._searching_since = "searching", None, time
+                return
+        doubt = self._doubt()
+        is_tracking = self.state == "tracking"
+        if bool(doubt) != is_tracking:
+            self._since = None
+        elif self._since is None:
+            self._since = time
+        if doubt and not is_tracking:
+            self.reason = doubt
+        if self._since is not None and time - self._since >= s.patience:
+            self.state, self.reason = ("searching", doubt) if is_tracking else ("tracking", "")
+            self._since, self._searching_since = None, time
+        elif self.state == "searching" and time - self._searching_since >= s.lost_after:
+            self.state = "lost"
+
+    def _doubt(self) -> str:
+        """Why the pose is not to be trusted; empty where it is."""
+        s, share = self._tracker.settings, self._tracker.share
+        if share is not None and share < s.trusted_share:
+            return f"{share:.0%} of the echoes fit the map, less than {s.trusted_share:.0%}"
+        sigma = math.sqrt(float(np.linalg.eigvalsh(self._tracker.covariance[:2, :2])[-1]))
+        if sigma > s.lost_sigma:
+            return f"the position has a standard deviation of {sigma:.2f} m, more than {s.lost_sigma:g} m"
+        return ""
+
+    def _move(self, beams: Floats, share: float) -> bool:
+        """Continue from the best place round the pose, where it is trusted and fits clearly better."""
+        tracker, s = self._tracker, self._tracker.settings
+        wide = np.diag([s.search_reach**2, s.search_reach**2, s.search_turn**2]) + tracker.covariance
+        fits = []
+        for place in candidates(tracker.field, beams, tracker.pose, s.search_reach, s.search_turn, _CANDIDATES):
+            pose, fused, inliers = tracker.fit(beams, place, wide)
+            off = pose - tracker.pose
+            off[2] = math.remainder(off[2], math.tau)
+            fits.append((inliers / len(beams), float(off @ np.linalg.solve(wide, off)), pose, fused, off))
+        best = max((fit[0] for fit in fits), default=0.0)
+        if best < _GOOD or best < share + _BETTER:
+            return False
+        _, _, pose, fused, off = min((fit for fit in fits if fit[0] > best - _ALIKE), key=lambda fit: fit[1])
+        tracker.relocate(pose, np.linalg.inv(fused).astype(np.float64))
+        moved, turned = math.hypot(off[0], off[1]), abs(math.degrees(off[2]))
+        self.reason = (
+            f"{best:.0%} of the echoes fit the map {moved:.2f} m and {turned:.0f} deg from where odometry leads, "
+            f"{share:.0%} there"
+        )
+        return True

@@ -1,0 +1,145 @@
+"""How sure the localizer is: right poses are tracked, wrong ones corrected, searched for or lost."""
+
+import math
+
+import numpy as np
+import pytest
+from navloom_scan_localizer.field import distance_field
+from navloom_scan_localizer.judging import Judge
+from navloom_scan_localizer.search import candidates
+from navloom_scan_localizer.tracking import PoseTracker, Settings
+from scan_localizer_rooms import beams_of, fan, ranges_in, room
+
+CELL, PERIOD = 0.1, 0.05
+BEARINGS = fan(181)
+TRUE = np.array([3.0, 2.5, 0.3])
+
+
+def furnished():
+    """A room of 6 m with a niche and two cupboards, so that it looks different from everywhere."""
+    occupied = room()
+    occupied[10:16, 1:5] = occupied[40:58, 44:48] = occupied[50:54, 12:20] = True
+    return occupied
+
+
+ROOM = furnished()
+FIELD = distance_field(ROOM, CELL, (0.0, 0.0, 0.0), 1.0)
+
+
+class Robot:
+    """A tracker and its judge at a standstill."""
+
+    def __init__(self, believed, field=FIELD, **settings):
+        self.tracker = PoseTracker(Settings(**settings), field, np.array(believed, dtype=float))
+        self.judge, self.time, self.rng = Judge(self.tracker), 0.0, np.random.default_rng(1)
+
+    def see(self, scene, seconds, true=TRUE, sigma=0.03):
+        """Look at a scene from the true pose; gives the states one after another."""
+        states = []
+        for _ in range(round(seconds / PERIOD)):
+            ranges = ranges_in(scene, CELL, true, BEARINGS, 10.0)
+            beams = beams_of(ranges + sigma * self.rng.standard_normal(len(ranges)), BEARINGS)
+            self.tracker.predict(np.zeros(3), PERIOD)
+            self.tracker.correct(beams)
+            self.judge.look(beams, self.time)
+            self.time += PERIOD
+            states.append(self.judge.state)
+        return states
+
+    def error(self, true=TRUE):
+        off = self.tracker.pose - true
+        return math.hypot(off[0], off[1]), abs(math.remainder(off[2], math.tau))
+
+
+def cluttered():
+    """The room with three things of 0.3 m that the map does not know: a fifth of the echoes are theirs."""
+    occupied = furnished()
+    for row, column in ((18, 40), (35, 40), (42, 30)):
+        occupied[row : row + 3, column : column + 3] = True
+    return occupied
+
+
+def crate():
+    """Walls close round the robot that hide the room."""
+    occupied = np.zeros_like(ROOM)
+    occupied[15:36, 20:41] = room(21, 21)
+    return occupied
+
+
+@pytest.mark.parametrize("scene", [ROOM, cluttered()], ids=["as mapped", "with unmapped things"])
+def test_a_right_start_is_tracked_from_the_first_scan_on(scene):
+    robot = Robot(TRUE)
+    assert set(robot.see(scene, 3.0)) == {"tracking"} and robot.judge.reason == ""
+    assert robot.error()[0] < 0.03
+
+
+@pytest.mark.parametrize("scene", [ROOM, cluttered()], ids=["as mapped", "with unmapped things"])
+@pytest.mark.parametrize("degrees", range(0, 360, 45))
+@pytest.mark.parametrize("turn", [-15.0, 15.0])
+def test_a_start_off_by_half_a_metre_and_15_degrees_is_corrected(scene, degrees, turn):
+    way = math.radians(degrees)
+    robot = Robot(TRUE + (0.5 * math.cos(way), 0.5 * math.sin(way), math.radians(turn)))
+    states = robot.see(scene, 1.5)
+    assert states[0] == "searching" and states[-1] == "tracking"
+    place, heading = robot.error()
+    assert place < 0.05 and heading < math.radians(1.0)
+
+
+def test_while_it_searches_it_says_how_far_odometry_leads_astray():
+    robot = Robot(TRUE + (0.4, 0.3, math.radians(15.0)))
+    robot.see(ROOM, PERIOD)
+    # 0.50 m and 15 deg, less the 0.03 m and 2 deg that the first scan may correct.
+    assert "100% of the echoes fit the map 0.47 m and 13 deg from where odometry leads" in robot.judge.reason
+    robot.see(ROOM, 1.0)
+    assert robot.judge.reason == ""
+
+
+def test_what_does_not_fit_is_searched_for_and_then_lost():
+    robot = Robot(TRUE)
+    states = robot.see(crate(), 5.0)
+    # 0.5 s of patience, then 3 s of searching.
+    assert states.index("searching") == pytest.approx(10, abs=1)
+    assert states.index("lost") == pytest.approx(70, abs=2)
+    assert states[-1] == "lost" and "of the echoes fit the map, less than 40%" in robot.judge.reason
+
+
+def test_it_tracks_again_once_it_sees_the_room_again():
+    robot = Robot(TRUE)
+    robot.see(crate(), 5.0)
+    states = robot.see(ROOM, 1.0)
+    assert states[0] == "lost" and states[-1] == "tracking" and robot.judge.reason == ""
+    assert robot.error()[0] < 0.05
+
+
+def test_what_passes_by_for_a_moment_changes_nothing():
+    robot = Robot(TRUE)
+    assert set(robot.see(ROOM, 1.0) + robot.see(crate(), 0.4) + robot.see(ROOM, 1.0)) == {"tracking"}
+
+
+def test_a_place_that_is_uncertain_for_long_is_not_trusted():
+    robot = Robot(TRUE, lost_sigma=0.3)
+    robot.tracker.covariance = np.diag([0.16, 0.01, 0.01])
+    for tick in range(12):
+        robot.judge.look(np.empty((0, 4)), tick * PERIOD)  # no echo
+    assert robot.judge.state == "searching"
+    assert robot.judge.reason == "the position has a standard deviation of 0.40 m, more than 0.3 m"
+
+
+def test_along_a_bare_corridor_the_place_of_the_odometry_is_kept():
+    occupied = np.zeros((26, 600), dtype=np.bool_)
+    occupied[[2, 23]] = True
+    true = np.array([30.0, 1.3, 0.0])
+    robot = Robot(true + (0.3, 0.4, math.radians(15.0)), distance_field(occupied, CELL, (0.0, 0.0, 0.0), 1.0))
+    assert robot.see(occupied, 1.5, true)[-1] == "tracking"
+    assert abs(robot.tracker.pose[1] - true[1]) < 0.03 and abs(robot.tracker.pose[0] - true[0] - 0.3) < 0.15
+    assert math.sqrt(robot.tracker.covariance[0, 0]) > 0.3  # and it says so
+
+
+def test_candidates_lie_apart_with_the_true_place_among_them():
+    beams = beams_of(ranges_in(ROOM, CELL, TRUE, BEARINGS, 10.0), BEARINGS)
+    found = candidates(FIELD, beams, TRUE + (0.42, -0.33, 0.2), 0.7, math.radians(20.0), 8)
+    assert len(found) == 8
+    assert min(np.abs(pose - TRUE) @ (1.0, 1.0, 1.0) for pose in found) < 0.2
+    for k, pose in enumerate(found):
+        steps = np.abs(found[:k] - pose) / (0.1, 0.1, math.radians(2.5))
+        assert (steps.max(axis=1) > 2.5).all()

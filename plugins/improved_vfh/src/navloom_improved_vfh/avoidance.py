@@ -16,6 +16,7 @@ from navloom_improved_vfh.histogram import enlarged_density, free_slots, sector_
 from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, RotationSearch, Trap
 from navloom_improved_vfh.steering import forward_speed, is_turning, select_direction, turn_rate, wrap
+from navloom_improved_vfh.support import new_record
 
 if TYPE_CHECKING:
     from navloom_improved_vfh.params import ImprovedVfhParams
@@ -187,6 +188,7 @@ class Avoidance:
         """Forget the window and the search."""
         p = self.params
         self.grid, self.origin = new_window(p.window)
+        self.heard = new_record(p.window if p.consistency else 0)
         self.search = RotationSearch(math.radians(p.rotation_deg))
         self.progress = Progress(p.progress_step, p.target_shift)
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
@@ -246,6 +248,7 @@ class Avoidance:
             self.grid, self.origin, p.cell, pose, beams.origins, beams.bearings, beams.half_angles,
             beams.ranges, beams.limits, sensors, p.clear_margin,
             p.blind_depth, p.clears_blind_zone, p.reset_scope == "window",
+            self.heard, p.consistency,
         )  # fmt: skip
 
     def look(self, pose: Pose, twist: tuple[float, float], target: Point) -> View:

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from navloom_improved_vfh.support import age_record, has_support
+
 AXIS_CERTAINTY = 3
 ARC_CERTAINTY = 2
 THIN_BEAM = 0.02  # rad: narrower beams are lines, their cone would slip between the cell centres
@@ -122,13 +124,30 @@ def clear_ray(
 
 @njit(cache=True, nogil=True)
 def mark_point(
-    grid: NDArray[np.uint8], origin: NDArray[np.int64], cell: float, x: float, y: float, certainty: int
+    grid: NDArray[np.uint8],
+    origin: NDArray[np.int64],
+    cell: float,
+    x: float,
+    y: float,
+    certainty: int,
+    heard: NDArray[np.int64],
 ) -> None:
-    """Assign a certainty to the cell of a point, m, pose frame; outside the window nothing happens."""
+    """Assign a certainty to the cell of an echo, if it has support; outside the window nothing happens.
+
+    Args:
+        grid, origin, cell: Window, in place, and side of a cell, m.
+        x, y: Echo, m, pose frame.
+        certainty: 2 or 3.
+        heard: From support.new_record(), in place; (0, 0): every echo counts at once.
+    """
     size = grid.shape[0]
     c = math.floor(x / cell) - origin[0]
     r = math.floor(y / cell) - origin[1]
-    if 0 <= c < size and 0 <= r < size:
+    if not (0 <= c < size and 0 <= r < size):
+        return
+    if heard.size > 0:
+        heard[r, c] |= 1
+    if heard.size == 0 or has_support(heard, r, c):
         grid[r, c] = certainty
 
 
@@ -200,6 +219,7 @@ def mark_echo(
     sensors: NDArray[np.int64],
     margin: float,
     distance: float,
+    heard: NDArray[np.int64],
 ) -> None:
     """Assign 2 along the arc of beam i at a distance, m, but for points that another cone of its sensor sees through.
 
@@ -207,7 +227,7 @@ def mark_echo(
         grid, origin, cell: Window, in place, and side of a cell, m.
         placed: From place_beams(). half_angles: (n,), rad. nearest: (n,), near end of what each beam clears, m.
         sensors: (n,), number of the sensor of each beam; negative compares with no other.
-        margin: m, as for clear_cone().
+        margin: m, as for clear_cone(). heard: As for mark_point().
     """
     half = half_angles[i]
     count = math.ceil(4.0 * half * distance / cell)
@@ -219,7 +239,7 @@ def mark_echo(
     for _ in range(count + 1):
         x, y = placed[i, 0] + dx, placed[i, 1] + dy
         if sensors[i] < 0 or not is_seen_through(x, y, i, placed, nearest, sensors, margin):
-            mark_point(grid, origin, cell, x, y, ARC_CERTAINTY)
+            mark_point(grid, origin, cell, x, y, ARC_CERTAINTY, heard)
         dx, dy = dx * cos_s - dy * sin_s, dx * sin_s + dy * cos_s
 
 
@@ -239,6 +259,8 @@ def insert_beams(
     blind_depth: float,
     clears_blind_zone: bool,
     forgets: bool,
+    heard: NDArray[np.int64],
+    memory: int,
 ) -> None:
     """Move the window to the robot and assign the readings of all beams: the switch law of Fig. 5.
 
@@ -257,7 +279,15 @@ def insert_beams(
         blind_depth: A reading at the least range may be of something nearer, m: arcs are drawn this far before it.
         clears_blind_zone: Whether other readings clear what is nearer than the least range.
         forgets: True sets every other cell of the window to 0 (literal reading of the paper).
+        heard: From support.new_record(), in place. An echo of a cone counts only where an earlier one lay in the same
+            cell or beside it and no cone has seen through it since; thin beams count at once. (0, 0): every echo
+            counts (the paper).
+        memory: How many scans `heard` keeps an echo.
     """
+    if heard.size > 0:
+        scroll_window(heard, origin.copy(), pose[0], pose[1], cell)
+        age_record(heard, memory)
+    at_once = np.zeros((0, 0), np.int64)
     scroll_window(grid, origin, pose[0], pose[1], cell)
     if forgets:
         grid[:, :] = 0
@@ -270,16 +300,19 @@ def insert_beams(
             clear_ray(grid, origin, cell, apex, axis, nearest[i], far)
         else:
             clear_cone(grid, origin, cell, apex, axis, half_angles[i], nearest[i], far, clear_margin)
+            if heard.size > 0:
+                clear_cone(heard, origin, cell, apex, axis, half_angles[i], nearest[i], far, clear_margin)
     for i in range(ranges.size):
         distance = placed[i, 5]
         least = distance - (blind_depth if distance <= limits[i, 0] else 0.0)
+        record = at_once if half_angles[i] < THIN_BEAM else heard
         while 0.0 < distance < np.inf and distance >= least:
-            mark_echo(grid, origin, cell, i, placed, half_angles, nearest, sensors, clear_margin, distance)
+            mark_echo(grid, origin, cell, i, placed, half_angles, nearest, sensors, clear_margin, distance, record)
             distance -= 0.5 * cell
     for i in range(ranges.size):
         if placed[i, 5] < np.inf:
             x, y = placed[i, 0] + placed[i, 5] * placed[i, 2], placed[i, 1] + placed[i, 5] * placed[i, 3]
-            mark_point(grid, origin, cell, x, y, AXIS_CERTAINTY)
+            mark_point(grid, origin, cell, x, y, AXIS_CERTAINTY, at_once if half_angles[i] < THIN_BEAM else heard)
 
 
 @njit(cache=True, nogil=True)

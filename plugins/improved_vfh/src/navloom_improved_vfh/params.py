@@ -5,6 +5,8 @@ from typing import Any, Literal
 from navloom import Params
 from pydantic import Field
 
+from navloom_improved_vfh.support import LONGEST_MEMORY
+
 
 class ImprovedVfhParams(Params):
     """Hoang et al. 2013, III.C. Where the paper prints a value it is the default, or named in the description."""
@@ -26,6 +28,12 @@ class ImprovedVfhParams(Params):
     )
     clear_margin: float = Field(
         0.05, ge=0.0, le=0.5, description="Left uncleared before an echo and along a cone's flanks, m. Paper: 0."
+    )
+    consistency: int = Field(
+        0,
+        ge=0,
+        le=LONGEST_MEMORY,
+        description="An echo of a cone counts only if one of this many scans before supports it, scans. Paper: 0.",
     )
     clears_footprint: bool = Field(True, description="Cells deep under the robot are set to 0. Paper: false.")
     agreement: float = Field(

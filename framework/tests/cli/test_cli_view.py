@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from importlib import import_module
+from multiprocessing import active_children
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -191,6 +192,7 @@ def test_a_display_that_does_not_answer_is_said_before_anything_runs(
     assert (code, said) == (2, "")
     assert re.fullmatch(r"navloom: the viewer opens no window: [^/]+; --web serves .*, --rerun F.rrd keeps .*\n", err)
     assert not (tmp_path / "out").exists()
+    assert not [one for one in active_children() if "viewer" in one.name]
 
 
 def test_a_viewer_that_fails_later_is_said_after_the_result_and_the_exit_code_is_1(

@@ -167,7 +167,11 @@ class Program:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(max(0.0, self._window_by - time.monotonic()))
         if self.process.poll():
-            raise ViewerError(f"the viewer opens no window: {self._last_words()}; {SERVED}, {KEPT}")
+            raise ViewerError(self._no_window())
+
+    def _no_window(self) -> str:
+        """Why there is no window, and what to do."""
+        return f"the viewer opens no window: {self._last_words()}; {SERVED}, {KEPT}"
 
     def leave(self, say: Callable[[str], None], serves: bool = True) -> None:
         """Leave a window open; of a web server, serve until Ctrl-C, or not at all, and end it.
@@ -200,7 +204,9 @@ class Program:
         limit = time.monotonic() + STARTED
         while not is_up(HOST, self.port):
             if self.process.poll() is not None:
-                raise ViewerError(f"the viewer did not start: {self._last_words()}")
+                raise ViewerError(
+                    self._no_window() if self._opens_window else f"the viewer did not start: {self._last_words()}"
+                )
             if time.monotonic() > limit:
                 self.end()
                 raise ViewerError(f"the viewer does not listen {STARTED:g} s after its start")

@@ -118,13 +118,18 @@ def showing(
     try:
         bridge = Bridge(order)
         bridge.await_start()
-        if program is not None:
-            program.await_window()
     except BaseException:
         if program is not None:
             program.end()
         raise
     found = Showing(bridge, program, where.file, say)
+    if program is not None:
+        try:
+            program.await_window()
+        except BaseException:
+            found.finish()
+            program.end()
+            raise
     is_over = False
     try:
         yield found

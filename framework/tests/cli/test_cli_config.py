@@ -58,7 +58,7 @@ def test_show_has_what_holds_and_where_it_came_from(in_process: CommandLine) -> 
     shown = values(in_process, "building", "--set", "sensor.laser.beams=99")
     assert shown["sensor.0.beams"] == (99, "--set")
     assert shown["sensor.0.range_max"] == (20.0, "file")
-    assert shown["sensor.0.sigma"] == (0.01, "default")  # of the platform
+    assert shown["sensor.0.dropout"] == (0.0, "default")  # of the platform
     assert shown["avoider.sensors"] == (["laser"], "default")
     assert shown["mapper.name"] == ("known_map", "default")
     assert shown["navigation.goal.y"] == (6.0, "world")

@@ -184,3 +184,12 @@ def test_a_single_wild_reading_stops_nobody() -> None:
     drive.scan = lambda stamp: replace(scan(stamp), ranges=np.where(np.arange(271) == 135, 0.4, scan(stamp).ranges))  # type: ignore[method-assign]
     assert drive.step(0.5).share == 1.0
     assert drive.step(0.5).share < 1.0  # said twice, it counts
+
+
+def test_a_platform_that_starts_again_elsewhere_is_no_robot_in_unseen_space() -> None:
+    """A restarted platform counts its odometry from 0; what was known of the place before says nothing of this one."""
+    drive = Drive(LIMITS, wall(20.0))
+    while drive.pose[0] < 2.0:
+        drive.step(0.5)
+    drive.pose, drive.twist, drive.speed = [-8.0, 3.0, 1.0], [0.0, 0.0], 0.0
+    assert [drive.step(0.2, 0.3).kind for _ in range(5)] == [""] * 5

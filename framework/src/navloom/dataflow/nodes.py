@@ -195,7 +195,7 @@ class AvoiderNode:
         estimate, reference = given["pose"], given["reference"]
         scans = self.scans.read(given)
         ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
-        status = given["gate"]
+        status = given.get("gate")  # an imported log has no gate
         seen = AvoiderInput(
             tick.time_ns,
             scans,

@@ -33,6 +33,12 @@ KEEP = 0.5
 """How long an echo counts, s; of each sensor the last two scans always do."""
 UNSEEN_MEMORY = 5.0
 """Space that was seen or stood in counts as known for this long a way, m."""
+JUMP, FASTEST = 0.3, 5.0
+"""Odometry that moves further than this, m and m/s, is that of a platform that started again."""
+SILENT = 1.0
+"""... so is odometry that comes after this time without any, s: where the robot was moved meanwhile is not known."""
+BACK = 1.0
+"""... and so is one whose clock goes back by more than this, s."""
 HALVINGS = 5
 """Steps of the search for the largest share."""
 LEAST_SHARE = 0.05
@@ -115,6 +121,14 @@ class Monitor:
         self.ignores_unseen = False
         self._outline = np.ascontiguousarray(limits.footprint, dtype=np.float64)
         self._radius = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max())
+        self._motor = np.array(
+            [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
+        )
+        self._rolled = np.empty((MOST_POSES, 3))
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing of where the robot is, as after a platform that started again."""
         self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
         self._sensors: dict[str, _Sensor] = {}
         self._stamps: list[float] = []
@@ -123,15 +137,13 @@ class Monitor:
         self._ways: list[float] = []
         self._waiting: list[tuple[str, RangeScan]] = []
         self._given: deque[tuple[float, float, float]] = deque()
-        self._motor = np.array(
-            [limits.period, limits.deceleration, min(limits.turn_deceleration, 1e6), limits.lag, limits.dead_time]
-        )
-        self._rolled = np.empty((MOST_POSES, 3))
         self._is_free = True
 
     def move(self, odometry: Odometry) -> None:
         """Take up where the robot is by its odometry."""
         pose, time = odometry.pose, odometry.stamp_ns * 1e-9
+        if self._stamps and self._begins_again(pose, time):
+            self.forget()
         if self._stamps and time <= self._stamps[-1]:
             return
         heading, way = pose.heading, 0.0
@@ -150,6 +162,13 @@ class Monitor:
         waiting, self._waiting = self._waiting, []
         for name, scan in waiting:
             self.look(name, scan)
+
+    def _begins_again(self, pose: Pose2D, time: float) -> bool:
+        """The odometry was silent, jumps, or its clock goes back by more than a late message: it started again."""
+        x, y, _ = self._poses[-1]
+        passed = time - self._stamps[-1]
+        jumps = math.hypot(pose.x - x, pose.y - y) > JUMP + FASTEST * abs(passed)
+        return passed < -BACK or passed > max(SILENT, 5.0 * self.limits.period) or (passed > 0.0 and jumps)
 
     def look(self, name: str, scan: RangeScan) -> bool:
         """Take up a scan of a sensor, once the odometry of its time is there; False for one that is known."""

@@ -13,6 +13,7 @@ from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_ce
 from navloom_improved_vfh.clearance import footprint_edges
 from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, Trap
+from navloom_improved_vfh.support import new_record
 from navloom_improved_vfh.smoothing import smoothed
 from numpy.typing import NDArray
 
@@ -125,6 +126,7 @@ class DynamicWindow:
         self.distance, self.cost_to_go = (np.zeros((p.field, p.field), np.int32) for _ in range(2))
         self._obstacles, self._gaps = np.zeros((MOST_OBSTACLES, 3)), np.zeros(MOST_OBSTACLES)
         self._points, self._cells = np.zeros((MOST_POINTS, 3)), np.zeros((p.cone_window**2, 3))
+        self._at_once = new_record(0)
         self.reset()
 
     def reset(self) -> None:
@@ -189,6 +191,7 @@ class DynamicWindow:
             insert_beams(
                 self.grid, self.grid_origin, p.cone_cell, pose, cones.origins, cones.bearings, cones.half_angles,
                 cones.ranges, cones.limits, cones.sensors, 0.5 * p.cone_cell, p.blind_depth, True, False,
+                self._at_once, 0,
             )  # fmt: skip
         cells = self._cells[:0]
         if self.has_cones:

@@ -119,13 +119,13 @@ class Program:
 
     def __init__(self, web: bool = False, files: Sequence[Path] = (), options: Sequence[str] = ()) -> None:
         need_rerun()
+        self._opens_window = not web and WINDOWLESS.isdisjoint(options)
         binary = Path(str(import_module("rerun_cli").__file__)).parent / ("rerun.exe" if os.name == "nt" else "rerun")
         self._words: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the program
         with claimed_port(PORT) as self.port, claimed_port(WEB_PORT) as web_port:
             self.web_port = web_port if web else None
             self._start(binary, files, options)
             self._await_start()
-        self._opens_window = not web and WINDOWLESS.isdisjoint(options)
         self._window_by = time.monotonic() + WINDOW
 
     def _start(self, binary: Path, files: Sequence[Path], options: Sequence[str]) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from navloom_dwa.contact import annulus, disc_contact, enlarged_corners, first_contacts, polygon_contact
 from navloom_dwa.objective import arc_pose
@@ -144,6 +144,7 @@ def test_a_square_with_a_margin_is_a_greater_square_and_a_sharp_corner_moves_out
 
 
 @settings(max_examples=80)
+@example([(1.0, 0.25), (1.0, 0.0)], True)  # the disc is met before the side that the points are sorted by
 @given(st.lists(places, min_size=1, max_size=12), st.booleans())
 def test_first_contacts_is_the_least_over_all_points(points, is_disc):
     """The rejections by annulus and by distance change nothing."""

@@ -13,8 +13,8 @@ from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_ce
 from navloom_improved_vfh.clearance import footprint_edges
 from navloom_improved_vfh.motors import Motors
 from navloom_improved_vfh.search import Progress, Trap
-from navloom_improved_vfh.support import new_record
 from navloom_improved_vfh.smoothing import smoothed
+from navloom_improved_vfh.support import new_record
 from numpy.typing import NDArray
 
 from navloom_dwa.contact import enlarged_corners, first_contacts

@@ -150,6 +150,7 @@ def first_contacts(
     reach = 0.0
     for k in range(corners.shape[0]):
         reach = max(reach, math.hypot(corners[k, 0], corners[k, 1]))
+    slack = radius - edges[:, 2].min() if is_disc else 0.0  # the disc reaches beyond the sides
     for j in range(arcs.shape[0]):
         v, w = arcs[j, 0], arcs[j, 1]
         fastest = abs(v) + abs(w) * reach
@@ -158,7 +159,7 @@ def first_contacts(
         near, far = annulus(corners, edges, margin, centre)
         best = longest
         for i in range(points.shape[0]):
-            if gaps[i] - margin >= best * fastest:
+            if gaps[i] - slack - margin >= best * fastest:
                 break
             x, y = points[i, 0], points[i, 1]
             if is_disc:

@@ -29,10 +29,11 @@ from navloom.plugins import Registry
 START, END = 120.0, 30.0
 """s that a command may take to begin, and to end after it was told to."""
 STAYING = {
-    "up": "every node is there", "goal": "driving", "record": "recording", "echo": "", "teleop": "x ends",
+    "up": "every node is there", "goal": "driving|succeeded", "record": "recording", "echo": "", "teleop": "x ends",
     "replay": "publish",
 }  # fmt: skip
-"""Commands that need a terminal of their own, and what they say once they do what they are for."""
+"""Commands that need a terminal of their own, and a pattern of what they say once they do what they are for. A robot
+that was stopped before it left is at its goal already."""
 MAY_FIND = {"doctor", "compare", "report"}
 """Commands whose exit code is 1 where what they look at is not as it should be."""
 MAY_MISS = [["run", "explore"]]
@@ -64,10 +65,10 @@ class Terminal:
 
     def wait(self) -> None:
         """Until it does what it is for."""
-        awaited = STAYING[self.command]
+        awaited = re.compile(STAYING[self.command])
         with self._news:
-            self._news.wait_for(lambda: self._over or any(awaited in line for line in self.said), START)
-        assert any(awaited in line for line in self.said), f"{self.step}: {awaited!r} was not said: {self.said}"
+            self._news.wait_for(lambda: self._over or any(map(awaited.search, self.said)), START)
+        assert any(map(awaited.search, self.said)), f"{self.step}: {awaited.pattern!r} was not said: {self.said}"
 
     def _read(self) -> None:
         assert self.process.stdout is not None

@@ -101,15 +101,30 @@ def test_what_lies_behind_is_not_in_the_way() -> None:
 
 def test_what_lies_on_the_robots_own_way_engages_beside_the_trajectory_too() -> None:
     """The trajectory leads straight on and is free; the robot turns left, where something stands."""
-    echo = scan(math.radians(30.0), 0.8)  # at (0.69, 0.4)
+    echo = scan(math.radians(30.0), 0.6)  # at (0.52, 0.3), 0.18 m beside the arc
     own = own_way(BASE, Twist2D(0.5, 0.0, 0.5), 1.2)
-    assert not HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.3).engaged
-    seen = HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.3, own)
-    assert seen.engaged and seen.nearest == pytest.approx(0.8)
+    assert not HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.25).engaged
+    seen = HandOverRule("when_blocked", release=0.5).step(0.0, [echo], BASE, WAY, 0.25, own)
+    assert seen.engaged and seen.nearest == pytest.approx(0.6)
+    narrower = HandOverRule("when_blocked", release=0.5, margin=0.1)
+    assert not narrower.step(0.0, [echo], BASE, WAY, 0.25, own).engaged
+
+
+def test_the_noise_of_a_laser_is_averaged_before_it_counts() -> None:
+    """One of seven beams at a wall 0.42 m beside the way reads 7 cm too short: their mean is 1 cm short."""
+    ranges = np.full(7, 0.42)
+    ranges[3] -= 0.07
+    bearings = math.pi / 2 + np.linspace(-0.003, 0.003, 7)
+    for half_angle, is_blocked in ((0.0, False), (0.26, True)):
+        halves = np.full(7, half_angle)
+        heard = RangeScan(0, np.zeros((7, 2)), bearings, halves, np.zeros(7), ranges, 0.1, 4.0)
+        memory = EchoMemory(keep=0.5, spread=0.0)
+        memory.add(heard, BASE, 0.0)
+        assert math.isfinite(memory.nearest(BASE, WAY, 0.4, 0.0)) is is_blocked
 
 
 def test_the_own_way_is_an_arc_of_the_commanded_curvature() -> None:
-    """At 0.5 m/s and 0.5 rad/s, radius 1 m: after 2 s, 1 m along, it is at (sin 1, 1 - cos 1)."""
-    assert own_way(BASE, Twist2D(0.5, 0.0, 0.5), 5.0)[-1] == pytest.approx((math.sin(1.0), 1.0 - math.cos(1.0)))
-    assert own_way(BASE, Twist2D(0.1, 0.0, 1.0), 5.0)[-1] == pytest.approx((0.1, 0.1))  # a quarter turn at most
+    """At 0.5 m/s and 0.5 rad/s, radius 1 m: after 1 s, 0.5 m along, it is at (sin 0.5, 1 - cos 0.5)."""
+    assert own_way(BASE, Twist2D(0.5, 0.0, 0.5), 5.0)[-1] == pytest.approx((math.sin(0.5), 1.0 - math.cos(0.5)))
+    assert own_way(BASE, Twist2D(0.2, 0.0, 2.0), 5.0)[-1] == pytest.approx((0.1, 0.1))  # a quarter turn at most
     assert len(own_way(BASE, Twist2D(0.0, 0.0, 1.0), 5.0)) == 0

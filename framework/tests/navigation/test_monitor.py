@@ -105,12 +105,13 @@ def wall(x: float, angle: float = 0.0) -> np.ndarray:
 
 
 def drive_on(drive: Drive, vx: float, wz: float = 0.0, seconds: float = 12.0) -> float:
-    """The least gap on the way, m, until the robot stands or the time is over."""
-    least = math.inf
+    """The least gap on the way, m, until the robot has stood for a second or the time is over."""
+    least, still = math.inf, 0
     for _ in range(round(seconds / PERIOD)):
         drive.step(vx, wz)
         least = min(least, drive.gap)
-        if drive.tick > 40 and max(map(abs, drive.twist)) < 1e-3:
+        still = still + 1 if max(map(abs, drive.twist)) < 1e-3 else 0
+        if drive.tick > 40 and still >= 20:
             break
     return least
 
@@ -163,6 +164,32 @@ def test_a_gap_of_5_cm_a_side_is_passed_with_a_noisy_laser() -> None:
     while drive.pose[0] < 4.0 and drive.tick < 800:
         drive.step(0.5)
     assert drive.pose[0] >= 4.0 and drive.tick * PERIOD < 20.0
+
+
+def test_a_fast_robot_keeps_further_from_what_it_passes() -> None:
+    """A post 2 cm beside the way: at 0.05 m/s it is passed as it is, from 0.5 m/s on slower."""
+    post = np.array([[1.0, 0.22], [1.0, 0.221]])
+    slow, fast = Drive(LIMITS, post), Drive(LIMITS, post)
+    assert min(slow.step(0.05).share for _ in range(600)) == 1.0
+    passing = []
+    while fast.pose[0] < 2.0:
+        fast.step(0.5)
+        if 0.7 < fast.pose[0] < 1.2:
+            passing.append(fast.twist[0])
+    assert min(passing) < 0.25
+
+
+def test_what_left_the_field_of_view_counts_until_it_is_looked_at_again() -> None:
+    """A post 0.5 m away on the left is straight behind after a turn by 115°, where no beam of the laser points."""
+    drive = Drive(LIMITS, np.array([[0.21, 0.45], [0.21, 0.452]]))
+    for _ in range(80):
+        drive.step(0.0, -0.5)
+    for _ in range(40):
+        drive.step(0.0)
+    assert not np.isfinite(drive.scan(0).ranges).any()
+    drive.monitor.ignores_unseen = True
+    assert drive_on(drive, -0.2) > 0.0
+    assert drive.last is not None and drive.last.kind == "obstacle"
 
 
 def test_it_backs_up_where_it_came_from_and_no_further() -> None:

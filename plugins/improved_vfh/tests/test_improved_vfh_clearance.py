@@ -16,12 +16,12 @@ def cells(*points):
     return np.array([[x, y, 3.0] for x, y in points]).reshape(-1, 3)
 
 
-def free(points, command, speed=0.0, margin=0.05, lag=0.0, dead_time=0.0):
+def free(points, command, speed=0.0, margin=0.05, lag=0.0, dead_time=0.0, floor=0.05):
     """is_free() at a speed and turn rate that the newest command asked for too."""
     twist = (speed, command[1])
     in_flight = np.array([twist])
     return is_free(
-        cells(*points), EDGES, twist, command, 0.05, 0.5, 1.0, 0.2, margin, in_flight, lag, dead_time
+        cells(*points), EDGES, twist, command, 0.05, 0.5, 1.0, 0.2, margin, floor, in_flight, lag, dead_time
     )  # fmt: skip
 
 
@@ -29,7 +29,7 @@ def reduced(points, command, speed=0.0, creep=0.1, margin=0.05):
     twist = (speed, command[1])
     in_flight = np.array([twist])
     return free_command(
-        cells(*points), EDGES, twist, command, creep, 0.05, 0.5, 1.0, 0.2, margin, in_flight, 0.0, 0.0
+        cells(*points), EDGES, twist, command, creep, 0.05, 0.5, 1.0, 0.2, margin, margin, in_flight, 0.0, 0.0
     )  # fmt: skip
 
 
@@ -100,3 +100,11 @@ def test_what_is_sent_is_free_or_nothing(points, speed, turn):
     assert sent == (0.0, 0.0) or free(outside, sent)
     assert abs(sent[1]) <= abs(turn) + 1e-12
     assert sent[0] <= max(speed, 0.1)
+
+
+def test_a_cell_within_the_margin_may_come_nearer_by_a_share_of_what_is_left_to_the_floor():
+    """4 cm before the side of the square, floor 2 cm: a turn that takes 5 mm of it is free, all of it is not."""
+    beside = [(0.0, 0.44)]
+    assert not free(beside, (0.0, 0.05), margin=0.05)
+    assert free([(0.1, 0.44)], (0.0, 0.05), margin=0.05, floor=0.02)
+    assert not free([(0.35, 0.44)], (0.0, 0.5), margin=0.05, floor=0.02)

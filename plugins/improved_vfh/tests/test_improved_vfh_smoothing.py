@@ -26,10 +26,13 @@ def test_the_noise_of_a_wall_falls_to_less_than_half():
     assert smoothed(ranges, 8.0, 0.1).std() < 0.5 * ranges.std()
 
 
-@pytest.mark.parametrize(("half_angle", "margin"), [(0.0, 0.08), (0.26, 0.12)])
-def test_a_laser_needs_less_margin_than_a_cone(half_angle, margin):
+@pytest.mark.parametrize(
+    ("half_angle", "margin", "radius", "cells"), [(0.0, 0.06, 0.43, (67, 0.05)), (0.26, 0.12, 0.45, (33, 0.1))]
+)
+def test_a_laser_needs_less_margin_and_smaller_cells_than_a_cone(half_angle, margin, radius, cells):
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     method = Avoidance(ImprovedVfhParams(), Robot(square, 0.5, 0.4, 0.5, 1.0), 0.05)
     limits, sensors = np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64)
     method.sense(Beams(np.zeros((2, 2)), np.zeros(2), np.full(2, half_angle), np.ones(2), limits, sensors), (0, 0, 0))
-    assert method.arc_margin == margin
+    assert (method.arc_margin, method.radius) == (margin, pytest.approx(radius))
+    assert (len(method.grid), method.cell) == cells  # 3.3 m wide

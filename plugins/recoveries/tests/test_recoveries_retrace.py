@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from navloom import RangeScan
+from navloom_recoveries.adapter import less_noisy
 from navloom_recoveries.motion import edges_of, gap, is_free, margin_of, turn_back
 from navloom_recoveries.retracing import Retracing, Rules
 
@@ -93,9 +95,36 @@ def test_a_robot_that_is_wedged_in_stays_where_it_is_and_ends():
 
 def test_a_robot_that_begins_nearer_than_its_margin_may_leave_but_comes_no_nearer():
     beside = np.array([[0.0, 0.21], [0.21, 0.0]])
-    assert margin_of(beside, EDGES, 0.03) == pytest.approx(0.005)
+    assert margin_of(beside, EDGES, 0.03, 0.0) == pytest.approx(0.005)
+    assert margin_of(beside, EDGES, 0.03, 0.04) == pytest.approx(0.01 - 0.005 - 0.02)
     poses, _ = drive(beside)
     assert poses[:, 0].min() == pytest.approx(-0.4, abs=0.02)
+
+
+def test_a_robot_that_is_jammed_leaves_what_it_is_close_to_before_it_goes_back():
+    """A post 1 cm beside its right side, near the rear: it drives on and turns away until the gap is 0.1 m."""
+    post = np.array([[-0.1, -0.21]])
+    poses, _ = drive(post)
+    assert poses[-1, 0] > 0.05
+    cos, sin = math.cos(poses[-1, 2]), math.sin(poses[-1, 2])
+    moved = post - poses[-1, :2]
+    assert gap(moved @ np.array([[cos, -sin], [sin, cos]]), EDGES) > 0.09
+
+
+def test_a_robot_that_the_gate_holds_gives_up_going_back():
+    retracing = Retracing(RULES, SQUARE)
+    retracing.start(0.0, 1, (0.0, 0.0, 0.0), STRAIGHT)
+    asked = [retracing.step(0.05 * k, (0.0, 0.0, 0.0), [NOTHING])[0] for k in range(30)]
+    assert asked[5] < 0.0 and asked[-1] == 0.0
+
+
+def test_the_noise_of_a_laser_is_averaged_and_a_sonar_is_taken_as_it_is():
+    ranges = np.array([2.0, 1.03, 0.97, 1.0, math.inf, 2.0])
+    for half_angle, expected in ((0.0, [2.0, 1.0, 1.0, 1.0, math.inf, 2.0]), (0.2, ranges)):
+        scan = RangeScan(
+            0, np.zeros((6, 2)), np.linspace(-0.1, 0.1, 6), np.full(6, half_angle), np.zeros(6), ranges, 0.05, 4.0
+        )
+        np.testing.assert_allclose(less_noisy(scan), expected)
 
 
 def test_without_a_trail_it_does_not_back_up():

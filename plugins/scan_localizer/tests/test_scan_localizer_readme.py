@@ -4,21 +4,28 @@ import re
 import tomllib
 from pathlib import Path
 
-from navloom_scan_localizer.adapter import ScanMatching
-from navloom_scan_localizer.params import ScanMatchingParams
+import pytest
+from navloom_scan_localizer.adapter import ScanMatching, ScanOdometry
+from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
-def test_every_parameter_is_listed_with_its_default():
-    rows = re.findall(
-        r"^\| `(\w+)` \| (\S+) \|", README.partition("## Parameters")[2].partition("## Measured")[0], re.MULTILINE
-    )
+OF_SCAN_MATCHING = README.partition("## Parameters")[2].partition("## Measured")[0]
+OF_SCAN_ODOMETRY = README.partition("## Without a map")[2]
+
+
+@pytest.mark.parametrize(
+    ("part", "params"), [(OF_SCAN_MATCHING, ScanMatchingParams), (OF_SCAN_ODOMETRY, ScanOdometryParams)]
+)
+def test_every_parameter_is_listed_with_its_default(part, params):
+    rows = re.findall(r"^\| `(\w+)` \| (\S+) \|", part, re.MULTILINE)
     listed = {name: {"true": True, "false": False}.get(text) if text.isalpha() else float(text) for name, text in rows}
-    assert listed == ScanMatchingParams().model_dump()
+    assert listed == params().model_dump()
 
 
-def test_the_example_is_a_valid_table():
-    table = tomllib.loads(re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1])["localizer"]
-    assert table.pop("plugin") == ScanMatching.name
-    ScanMatchingParams(**table)
+def test_the_examples_are_valid_tables():
+    given = [tomllib.loads(block)["localizer"] for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL)]
+    for table, localizer in zip(given, (ScanMatching, ScanOdometry), strict=True):
+        assert table.pop("plugin") == localizer.name
+        localizer.Params(**table)

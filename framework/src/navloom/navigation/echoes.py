@@ -14,6 +14,12 @@ __all__ = ["EchoMemory", "warm_up"]
 
 Floats = NDArray[np.float64]
 
+_THIN = 0.02
+"""Half angle below which a beam is a laser's, rad."""
+_AGREEMENT = 0.1
+"""Readings of a laser that differ by no more are of one surface, m."""
+_BESIDE = 3
+"""Readings to each side of a laser's that are averaged with it."""
 _A_LITTLE_MORE = 1.0 + 1e-9
 """So that rounding of a square loses no point that counts."""
 
@@ -66,6 +72,8 @@ def _add(
         distance = ranges[beam]
         if not distance < range_max:
             continue
+        if half_angles[beam] < _THIN:
+            distance = _smoothed(ranges, beam)
         offset = half_angles[beam] * spread
         first = x + cos * origins[beam, 0] - sin * origins[beam, 1]
         second = y + sin * origins[beam, 0] + cos * origins[beam, 1]
@@ -79,6 +87,17 @@ def _add(
             points[row, 2] = time
             cursor[0] = (row + 1) % capacity
             cursor[1] = min(cursor[1] + 1, capacity)
+
+
+@njit(cache=True, nogil=True)
+def _smoothed(ranges: Floats, beam: int) -> float:
+    """A laser's reading, m, less most of its noise: the mean of it and of those beside it that agree with it."""
+    total, count = 0.0, 0
+    for k in range(max(0, beam - _BESIDE), min(ranges.shape[0], beam + _BESIDE + 1)):
+        if abs(ranges[k] - ranges[beam]) <= _AGREEMENT:
+            total += ranges[k]
+            count += 1
+    return total / count
 
 
 @njit(cache=True, nogil=True)

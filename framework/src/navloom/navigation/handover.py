@@ -17,7 +17,7 @@ __all__ = ["HandOverRule", "own_way"]
 Floats = NDArray[np.float64]
 
 NOWHERE = np.empty((0, 2))
-HORIZON = 2.0
+HORIZON = 1.0
 """How far ahead in time the robot's own way is looked along, s."""
 OWN_STEP = 0.1
 """Distance between two points of that way, m."""
@@ -56,12 +56,19 @@ class HandOverRule:
         release: How long the corridor must be free before the controller drives again, s.
         keep: How long an echo counts, s, since a ring of sonars does not see everything in each tick.
         spread: Share of a sonar's arc that counts, see `EchoMemory`.
+        margin: What of the strip's half width is room beside the robot, m. The robot's own way needs none: it is
+            changed by the next command, and a robot that keeps to a narrow trajectory swings a little beside it.
     """
 
     def __init__(
-        self, mode: Literal["when_blocked", "always", "never"], release: float, keep: float = 0.5, spread: float = 0.5
+        self,
+        mode: Literal["when_blocked", "always", "never"],
+        release: float,
+        keep: float = 0.5,
+        spread: float = 0.5,
+        margin: float = 0.0,
     ) -> None:
-        self.mode, self.release = mode, release
+        self.mode, self.release, self.margin = mode, release, margin
         self.engaged = mode == "always"
         self._blocked_at = 0.0
         self._memory = EchoMemory(keep, spread)
@@ -92,7 +99,7 @@ class HandOverRule:
             self._memory.add(scan, base, time)
         nearest = self._memory.nearest(base, way, width, time)
         if len(own) > 1:
-            nearest = min(nearest, self._memory.nearest(base, own, width, time))
+            nearest = min(nearest, self._memory.nearest(base, own, width - self.margin, time))
         if self.mode == "when_blocked":
             straight = np.array([(base.x, base.y), way[-1]]) if self.engaged else way
             if math.isfinite(nearest) or (

@@ -45,6 +45,10 @@ LEAST_SHARE = 0.05
 """A smaller share of a command is no motion worth making: the robot stops."""
 CREEPING = 0.02
 """... unless it is this fast, m/s."""
+DOUBT = 0.1
+"""Further distance from the footprint that counts as touching, s: m for each m/s of its fastest point, up to sigma."""
+HELD = 1.5
+"""How far away an echo of a laser is kept while no beam points there, m."""
 NO_POINTS = np.empty((0, 2))
 
 
@@ -201,7 +205,8 @@ class Monitor:
         found = np.empty((bins, 2))
         every = np.concatenate([points for _, points in sensor.scans])
         count = nearest_surfaces(every, x, y, bins, 3.0 * self.limits.sigma, found)
-        sensor.obstacles = found[:count]
+        held = _out_of_view(sensor.obstacles, (x, y, heading), scan.bearings, bins)
+        sensor.obstacles = np.concatenate([found[:count], held])
 
     def _look_by_sonars(self, sensor: _Sensor, time: float, scan: RangeScan, poses: Floats) -> None:
         before, moved = sensor.ranges, 0.0
@@ -298,7 +303,8 @@ class Monitor:
     def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
         """What the robot would touch first if it took a command now and braked after it."""
         count = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
-        hit = first_touch(self._rolled, count, self._outline, points, self.limits.margin)
+        margin = self.limits.margin + min(self.limits.sigma, DOUBT * abs(v))
+        hit = first_touch(self._rolled, count, self._outline, points, margin)
         if hit >= 0:
             x, y = float(points[hit, 0]), float(points[hit, 1])
             return "obstacle", Point2D(x, y), max(0.0, float(distance_to_outline(x, y, self._outline)))
@@ -325,6 +331,28 @@ class Monitor:
             dx, dy = dx[kept], dy[kept]
             near.append(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1))
         return np.concatenate(near) if near else NO_POINTS
+
+
+def _out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
+    """Echoes that a laser does not look at any more, the nearest in each direction: they count until it looks again.
+
+    Args:
+        points: (k, 2) of the scan before, m, odometry frame.
+        eye: x, y, m, of the laser and heading, rad, of the base, odometry frame.
+        bearings: (n,) rad, of the beams. bins: Directions of a full turn.
+    """
+    is_covered = np.zeros(bins, dtype=bool)
+    looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
+    for side in (-1, 0, 1):
+        is_covered[(looked + side) % bins] = True
+    dx, dy = points[:, 0] - eye[0], points[:, 1] - eye[1]
+    rows = np.floor((np.arctan2(dy, dx) - eye[2]) * (bins / math.tau)).astype(np.int64) % bins
+    far = np.hypot(dx, dy)
+    chosen = np.flatnonzero(~is_covered[rows] & (far < HELD))
+    chosen = chosen[np.argsort(far[chosen], kind="stable")]
+    _, first = np.unique(rows[chosen], return_index=True)
+    held: Floats = points[chosen[np.sort(first)]]
+    return held
 
 
 def _directions(bearings: Floats) -> int:

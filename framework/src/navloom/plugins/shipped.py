@@ -13,7 +13,7 @@ SHIPPED = {
     "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
     "navloom-recoveries": ("recovery.retrace",),
     "navloom-scan-grid": ("mapper.scan_grid",),
-    "navloom-scan-localizer": ("localizer.scan_matching",),
+    "navloom-scan-localizer": ("localizer.scan_matching", "localizer.scan_odometry"),
     "navloom-sensors-sim": ("platform.sensors_sim",),
     "navloom-theta-star": ("planner.lazy_theta_star", "planner.theta_star"),
     "navloom-trackers": (

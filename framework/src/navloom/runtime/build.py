@@ -277,7 +277,9 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
     rules = system.config.navigation
     nodes = {}
     for key in system.parts if only is None else [key for key in system.parts if key in only]:
-        rule = HandOverRule(rules.handover, rules.handover_release) if key[0] == "avoider" else None
+        rule = None
+        if key[0] == "avoider":
+            rule = HandOverRule(rules.handover, rules.handover_release, margin=rules.corridor_margin)
         nodes[key] = role_node(system.plugin(*key), rule, rules.look_ahead if rules.handover_own_way else 0.0)
     return nodes
 

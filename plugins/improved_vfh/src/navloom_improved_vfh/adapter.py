@@ -71,9 +71,9 @@ class ImprovedVfh(Avoider):
         slots = np.zeros((method.slot_count, 2))
         slots[:, 0] = method.slots[: method.slot_count, 0] * alpha
         slots[:, 1] = slots[:, 0] + method.slots[: method.slot_count, 1] * alpha
-        corner = method.origin * p.cell
+        corner = method.origin * method.cell
         return AvoiderDiagnostics(
-            method.grid, p.cell, float(corner[0]), float(corner[1]), method.density, p.threshold,
+            method.grid, method.cell, float(corner[0]), float(corner[1]), method.density, p.threshold,
             slots, decision.direction, decision.why,
         )  # fmt: skip
 

@@ -159,7 +159,13 @@ def survey(
 
 
 class Avoidance:
-    """The improved VFH of one robot: its certainty window and what it remembers of its search."""
+    """The improved VFH of one robot: its certainty window and what it remembers of its search.
+
+    Attributes:
+        cell: Side of a cell of the window, m. radius: Of the enlargement, m; negative is none.
+        arc_margin: Kept between footprint and cell centres, m.
+        arc_floor: What of it is kept where a cell is within it already, m.
+    """
 
     def __init__(self, params: ImprovedVfhParams, robot: Robot, period: float) -> None:
         self.params, self.robot, self.period = params, robot, period
@@ -168,8 +174,6 @@ class Avoidance:
         self.half_width = float(np.abs(robot.footprint[:, 1]).max())
         self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
         self.max_speed = min(params.max_speed, robot.max_linear)
-        shaded = params.enlargement == "footprint"
-        self.radius = self.half_width + params.safety_distance if shaded else -1.0
         measured = self.front if params.distance_from == "front" else 0.0
         self.motors = Motors(
             robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
@@ -178,24 +182,23 @@ class Avoidance:
         self._slow = math.radians(params.slow_on_deg), math.radians(params.slow_off_deg)
         self._window, self._case = math.radians(params.slot_window_deg), math.radians(params.case_limit_deg)
         self._loyalty, self._pivot = math.radians(params.loyalty_deg), math.radians(params.pivot_deg)
-        n, size = params.sectors, params.window
+        n = params.sectors
         self.density = np.zeros(n)
         self.slots = np.zeros((n // 2 + 1, 2), np.int64)
-        self._cells, self._directions = np.zeros((size * size, 3)), np.zeros(3 * (n // 2 + 1))
+        self._directions = np.zeros(3 * (n // 2 + 1))
+        self._is_laser = False
         self.reset()
 
     def reset(self) -> None:
         """Forget the window and the search."""
         p = self.params
-        self.grid, self.origin = new_window(p.window)
-        self.heard = new_record(p.window if p.consistency else 0)
+        self._open_window()
         self.search = RotationSearch(math.radians(p.rotation_deg))
         self.progress = Progress(p.progress_step, p.target_shift)
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
         self.slot_count = 0
         self._previous: float | None = None
         self._is_turning = False
-        self._has_cones = False
         self.motors.reset()
         self.in_flight = np.zeros((1, 2))
 
@@ -234,18 +237,32 @@ class Avoidance:
         why = "no slot: rotating " + ("left" if self.search.sign > 0 else "right")
         return self._send(view, 0.0, self.search.sign * self.max_turn, None, why)
 
-    @property
-    def arc_margin(self) -> float:
-        """Kept between footprint and cell centres, m: a laser says where an obstacle is, a cone only how far."""
-        return self.params.arc_margin if self._has_cones else self.params.laser_margin
+    def _open_window(self) -> None:
+        """Begin an empty window with the resolution and the margins that the sensors allow.
+
+        A laser says where an obstacle is, a cone only how far.
+        """
+        p, is_laser = self.params, self._is_laser
+        self.cell = p.laser_cell if is_laser else p.cell
+        size = p.window if self.cell == p.cell else 2 * round(0.5 * p.window * p.cell / self.cell) + 1
+        safety = p.laser_safety_distance if is_laser else p.safety_distance
+        self.radius = self.half_width + safety if p.enlargement == "footprint" else -1.0
+        self.arc_margin = p.laser_margin if is_laser else p.arc_margin
+        self.arc_floor = min(p.laser_floor, p.laser_margin) if is_laser else p.arc_margin
+        self.grid, self.origin = new_window(size)
+        self.heard = new_record(size if p.consistency else 0)
+        self._cells = np.zeros((size * size, 3))
 
     def sense(self, beams: Beams, pose: Pose) -> None:
         """Enter the readings of one tick into the window."""
         p = self.params
-        self._has_cones = self._has_cones or bool((beams.half_angles >= THIN_BEAM).any())
+        is_laser = bool((beams.half_angles < THIN_BEAM).all())
+        if is_laser != self._is_laser:
+            self._is_laser = is_laser
+            self._open_window()
         sensors = beams.sensors if p.conflict == "seen_through" else np.full_like(beams.sensors, -1)
         insert_beams(
-            self.grid, self.origin, p.cell, pose, beams.origins, beams.bearings, beams.half_angles,
+            self.grid, self.origin, self.cell, pose, beams.origins, beams.bearings, beams.half_angles,
             beams.ranges, beams.limits, sensors, p.clear_margin,
             p.blind_depth, p.clears_blind_zone, p.reset_scope == "window",
             self.heard, p.consistency,
@@ -258,7 +275,7 @@ class Avoidance:
         bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
         horizon = distance + max(self.radius, self.half_width) if p.stops_at_target else math.inf
         count, self.slot_count, candidates, d30, run = survey(
-            self.grid, self.origin, p.cell, pose, self.edges, p.clears_footprint, p.reach, horizon, self.radius,
+            self.grid, self.origin, self.cell, pose, self.edges, p.clears_footprint, p.reach, horizon, self.radius,
             p.smoothing, p.normalisation == "arc", p.threshold, p.widest_slot, p.inset, bearing,
             (*self._front, self.arc_margin), self._cells, self.density, self.slots, self._directions,
         )  # fmt: skip
@@ -304,7 +321,8 @@ class Avoidance:
         if p.arc_check:
             sent = free_command(
                 view.cells, self.edges, view.twist, (speed, turn), p.creep, self.period, r.max_acceleration,
-                r.max_deceleration, p.turn_horizon, self.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
+                r.max_deceleration, p.turn_horizon, self.arc_margin, self.arc_floor, self.in_flight,
+                r.motor_lag, r.dead_time,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"

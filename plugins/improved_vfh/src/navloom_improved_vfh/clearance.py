@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 LONGEST_ROLL = 64  # steps; bounds the work of one check
+APPROACH = 0.25  # share of the distance to the floor that a cell within the margin may come nearer in one check
 STOPPED = 0.01  # m/s: a lagging robot that is this slow stops within a millimetre or two
 
 
@@ -69,13 +70,15 @@ def is_free(
     deceleration: float,
     turn_horizon: float,
     margin: float,
+    floor: float,
     in_flight: NDArray[np.float64],
     lag: float,
     dead_time: float,
 ) -> bool:
     """Whether one period of a command, and braking along the same arc, keeps the margin to every occupied cell.
 
-    A cell that is already nearer than the margin may not come nearer, so that the robot can still leave.
+    A cell that is already nearer than the margin may come nearer by a share of what is left of it down to the floor
+    alone, so that the robot can still leave, and is not held in a gap by noise.
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty. edges: From footprint_edges().
@@ -83,7 +86,7 @@ def is_free(
         command: Forward speed, m/s, and turn rate, rad/s, sent now.
         period: s. acceleration, deceleration: m/s^2, of the command gate.
         turn_horizon: Least time looked ahead, s: a turn in place has no braking distance.
-        margin: m.
+        margin: m. floor: m, at most the margin; a cell that is this near may not come nearer at all.
         in_flight, lag, dead_time: Of motors.Motors; without lag and dead time the robot turns as commanded at once.
     """
     step = 0.05
@@ -116,8 +119,10 @@ def is_free(
         for i in range(cells.shape[0]):
             dx, dy = cells[i, 0] - x, cells[i, 1] - y
             distance = outside_distance(edges, dx * cos_t + dy * sin_t, dy * cos_t - dx * sin_t)
-            if distance < margin and distance < outside_distance(edges, cells[i, 0], cells[i, 1]) - 1.0e-6:
-                return False
+            if distance < margin:
+                now = min(outside_distance(edges, cells[i, 0], cells[i, 1]), margin)
+                if distance < now - max(APPROACH * (now - floor), 1.0e-6):
+                    return False
         if elapsed >= period + turn_horizon + lag + dead_time and v <= (STOPPED if lag > 0.0 else 0.0):
             break
     return True
@@ -135,6 +140,7 @@ def free_command(
     deceleration: float,
     turn_horizon: float,
     margin: float,
+    floor: float,
     in_flight: NDArray[np.float64],
     lag: float,
     dead_time: float,
@@ -178,6 +184,7 @@ def free_command(
                 deceleration,
                 turn_horizon,
                 margin,
+                floor,
                 in_flight,
                 lag,
                 dead_time,
@@ -196,6 +203,7 @@ def free_command(
                 deceleration,
                 turn_horizon,
                 margin,
+                floor,
                 in_flight,
                 lag,
                 dead_time,

@@ -106,8 +106,13 @@ class ImprovedVfhParams(Params):
     )
     arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
     arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and cell centres, m.")
-    laser_margin: float = Field(
-        0.08, ge=0.0, le=1.0, description="The same for a robot whose range sensors are lasers, m."
+    laser_cell: float = Field(
+        0.05, gt=0.0, le=0.5, description="cell of a robot whose range sensors are lasers, m; the window stays as wide."
+    )
+    laser_safety_distance: float = Field(0.03, ge=0.0, le=2.0, description="safety_distance of such a robot, m.")
+    laser_margin: float = Field(0.06, ge=0.0, le=1.0, description="arc_margin of such a robot, m.")
+    laser_floor: float = Field(
+        0.02, ge=0.0, le=1.0, description="Of that margin, what is kept where the robot is within it already, m."
     )
     turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
     creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave where a corner has no room to turn, m/s.")

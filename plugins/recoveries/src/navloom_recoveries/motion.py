@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["edges_of", "gap", "is_free", "margin_of", "turn_back"]
+__all__ = ["edges_of", "gap", "gap_after", "is_free", "margin_of", "turn_back"]
 
 Floats = NDArray[np.float64]
 
 _STEPS = 8
 _CLOSER = 0.005
-"""m: by this much a robot that begins nearer than its margin may come nearer still, as scans are noisy."""
+"""m: by this much a robot that begins nearer than its margin may come nearer still."""
 _LEAST = 0.005
-"""m: nearer than this to an echo nothing moves."""
+"""m: nearer than this to an echo without noise nothing moves."""
 
 
 def edges_of(footprint: Floats) -> Floats:
@@ -33,25 +33,29 @@ def gap(points: Floats, edges: Floats) -> float:
     return float(outside.max(axis=0).min())
 
 
-def margin_of(points: Floats, edges: Floats, wished: float) -> float:
-    """The margin, m, to keep to points (k, 2): the one wished for, less where the robot is nearer than it already."""
-    return max(_LEAST, min(wished, gap(points, edges) - _CLOSER))
+def margin_of(points: Floats, edges: Floats, wished: float, noise: float) -> float:
+    """The margin, m, to keep to points (k, 2): the one wished for, less where the robot is nearer than it already.
+
+    The least of many noisy distances varies from scan to scan; `noise`, m, is what it may be too short by.
+    """
+    return max(_LEAST - noise, min(wished, gap(points, edges) - _CLOSER - 0.5 * noise))
 
 
 def is_free(points: Floats, edges: Floats, v: float, w: float, horizon: float, margin: float) -> bool:
     """Whether the footprint keeps a margin, m, to points (k, 2) on an arc at v, m/s, and w, rad/s, for a time, s."""
-    for step in range(1, _STEPS + 1):
-        time = horizon * step / _STEPS
-        turn = w * time
-        if abs(w) > 1e-9:
-            x, y = v / w * math.sin(turn), v / w * (1.0 - math.cos(turn))
-        else:
-            x, y = v * time, 0.0
-        cos, sin = math.cos(turn), math.sin(turn)
-        dx, dy = points[:, 0] - x, points[:, 1] - y
-        if gap(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1), edges) < margin:
-            return False
-    return True
+    return all(gap_after(points, edges, v, w, horizon * step / _STEPS) >= margin for step in range(1, _STEPS + 1))
+
+
+def gap_after(points: Floats, edges: Floats, v: float, w: float, time: float) -> float:
+    """Least distance, m, of points (k, 2) from the footprint after a time, s, on an arc at v, m/s, and w, rad/s."""
+    turn = w * time
+    if abs(w) > 1e-9:
+        x, y = v / w * math.sin(turn), v / w * (1.0 - math.cos(turn))
+    else:
+        x, y = v * time, 0.0
+    cos, sin = math.cos(turn), math.sin(turn)
+    dx, dy = points[:, 0] - x, points[:, 1] - y
+    return gap(np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1), edges)
 
 
 def turn_back(trail: Floats, pose: tuple[float, float, float], speed: float, look: float) -> float | None:

@@ -16,6 +16,12 @@ class RetraceParams(Params):
     turn_deg: float = Field(90.0, ge=0.0, le=360.0, description="Turn after the way back, from attempt two on.")
     turn_rate_deg: float = Field(45.0, gt=0.0, le=360.0, description="Of that turn, degrees per second.")
     margin: float = Field(0.03, ge=0.0, le=1.0, description="Gap to keep to what is sensed, m.")
+    noise: float = Field(
+        0.04,
+        ge=0.0,
+        le=0.5,
+        description="What the nearest of many echoes may be too near by, m: the gate looks besides.",
+    )
     memory: float = Field(1.0, ge=0.0, le=60.0, description="How long an echo counts, s.")
     patience: float = Field(15.0, gt=0.0, le=600.0, description="Longest time of an attempt, s.")
     wait: float = Field(0.5, ge=0.0, le=600.0, description="Stands so long before it ends, s.")

@@ -1,11 +1,12 @@
-"""Scan matching against a known map for navloom."""
+"""Scan matching for navloom: against a known map, or against what was seen lately."""
 
 from navloom import Registry, hookimpl
 
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Add the localizer `scan_matching`."""
-    from navloom_scan_localizer.adapter import ScanMatching
+    """Add the localizers `scan_matching` and `scan_odometry`."""
+    from navloom_scan_localizer.adapter import ScanMatching, ScanOdometry
 
     registry.add(ScanMatching)
+    registry.add(ScanOdometry)

@@ -1,8 +1,9 @@
-"""Scan matching as a navloom localizer."""
+"""Scan matching, against a map or against what was seen lately, as navloom localizers."""
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from navloom import (
@@ -16,13 +17,14 @@ from navloom import (
 )
 from numpy.typing import NDArray
 
-from navloom_scan_localizer import beams, matching, search
+from navloom_scan_localizer import beams, matching, search, surface
 from navloom_scan_localizer.judging import Judge
 from navloom_scan_localizer.maps import field_of_map
-from navloom_scan_localizer.params import ScanMatchingParams
-from navloom_scan_localizer.tracking import PoseTracker
+from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
+from navloom_scan_localizer.surface import LocalSurface
+from navloom_scan_localizer.tracking import PoseTracker, relative
 
-__all__ = ["ScanMatching"]
+__all__ = ["ScanMatching", "ScanOdometry"]
 
 
 class ScanMatching(Localizer):
@@ -62,7 +64,7 @@ class ScanMatching(Localizer):
         seen, time = odometry.pose, (odometry.stamp_ns - self._stamp_ns) / 1e9
         tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
         self._stamp_ns = odometry.stamp_ns
-        points = [self._points(scan, odometry) for scan in given.scans if isinstance(scan, RangeScan)]
+        points = [_points(scan, odometry, self.params) for scan in given.scans if isinstance(scan, RangeScan)]
         if points:
             joined = np.concatenate(points)
             tracker.correct(joined)
@@ -71,11 +73,87 @@ class ScanMatching(Localizer):
         pose = Pose2D(*tracker.pose.tolist())
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
 
-    def _points(self, scan: RangeScan, odometry: Odometry) -> NDArray[np.float64]:
-        p, twist, late = self.params, odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
-        if abs(late) > p.max_age:
-            return np.empty((0, 4))
-        limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
-        rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
-        given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges)
-        return rows[: beams.beam_points(*given, limits, motion, rows)]
+
+class ScanOdometry(Localizer):
+    """Corrects wheel odometry by matching each scan with the surfaces that the scans before it saw."""
+
+    name = "scan_odometry"
+    accepts = (RangeScan,)
+    needs_sensor = True
+    Params = ScanOdometryParams
+
+    def __init__(self, params: ScanOdometryParams, context: Context) -> None:
+        super().__init__(params, context)
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the start pose, with nothing seen; odometry has to begin there too."""
+        p, start = self.params, self.context.start
+        place = np.array([start.x, start.y, start.heading])
+        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
+        self._surface.follow(start.x, start.y)
+        self._tracker, self._stamp_ns = PoseTracker(p.settings(), self._surface.field, place), 0
+        self._key, self._scans = place, 0
+        self._drift = np.zeros((3, 3))
+
+    @classmethod
+    def warm_up(cls) -> None:
+        beams.warm_up()
+        matching.warm_up()
+        surface.warm_up()
+
+    def localize(self, given: LocalizerInput) -> PoseEstimate:
+        odometry, tracker = given.odometry, self._tracker
+        seen, time = odometry.pose, (odometry.stamp_ns - self._stamp_ns) / 1e9
+        tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
+        self._stamp_ns = odometry.stamp_ns
+        points = [_points(scan, odometry, self.params) for scan in given.scans if isinstance(scan, RangeScan)]
+        joined = np.concatenate(points) if points else np.empty((0, 4))
+        joined = joined[np.hypot(joined[:, 0], joined[:, 1]) <= self.params.max_range]
+        if len(joined):
+            if self._scans:
+                tracker.correct(joined)
+            self._learn(joined)
+        covariance = tracker.covariance + self._drift
+        sigma = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        limit, is_lost = self.params.lost_sigma, sigma > self.params.lost_sigma
+        why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
+        pose = Pose2D(*tracker.pose.tolist())
+        state = "lost" if is_lost else "tracking"
+        return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, covariance, state, why)
+
+    def _learn(self, points: NDArray[np.float64]) -> None:
+        """Add a scan to the surfaces where the robot has moved since the last one that was added."""
+        p, pose = self.params, self._tracker.pose
+        step = relative(self._key, pose)
+        way = math.hypot(step[0], step[1])
+        if self._scans >= p.first_scans and way < p.key_way and abs(step[2]) < math.radians(p.key_turn_deg):
+            return
+        turn = math.radians(p.drift_deg) ** 2 * way
+        across = np.array([self.context.start.y - pose[1], pose[0] - self.context.start.x, 1.0])
+        self._drift += np.diag([p.drift**2 * way, p.drift**2 * way, 0.0]) + 0.25 * turn * np.outer(across, across)
+        self._surface.follow(float(pose[0]), float(pose[1]))
+        self._surface.add(points, pose)
+        self._key, self._scans = pose.copy(), self._scans + 1
+
+
+class _BeamLimits(Protocol):
+    """Parameters that choose beams, see `params.ScanMatchingParams`."""
+
+    @property
+    def limit_margin(self) -> float: ...
+    @property
+    def max_half_angle_deg(self) -> float: ...
+    @property
+    def max_age(self) -> float: ...
+
+
+def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits) -> NDArray[np.float64]:
+    """(n, 4) end points, m, and directions of a scan's beams, base frame at the instant of the odometry."""
+    twist, late = odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
+    if abs(late) > p.max_age:
+        return np.empty((0, 4))
+    limits = np.array([scan.range_min, scan.range_max - p.limit_margin, math.radians(p.max_half_angle_deg)])
+    rows, motion = np.empty((len(scan.ranges), 4)), np.array([twist.vx, twist.vy, twist.wz, late])
+    given = (scan.origins, scan.bearings, scan.half_angles, scan.time_offsets, scan.ranges)
+    return rows[: beams.beam_points(*given, limits, motion, rows)]

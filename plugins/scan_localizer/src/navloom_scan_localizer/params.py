@@ -1,4 +1,4 @@
-"""Parameters of the scan_matching localizer, as a config file gives them."""
+"""Parameters of the localizers, as a config file gives them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from navloom_scan_localizer.tracking import Settings
 
-__all__ = ["ScanMatchingParams"]
+__all__ = ["ScanMatchingParams", "ScanOdometryParams"]
 
 
 class ScanMatchingParams(Params):
@@ -76,5 +76,57 @@ class ScanMatchingParams(Params):
             search_every=self.search_every,
             patience=self.patience,
             lost_after=self.lost_after,
+            lost_sigma=self.lost_sigma,
+        )
+
+
+class ScanOdometryParams(Params):
+    """Lengths in m."""
+
+    way_noise: float = Field(0.02, gt=0.0, le=0.5, description="Spread of odometry after 1 m, m/sqrt(m).")
+    heading_per_way_deg: float = Field(
+        3.0, gt=0.0, le=30.0, description="Spread of its heading after 1 m, degrees/sqrt(m)."
+    )
+    heading_per_turn_deg: float = Field(
+        3.0, gt=0.0, le=30.0, description="Spread of its heading after a turn of 1 rad, degrees/sqrt(rad)."
+    )
+    drift: float = Field(0.01, ge=0.0, le=0.5, description="Spread of what scans say after 1 m, m/sqrt(m).")
+    drift_deg: float = Field(0.2, ge=0.0, le=30.0, description="The same of the heading, degrees/sqrt(m).")
+    sigma: float = Field(0.03, gt=0.0, le=1.0, description="Standard deviation of a beam's end, m.")
+    redundancy: float = Field(4.0, ge=1.0, le=1000.0, description="Beams that together say as much as one.")
+    robust_scale: float = Field(0.1, gt=0.0, le=2.0, description="Misfit from which a beam counts little, m.")
+    reach: float = Field(0.3, gt=0.0, le=5.0, description="Farthest a surface is looked for from a beam's end, m.")
+    least_inliers: int = Field(20, ge=3, le=10_000, description="Beams that must fit, or a scan is left out.")
+    iterations: int = Field(8, ge=1, le=100, description="Most steps of a fit.")
+    spacing: float = Field(0.05, gt=0.0, le=0.5, description="Between the nodes of the surfaces' lattice, m.")
+    before: float = Field(0.2, gt=0.0, le=2.0, description="Depth of a surface towards the sensor, m.")
+    behind: float = Field(0.1, gt=0.0, le=2.0, description="Depth of a surface away from the sensor, m.")
+    memory: float = Field(60.0, ge=1.0, le=10_000.0, description="How many beams a surface is the mean of.")
+    key_way: float = Field(0.1, ge=0.0, le=5.0, description="Way after which a scan adds to the surfaces, m.")
+    key_turn_deg: float = Field(5.0, ge=0.0, le=180.0, description="Turn after which it does, degrees.")
+    first_scans: int = Field(10, ge=1, le=1000, description="Scans at the start that add to them all the same.")
+    max_range: float = Field(8.0, gt=0.0, le=100.0, description="Longer readings are left out, m.")
+    max_half_angle_deg: float = Field(1.0, ge=0.0, le=10.0, description="Wider beams are left out, degrees.")
+    limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
+    max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
+    lost_sigma: float = Field(1.0, gt=0.0, le=100.0, description="Spread of the place that is not trusted, m.")
+
+    def settings(self) -> Settings:
+        """The same for the pure modules."""
+        return Settings(
+            start_sigma=1e-3,
+            start_turn_sigma=1e-3,
+            way_noise=self.way_noise,
+            turn_per_way=math.radians(self.heading_per_way_deg),
+            turn_noise=math.radians(self.heading_per_turn_deg),
+            sigma=self.sigma,
+            redundancy=self.redundancy,
+            robust_scale=self.robust_scale,
+            reach=self.reach,
+            least_inliers=self.least_inliers,
+            least_share=0.0,
+            iterations=self.iterations,
+            max_shift=math.inf,
+            max_turn=math.inf,
             lost_sigma=self.lost_sigma,
         )

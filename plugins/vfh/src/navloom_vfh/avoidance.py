@@ -188,7 +188,8 @@ class HistogramAvoidance(ABC):
         if p.arc_check:
             sent = free_command(
                 choice.cells, self.edges, view.twist, sent, p.creep, self.period, r.max_acceleration,
-                r.max_deceleration, p.turn_horizon, p.arc_margin, self.in_flight, r.motor_lag, r.dead_time,
+                r.max_deceleration, p.turn_horizon, p.arc_margin, p.arc_margin, self.in_flight,
+                r.motor_lag, r.dead_time,
             )  # fmt: skip
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
-from navloom.messages import Twist2D
+from navloom.messages import Odometry, Pose2D, Twist2D
 from navloom.navigation.gate import CommandGate, Limits, Offer, Sensed
+from navloom.navigation.monitor import Monitor, MonitorLimits
 
 LIMITS = Limits(
     linear=0.5, angular=0.4, acceleration=0.5, deceleration=1.0, period=0.05,
@@ -124,3 +128,24 @@ def test_a_gate_that_takes_up_no_stop_drives() -> None:
     gate = CommandGate(LIMITS)
     gate.latch("")
     assert decide(gate, BOTH)[1] == "controller"
+
+
+def test_an_operator_may_enter_unseen_space_until_the_end_of_teleop_and_it_is_said() -> None:
+    """Nothing was ever seen behind the robot: an operator's leave counts for nobody else, and ends with `release`."""
+    square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
+    monitor = Monitor(MonitorLimits(square, 0.05, 1.0))
+    monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
+    gate = CommandGate(replace(LIMITS, acceleration=100.0), monitor)
+
+    def backwards(role: str) -> tuple[str, float]:
+        gate.stop("", ())
+        twist, _, status = gate.decide(Sensed(NOW, False, {}), {role: offer(-0.5)}, False, 0, ())
+        return status.limit, twist.vx
+
+    limit, slowed = backwards("operator")
+    assert limit == "unseen" and slowed > -0.5
+    gate.request("enter_unseen")
+    assert backwards("operator") == ("overridden", -0.5)
+    assert backwards("recovery") == ("unseen", slowed)
+    gate.request("release")
+    assert backwards("operator") == ("unseen", slowed)

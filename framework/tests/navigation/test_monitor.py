@@ -140,7 +140,9 @@ def test_it_minds_the_whole_footprint() -> None:
 def test_it_moves_echoes_by_the_odometry() -> None:
     """A sensor that says nothing after its first scans: what it saw comes nearer as the robot drives."""
     drive = Drive(LIMITS, wall(0.62), until=3)
+    drive.monitor.ignores_unseen = True  # it would stop the robot as well
     assert drive_on(drive, 1.0) > 0.0
+    assert drive.last is not None and drive.last.kind == "obstacle"
 
 
 def test_a_free_way_is_not_touched() -> None:

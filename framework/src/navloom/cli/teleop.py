@@ -34,6 +34,9 @@ def teleop(
     ] = 1.0,
     speed: Annotated[float, typer.Option(metavar="V", help="m/s of the keys w and s.", callback=a_number)] = 0.3,
     turn: Annotated[float, typer.Option(metavar="W", help="deg/s of the keys a and d.", callback=a_number)] = 20.0,
+    into_unseen: Annotated[
+        bool, typer.Option("--into-unseen", help="Let it drive where no sensor has looked, such as backwards.")
+    ] = False,
     robot: RobotName = None,
     connect: Connect = None,
     keys: Keys = None,
@@ -42,13 +45,18 @@ def teleop(
     """Drive a live robot: w s a d, q and e in curves, space stops, x leaves it to itself. The gate limits and watches.
 
     While teleop runs, nothing else drives. If it dies or its link breaks, the robot stops until `navloom resume`.
+    The gate keeps it out of space that no sensor has seen, unless --into-unseen is given; `navloom status` says so.
     """
     from navloom.runtime.driver import Driver
     from navloom.runtime.joining import join
 
     if vx is None and wz is None and not sys.stdin.isatty():
         raise typer.BadParameter("standard input is no terminal: give --vx, --wz and --for")
-    with join(robot, connect, keys, insecure=insecure) as client, Driver(client) as driver, _line() as line:
+    with (
+        join(robot, connect, keys, insecure=insecure) as client,
+        Driver(client, into_unseen) as driver,
+        _line() as line,
+    ):
         if vx is not None or wz is not None:
             limit = time.monotonic() + duration
             while time.monotonic() < limit:

@@ -213,7 +213,7 @@ class GateNode:
 
     def obey(self, request: OperatorRequest, driving: tuple[Command, Envelope] | None) -> None:
         """Take an operator's request; `driving` is the newest command of an operator who drives himself."""
-        if request.do in ("stop", "resume"):
+        if request.do in ("stop", "resume", "release", "enter_unseen"):
             self.gate.request(request.do)
         if request.do in ("release", "resume"):
             self._released = driving[0] if driving else None

@@ -40,13 +40,13 @@ class OperatorRequest(Message):
     """One thing an operator asks for, in either executor.
 
     Attributes:
-        do: What; "release" ends an operator's own driving.
+        do: What; "release" ends an operator's own driving, and "enter_unseen" lets it into space that no sensor saw.
         goal: For "goal".
         role, instance: For "swap", the role and the instance to select; for "set", those whose parameters change.
         values: For "set", TOML assignments `name = value`, one a string.
     """
 
-    do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release"]
+    do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen"]
     goal: Goal | None = None
     role: str = ""
     instance: str = ""

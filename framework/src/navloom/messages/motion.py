@@ -195,7 +195,8 @@ class GateStatus(Message):
         reason: Empty while driving; else what stopped it (`operator`, `no_trajectory`, `stale: …`, …).
         pending: "role instance" of swaps that wait for the instance to warm up, in order of role.
         share: Of the command that goes through, where the monitor slows the robot; 1 where it does not.
-        limit: What the monitor slows or stops it for: an `obstacle`, or `unseen` space; empty for nothing.
+        limit: What the monitor slows or stops it for: an `obstacle`, or `unseen` space; empty for nothing;
+            `overridden` where an operator lets it enter unseen space.
         place: Of that in the base frame, m.
         distance: From the footprint to it, m.
     """
@@ -207,7 +208,7 @@ class GateStatus(Message):
     reason: str
     pending: tuple[str, ...]
     share: float = 1.0
-    limit: Literal["", "obstacle", "unseen"] = ""
+    limit: Literal["", "obstacle", "unseen", "overridden"] = ""
     place: Point2D | None = None
     distance: float | None = None
 

@@ -81,17 +81,24 @@ class CommandGate:
     Args:
         limits: Of the robot.
         monitor: Looks where the robot is going before a command passes; None for a gate that does not look.
+
+    Attributes:
+        enters_unseen: An operator who drives may enter space that no sensor saw.
     """
 
     def __init__(self, limits: Limits, monitor: Monitor | None = None) -> None:
         self.limits = limits
         self.monitor = monitor
         self.speed, self.turn = 0.0, 0.0
+        self.enters_unseen = False
         self._operator_stop = False
         self._contact = False
 
     def request(self, do: str) -> None:
-        """An operator's `stop` latches until `resume`, and so does a contact."""
+        """An operator's `stop` latches until `resume`, and so does a contact; `enter_unseen` holds until `release`."""
+        self.enters_unseen = do == "enter_unseen"
+        if do not in ("stop", "resume"):
+            return
         self._operator_stop = do == "stop"
         if do == "resume":
             self._contact = False
@@ -154,6 +161,8 @@ class CommandGate:
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
         if reason or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
+        if self.monitor is not None:
+            self.monitor.ignores_unseen = self.enters_unseen and source == "operator"
         verdict = self._look(offer.twist, sensed.platform_ns * 1e-9)
         return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
@@ -180,6 +189,7 @@ class CommandGate:
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
         """Who drives, and what the monitor makes of it, rounded so that noise alone is no news."""
         place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
+        is_overridden = self.monitor is not None and self.monitor.ignores_unseen
         return GateStatus(
             source,
             instance,
@@ -188,7 +198,7 @@ class CommandGate:
             OBSTACLE if is_stopped else "",
             tuple(pending),
             round(verdict.share, 1),
-            verdict.kind,
+            verdict.kind or ("overridden" if is_overridden else ""),
             None if place is None else Point2D(round(place.x, 1), round(place.y, 1)),
             None if distance is None else round(distance, 2),
         )

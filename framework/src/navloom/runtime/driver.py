@@ -49,6 +49,7 @@ class Driver:
 
     Args:
         client: On the robot's network.
+        enters_unseen: The gate lets it into space that no sensor saw, and says so.
 
     Attributes:
         asked: Last command.
@@ -60,8 +61,8 @@ class Driver:
         ClientError: The platform is not heard, or the robot is stopped until `resume`.
     """
 
-    def __init__(self, client: Client) -> None:
-        self._client = client
+    def __init__(self, client: Client, enters_unseen: bool = False) -> None:
+        self._client, self._enters_unseen = client, enters_unseen
         self._heard = threading.Event()
         self._newest = (-1, 0, 0.0)
         self._latched = ""
@@ -80,6 +81,8 @@ class Driver:
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate)
         self._heed(self._client.last("gate", "main", "status"))
         self._refuse_where_it_stands()
+        if self._enters_unseen:
+            self._client.call("gate", "main", "enter_unseen", {})
         return self
 
     def __exit__(

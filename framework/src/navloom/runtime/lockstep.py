@@ -80,8 +80,9 @@ class RunLog:
         """Count what a status of the gate says beyond the one before."""
         stopped_for = status.reason if status.stopped and status.reason not in ("no_trajectory", "ending") else ""
         self.gate_stops += bool(stopped_for) and stopped_for != self._stopped_for
-        self.gate_limits += bool(status.limit) and not self._limited_by
-        self._stopped_for, self._limited_by = stopped_for, status.limit
+        limited_by = "" if status.limit == "overridden" else status.limit
+        self.gate_limits += bool(limited_by) and not self._limited_by
+        self._stopped_for, self._limited_by = stopped_for, limited_by
 
 
 class Lockstep:

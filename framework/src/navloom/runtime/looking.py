@@ -185,6 +185,8 @@ def who_drives(status: GateStatus, feedback: Feedback | None = None, result: Goa
     if status.stopped:
         return f"stopped: {why_stopped(status, feedback, result)[0]}"
     who = "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
+    if status.limit == "overridden":
+        return f"{who}, also into space that no sensor has seen"
     return f"{who}, slowed: {what_limits(status)}" if status.limit else who
 
 

@@ -83,7 +83,7 @@ class Services:
                 self._serve(source, "cancel", lambda given, runner=runner: self._cancel(runner))  # type: ignore[misc]
             if isinstance(runner, LiveGate):
                 self._serve(source, "swap", lambda given, runner=runner: self._swap(runner, given))  # type: ignore[misc]
-                for do in ("stop", "resume", "release"):
+                for do in ("stop", "resume", "release", "enter_unseen"):
                     self._serve(source, do, lambda given, runner=runner, do=do: self._gate(runner, do))  # type: ignore[misc]
         if self._live:
             self._bus.serve(self._keys.process(self._process, "memory"), self._recall)

@@ -140,7 +140,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     """Who drives; a stop with its reason in words and what to do."""
     import rerun as rr
 
-    from navloom.runtime.looking import what_limits, why_stopped
+    from navloom.runtime.looking import what_limits, who_drives, why_stopped
 
     name = seen.actor.name
     state: str = message.source if message.source != "none" else "stopped"
@@ -155,6 +155,8 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
         text = f"{name}: stands, {why}"
     yield f"/log/{name}/gate", Change(key, rr.TextLog(text, level=level) if key else None)
     slowed = f"{name}: gate slows the robot: {what_limits(message)}"
+    if message.limit == "overridden":
+        slowed = f"{name}: {who_drives(message)}"
     told = message.limit if not message.stopped else ""
     yield f"/log/{name}/monitor", Change(told, rr.TextLog(slowed, level="INFO") if told else None)
     places = [] if message.place is None else [(message.place.x, message.place.y, 0.1)]

@@ -88,11 +88,58 @@ def test_a_robot_that_is_driven_at_a_wall_by_hand_stops_before_it(tmp_path: Path
         assert_stopped_before_it(driven_at_the_wall(robot))
 
 
+JUMPS = '''
+"""A localizer whose pose jumps by 2 m after 3 s: the gate does not look at it."""
+
+from dataclasses import replace
+
+from navloom import hookimpl
+from navloom.navigation.dead_reckoning import OdometryLocalizer
+
+
+class Jumping(OdometryLocalizer):
+    name = "jumping"
+
+    def localize(self, given):
+        said = super().localize(given)
+        if said.stamp_ns < 3_000_000_000:
+            return said
+        return replace(said, pose=replace(said.pose, x=said.pose.x + 2.0))
+
+
+@hookimpl
+def navloom_register(registry):
+    registry.add(Jumping)
+'''
+
+
+def jumping_localizer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make it known to the processes that are started from here."""
+    about = folder / "jumping_localizer-1.0.dist-info"
+    about.mkdir()
+    (folder / "jumping_localizer.py").write_text(JUMPS, "utf-8")
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: jumping_localizer\nVersion: 1.0\n", "utf-8")
+    (about / "entry_points.txt").write_text("[navloom]\nlocalizer.jumping = jumping_localizer\n", "utf-8")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")])))
+
+
+ANGLES = range(0, 81, 4)
+"""Off the wall's normal, degrees."""
+APART = ("--set", 'live.processes.robot=["platform"]', "--set", 'live.processes.where=["localizer"]')
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0])
-def test_it_stops_at_any_angle_with_the_localizer_killed_under_way(tmp_path: Path, angle: float) -> None:
-    with up(config(tmp_path, angle), "--set", 'live.processes.robot=["platform"]',
-            "--set", 'live.processes.where=["localizer"]') as robot:  # fmt: skip
+@pytest.mark.parametrize("angle", ANGLES)
+def test_it_stops_at_any_angle(tmp_path: Path, angle: int) -> None:
+    with up(config(tmp_path, angle)) as robot:
+        robot.wait_for("every node is there")
+        assert_stopped_before_it(driven_at_the_wall(robot, 12.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", ANGLES)
+def test_it_stops_with_the_localizer_killed_under_way(tmp_path: Path, angle: int) -> None:
+    with up(config(tmp_path, angle), *APART) as robot:
         robot.wait_for("every node is there")
         with _navigator(robot) as navigator:
             localizer = next(node for node in navigator.client.describe() if node["role"] == "localizer")
@@ -101,3 +148,16 @@ def test_it_stops_at_any_angle_with_the_localizer_killed_under_way(tmp_path: Pat
             last = driven_at_the_wall(robot, 12.0)
             killer.join()
             assert_stopped_before_it(last)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", ANGLES)
+def test_it_stops_though_its_pose_jumps_by_2_m(tmp_path: Path, angle: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    jumping_localizer(tmp_path, monkeypatch)
+    with up(config(tmp_path, angle), "--set", "localizer.plugin=jumping") as robot:
+        robot.wait_for("every node is there")
+        assert_stopped_before_it(driven_at_the_wall(robot, 12.0))
+        pose = robot.run("echo", "localizer/pose", "--count", "1", "--json")
+        truth = robot.run("echo", "platform/truth", "--count", "1", "--json")
+        said, true = (json.loads(done.stdout).get("message", json.loads(done.stdout))["pose"] for done in (pose, truth))
+        assert math.hypot(said["x"] - true["x"], said["y"] - true["y"]) > 1.5

@@ -131,7 +131,7 @@ def test_a_gate_that_takes_up_no_stop_drives() -> None:
 
 
 def test_an_operator_may_enter_unseen_space_until_the_end_of_teleop_and_it_is_said() -> None:
-    """Nothing was ever seen behind the robot: an operator's leave counts for nobody else, and ends with `release`."""
+    """Nothing was ever seen behind the robot: the leave holds for the operator alone, until `release`."""
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
     monitor = Monitor(MonitorLimits(square, 0.05, 1.0))
     monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))

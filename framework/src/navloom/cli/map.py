@@ -63,7 +63,7 @@ def map_recording(
     else:
         typer.echo(f"{result['points']} points to {result['segments']} segments in {mapped.mapper_ms:.2f} ms")
         typer.echo(f"sensor {height:.3f} m above the floor, pitch {pitch_offset:+.2f} deg off")
-        print_table(("points", "what became of them"), [(value, name) for name, value in mapped.counts().items()])
+        print_table(("points", "use"), [(value, name) for name, value in mapped.counts().items()])
     raise typer.Exit(0 if tell_out(folder, as_json) else 1)
 
 

@@ -20,7 +20,7 @@ __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
 TELL_NS = 100_000_000
-"""Wall time between two words of progress, ns. Slower ticks are told of one by one."""
+"""Wall time between two reports of progress, ns. Slower ticks are reported one by one."""
 MAIN_PORTS = {"mapper": ("map",), "planner": ("path", "failure"), "localizer": ("pose",), "recovery": ("command",)}
 
 

@@ -52,7 +52,7 @@ TELL_AGAIN = 10.0
 """s until a node that raises again is told of again."""
 Beside = Callable[[Robot], AbstractContextManager[None]]
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
-"""Ports heard of every robot, by role, whoever judges the run."""
+"""Ports that are recorded of every robot, by role, also where another process judges the run."""
 QUIET = 1.0
 """s without a goal after which a run that was to end with its goals does."""
 

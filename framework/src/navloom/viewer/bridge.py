@@ -133,7 +133,7 @@ class Bridge:
         self.dropped += 1
 
     def close(self, patience: float = 120.0) -> Counts:
-        """Let it finish, and say what became of everything. A child that does not end in time is killed."""
+        """Let it finish, and report the messages drawn and left out. A child that does not end in time is killed."""
         if self.process.is_alive():
             with contextlib.suppress(queue.Full):
                 self._queue.put(None, timeout=patience)

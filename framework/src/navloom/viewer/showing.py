@@ -1,4 +1,4 @@
-"""Showing a run: starts a viewer, the child that draws, and says what became of it all."""
+"""Showing a run: starts a viewer and the child that draws, and reports how it ended."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Showing:
         bridge: To put messages into.
         program: The viewer that was started, or None.
         file: That is written, or None.
-        say: Told what became of the messages.
+        say: Takes the report: messages drawn and left out.
         counts: The same, once it is finished.
     """
 
@@ -57,7 +57,7 @@ class Showing:
     is_finished: bool = False
 
     def finish(self) -> None:
-        """Let all that was put in be drawn, and say what became of it; nothing more can be put in. Once is enough."""
+        """Draw everything that was put in, report it, and take no more. A second call does nothing."""
         if self.is_finished:
             return
         self.is_finished = True

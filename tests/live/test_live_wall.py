@@ -52,19 +52,30 @@ sigma = 0.03
 plugin = "known_map"
 
 [navigation]
-start = {{ x = 0.0, y = {y}, heading_deg = {heading} }}
+start = {{ x = {x}, y = {y}, heading_deg = {heading} }}
 drive = false
 """
 
 
 def config(folder: Path, angle: float) -> str:
-    """A robot that starts 2 m before the wall, on a line that meets it at an angle off its normal, degrees."""
+    """A robot before the wall, on a line that meets the middle of it at an angle off its normal, degrees."""
     world = folder / "wall.toml"
     world.write_text(WALL, "utf-8")
     path = folder / f"at_{angle:g}.toml"
-    start_y = -min(4.0, 2.0 * math.tan(math.radians(angle)))
-    path.write_text(ROBOT.format(world=world, y=start_y, heading=angle), "utf-8")
+    away = distance(angle)
+    start_y = -away * math.tan(math.radians(angle))
+    path.write_text(ROBOT.format(world=world, x=2.0 - away, y=start_y, heading=angle), "utf-8")
     return str(path)
+
+
+def distance(angle: float) -> float:
+    """Between the start and the wall, m: less at steep angles, so that the wall is long enough."""
+    return 2.0 if angle <= 60.0 else 0.8
+
+
+def duration(angle: float) -> float:
+    """How long the robot is driven at 0.6 m/s to come to the wall for certain, s."""
+    return distance(angle) / math.cos(math.radians(angle)) / 0.6 + 5.0
 
 
 def driven_at_the_wall(robot: Up, seconds: float = 8.0) -> dict[str, Any]:
@@ -125,7 +136,14 @@ def jumping_localizer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 ANGLES = range(0, 81, 4)
 """Off the wall's normal, degrees."""
-APART = ("--set", 'live.processes.robot=["platform"]', "--set", 'live.processes.where=["localizer"]')
+PROCESSES = {
+    "robot": ["platform"],
+    "where": ["localizer"],
+    "think": ["mapper", "planner", "goal"],
+    "drive": ["reference", "controller", "avoider", "recovery"],
+    "safe": ["gate"],
+}
+APART = [part for name, roles in PROCESSES.items() for part in ("--set", f"live.processes.{name}={json.dumps(roles)}")]
 
 
 @pytest.mark.slow
@@ -133,7 +151,7 @@ APART = ("--set", 'live.processes.robot=["platform"]', "--set", 'live.processes.
 def test_it_stops_at_any_angle(tmp_path: Path, angle: int) -> None:
     with up(config(tmp_path, angle)) as robot:
         robot.wait_for("every node is there")
-        assert_stopped_before_it(driven_at_the_wall(robot, 12.0))
+        assert_stopped_before_it(driven_at_the_wall(robot, duration(angle)))
 
 
 @pytest.mark.slow
@@ -145,7 +163,7 @@ def test_it_stops_with_the_localizer_killed_under_way(tmp_path: Path, angle: int
             localizer = next(node for node in navigator.client.describe() if node["role"] == "localizer")
             killer = threading.Timer(1.5, os.kill, (localizer["pid"], signal.SIGKILL))
             killer.start()
-            last = driven_at_the_wall(robot, 12.0)
+            last = driven_at_the_wall(robot, duration(angle))
             killer.join()
             assert_stopped_before_it(last)
 
@@ -156,7 +174,7 @@ def test_it_stops_though_its_pose_jumps_by_2_m(tmp_path: Path, angle: int, monke
     jumping_localizer(tmp_path, monkeypatch)
     with up(config(tmp_path, angle), "--set", "localizer.plugin=jumping") as robot:
         robot.wait_for("every node is there")
-        assert_stopped_before_it(driven_at_the_wall(robot, 12.0))
+        assert_stopped_before_it(driven_at_the_wall(robot, duration(angle)))
         pose = robot.run("echo", "localizer/pose", "--count", "1", "--json")
         truth = robot.run("echo", "platform/truth", "--count", "1", "--json")
         said, true = (json.loads(done.stdout).get("message", json.loads(done.stdout))["pose"] for done in (pose, truth))

@@ -139,7 +139,7 @@ def _measure(rig: Rig, fault: Fault, outcome: Outcome, began: int, lifted: int) 
         outcome.zero = (zero.time_ns - began) * 1e-9
     if fault.is_platform:
         first = next((word for word in words if word.time_ns > lifted), None)
-        goals = [note.time_ns for note in rig.driver.notes if note.kind == "goal" and note.time_ns > began]
+        goals = [note.time_ns for note in rig.driver.notes if note.kind == "asked" and note.time_ns > began]
         turned = motors.turn_after(zero.time_ns) if zero is not None else None
         is_new = not goals or turned is None or turned.time_ns > goals[0]
         outcome.fresh = first is not None and not first.turns and is_new

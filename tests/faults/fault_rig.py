@@ -163,6 +163,7 @@ class Driver(threading.Thread):
         target = self.target
         if target is None:
             target = 0.0 if self._place()[0] > HALL - ROOM - 10.0 else HALL
+        self._note("asked", f"{target:g}")  # the motors may turn for it before the answer is here
         handle = navigator.go(target, 0.0)
         self._note("goal", f"{handle.goal_id} to {target:g}")
         state = ""

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.config import ConfigError, load_config
+from navloom.engine.build import System, assemble
 from navloom.messages import Command, Message, StepReport
 from navloom.messages.codec import decode
-from navloom.runtime.build import System, assemble
 from navloom.runtime.client import Client
 from navloom.runtime.keyspace import STEP
 from navloom.runtime.network import network_of

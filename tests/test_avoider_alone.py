@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from navloom import AvoiderInput, Box, Place, PlatformInput, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D, World
 from navloom.config import load_config
+from navloom.engine.assembly import gate_limits
+from navloom.engine.build import assemble, make_plugins
 from navloom.navigation.gate import CommandGate, Offer, Sensed
-from navloom.runtime.build import assemble, make_plugins
-from navloom.runtime.executor import gate_limits
 from navloom.worlds.small import clutter_world
 
 PERIOD_NS = 50_000_000

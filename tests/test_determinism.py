@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from navloom.config import load_config
-from navloom.runtime.build import assemble, make_plugins
-from navloom.runtime.executor import lockstep_of
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import assemble, make_plugins
 from navloom.study.episode import Episode
 from numba.core.event import install_recorder
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import navloom.messages
 import pytest
-from navloom.dataflow.table import node_table
+from navloom.engine.table import node_table
 from navloom.messages import SCHEMAS, Envelope, Message
 from navloom.messages.schema import Kind
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from navloom.config import load_config
-from navloom.runtime.build import assemble, make_plugins
-from navloom.runtime.executor import lockstep_of
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import assemble, make_plugins
 
 BAR = 300.0
 """Robot time over wall time, at 20 Hz."""

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from navloom.config import ConfigError, load_config, shipped_configs
 from navloom.config.loader import leaves
+from navloom.engine.build import assemble
+from navloom.engine.checks import check_task
 from navloom.plugins import PluginError
-from navloom.runtime.build import assemble
-from navloom.runtime.checks import check_task
 
 CommandLine = Callable[..., tuple[int, str, str]]
 LASER = '[world]\nref = "doorway"\n[[sensor]]\nname = "laser"\nkind = "laser_2d"\n'

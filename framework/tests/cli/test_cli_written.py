@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from navloom.engine.trace import read_trace
 from navloom.recording.reader import Recording
-from navloom.runtime.trace import read_trace
 from navloom.study import compare, journal, report
 
 CONFIG = """

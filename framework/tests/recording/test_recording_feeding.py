@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from navloom.config import load_config
-from navloom.dataflow.ports import Input, NodeSpec
+from navloom.engine.ports import Input, NodeSpec
 from navloom.messages import (
     Command,
     Envelope,

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from navloom.engine.build import assemble
+from navloom.engine.wiring import runs
 from navloom.messages import Command, Envelope, StepReport, Twist2D
 from navloom.messages.codec import decode, encode
 from navloom.recording.check import NodeCheck, check
@@ -15,8 +17,6 @@ from navloom.recording.lockstep_recorder import LockstepRecorder
 from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer
 from navloom.recording.writer import RecordingWriter
-from navloom.runtime.build import assemble
-from navloom.runtime.wiring import runs
 from navloom.study.episode import run_episode
 from navloom.study.shadows import shadow_table
 from navloom.study.substitutes import substitute_config

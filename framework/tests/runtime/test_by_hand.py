@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 import pytest
 from navloom.cli.main import app
 from navloom.config import load_config
+from navloom.engine.build import assemble
 from navloom.runtime import by_hand
-from navloom.runtime.build import assemble
 from navloom.runtime.by_hand import share_by_hand
 from navloom.runtime.directory import RobotFolder, Running
 from navloom.runtime.host_faults import left_behind

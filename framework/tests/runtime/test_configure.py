@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 from navloom.config import ConfigError, load_config
+from navloom.engine.build import System, assemble, configure, make_plugins
 from navloom.plugins import PluginError
-from navloom.runtime.build import System, assemble, configure, make_plugins
 from navloom.runtime.services import ServiceError, Services
 
 

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 from typing import Any
 
 from navloom.config import load_config
-from navloom.dataflow.own_nodes import GateNode
+from navloom.engine.assembly import own_node
+from navloom.engine.build import assemble
+from navloom.engine.own_nodes import GateNode
 from navloom.messages import Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
-from navloom.runtime.build import assemble
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, make_cell
-from navloom.runtime.executor import own_node
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live_gate import LiveGate
 from navloom.runtime.run_clock import RunClock

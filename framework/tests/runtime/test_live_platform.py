@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 from navloom.config import load_config
-from navloom.dataflow.nodes import PlatformNode
+from navloom.engine.build import assemble
+from navloom.engine.nodes import PlatformNode
 from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, Twist2D
 from navloom.roles import PlatformOutput
 from navloom.runtime import live, live_platform
-from navloom.runtime.build import assemble
 from navloom.runtime.cells import Hosted, make_cell
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live_platform import LivePlatform

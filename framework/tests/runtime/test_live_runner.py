@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from navloom.config import load_config
-from navloom.dataflow.own_nodes import GoalNode
+from navloom.engine.assembly import goal_rules
+from navloom.engine.build import assemble
+from navloom.engine.own_nodes import GoalNode
 from navloom.messages import (
     ClearRequest,
     Envelope,
@@ -22,9 +24,7 @@ from navloom.messages import (
 )
 from navloom.navigation.goals import GoalMachine
 from navloom.runtime import live, live_goal
-from navloom.runtime.build import assemble
 from navloom.runtime.cells import Hosted, all_sources, make_cell
-from navloom.runtime.executor import goal_rules
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.live_goal import LiveGoal

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from navloom.config import ConfigError
+from navloom.engine.trace import TraceEntry, TraceError, read_trace
 from navloom.messages import Command, GateStatus, GoalResult, Selection, StepRecord
 from navloom.plugins import PluginError
-from navloom.runtime.trace import TraceEntry, TraceError, read_trace
 from navloom.study.episode import Episode, run_episode
 from toys import discovery, toy_config
 

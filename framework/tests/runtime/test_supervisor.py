@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from navloom.config import load_config
 from navloom.config.schema import LiveTable
-from navloom.runtime.build import assemble
+from navloom.engine.build import assemble
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.placing import spread

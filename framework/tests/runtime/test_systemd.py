@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from navloom.config import ConfigError, load_config
-from navloom.runtime.build import assemble
+from navloom.engine.build import assemble
 from navloom.runtime.links import Link
 from navloom.runtime.network import network_of
 from navloom.runtime.node_process import NodeProcess, Share

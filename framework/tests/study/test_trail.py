@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from navloom.engine.build import assemble
 from navloom.geometry.world import Box, Place, World
 from navloom.messages import (
     Command,
@@ -23,7 +24,6 @@ from navloom.messages import (
     Truth,
     Twist2D,
 )
-from navloom.runtime.build import assemble
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import measure
 from navloom.study.recorder import Recorder

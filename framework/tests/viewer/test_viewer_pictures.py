@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from navloom.config import load_config
-from navloom.runtime.build import assemble
+from navloom.engine.build import assemble
 from navloom.study.episode import Episode, run_episode
 from navloom.viewer.blueprint import camera
 from navloom.viewer.colours import CLOUD, DRIVEN, PLAN, TRAJECTORY

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from navloom import OccupancyGrid, Path, Planner, PlannerInput, Pose2D, World
 from navloom.config import load_config
-from navloom.runtime.build import assemble, make_plugins
-from navloom.runtime.executor import lockstep_of
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import assemble, make_plugins
 from navloom.study.recorder import Recorder
 from numpy.typing import NDArray
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from navloom import Box, OccupancyGrid, Place, Pose2D, World
 from navloom.config import load_config
-from navloom.runtime.build import assemble, make_plugins
-from navloom.runtime.executor import lockstep_of
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import assemble, make_plugins
 from navloom.study.recorder import Recorder
 from navloom.worlds.small import clutter_world
 from numpy.typing import NDArray

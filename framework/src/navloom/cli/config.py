@@ -25,7 +25,7 @@ def show(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> N
     """Every value that holds and where it came from: default, file or --set."""
     from navloom.cli.output import print_json, print_table
     from navloom.config import load_config
-    from navloom.runtime.build import assemble
+    from navloom.engine.build import assemble
     from navloom.runtime.holding import holding
 
     loaded = load_config(config, set_ or ())
@@ -60,8 +60,8 @@ def check(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> 
     """Check that a config fits and can drive: plugins, parameters, world and wiring, without running it."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
-    from navloom.runtime.build import assemble, try_plugins
-    from navloom.runtime.checks import check_task
+    from navloom.engine.build import assemble, try_plugins
+    from navloom.engine.checks import check_task
     from navloom.runtime.network import network_of
 
     loaded = load_config(config, set_ or ())

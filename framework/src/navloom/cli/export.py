@@ -38,8 +38,8 @@ def systemd(
 
     from navloom.cli.output import print_json
     from navloom.config import ConfigError, load_config
+    from navloom.engine.build import assemble
     from navloom.files import write_whole
-    from navloom.runtime.build import assemble
     from navloom.runtime.network import network_of
     from navloom.runtime.systemd import Command, units
 

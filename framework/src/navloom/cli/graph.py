@@ -45,8 +45,8 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
     """Who reads what from whom by a config."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
-    from navloom.dataflow.graph import edges
-    from navloom.runtime.build import assemble
+    from navloom.engine.build import assemble
+    from navloom.engine.graph import edges
 
     system = assemble(load_config(config, changes))
     wires = edges(system.specs)

@@ -131,7 +131,7 @@ def _run() -> None:
 def _is_wrong_request(error: Exception) -> bool:
     """Errors that are about what was asked for, wherever they were found."""
     from navloom.config import ConfigError
-    from navloom.dataflow.graph import GraphError
+    from navloom.engine.graph import GraphError
     from navloom.plugins import PluginError
     from navloom.recording.header import RecordingError
     from navloom.roles import InputError

@@ -31,7 +31,7 @@ def node(
     """Run chosen nodes of a robot here, until Ctrl-C. On one host they find each other, from elsewhere by a router."""
     from navloom.cli.up import ending
     from navloom.config import load_config
-    from navloom.runtime.build import assemble
+    from navloom.engine.build import assemble
     from navloom.runtime.by_hand import share_by_hand
     from navloom.runtime.node_process import NodeProcess, leave
     from navloom.runtime.systemd import notify

@@ -147,7 +147,7 @@ def set_params(
 ) -> None:
     """Change an instance's parameters between two ticks: all of them, or none where one does not fit."""
     from navloom.config.loader import parse_override
-    from navloom.dataflow.events import assignments
+    from navloom.engine.events import assignments
     from navloom.runtime.navigator import Navigator
 
     given: dict[str, Any] = {}

@@ -85,9 +85,9 @@ def replay(
 def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
     from navloom.cli.output import print_json, stage
     from navloom.cli.written import tell_out
+    from navloom.engine.build import assemble
     from navloom.recording.check import check
     from navloom.recording.replaying import Replayer
-    from navloom.runtime.build import assemble
     from navloom.study.results import OutFolder
 
     with OutFolder(out, ("result.json",)) as folder:
@@ -180,7 +180,7 @@ def can_draw() -> bool:
 def tell_substitute(found: Any, recorded: str) -> None:
     """One comparison for people."""
     from navloom.cli.output import print_table
-    from navloom.dataflow.differences import UNITS
+    from navloom.engine.differences import UNITS
 
     summary = found.summary()
     share = summary["differing_share"]

@@ -188,7 +188,7 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
 def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
     """What alternatives in shadow would have said, for people."""
     from navloom.cli.output import print_table
-    from navloom.dataflow.differences import UNITS
+    from navloom.engine.differences import UNITS
 
     lines = []
     for one in shadows:

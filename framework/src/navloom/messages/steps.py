@@ -44,7 +44,7 @@ class StepReport(Message):
         duration_ns: Time the step took on its machine.
         fault: What the plugin raised in this tick, empty for nothing.
         told: What the executor told the node beside its inputs, as a JSON object; empty for nothing. See
-            `dataflow.own_nodes`.
+            `engine.own_nodes`.
     """
 
     trigger: str

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.config.schema import ROLE_TABLES, Config
-from navloom.dataflow.ports import Input, NodeSpec
+from navloom.engine.ports import Input, NodeSpec
 from navloom.messages import Envelope, Goal, Message, OperatorRequest, Point2D, Selection, StepReport
 from navloom.recording.reader import Recorded
 from navloom.recording.shelf import Entry, Shelf

@@ -8,17 +8,17 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.config.schema import ROLE_TABLES
-from navloom.dataflow.events import schedule
-from navloom.dataflow.nodes import Node, Outputs, Tick, fault_text
-from navloom.dataflow.own_nodes import GateNode, GoalNode
-from navloom.dataflow.ports import NodeSpec
+from navloom.engine.assembly import own_node
+from navloom.engine.build import System, configure, make_plugins, role_nodes
+from navloom.engine.events import schedule
+from navloom.engine.nodes import Node, Outputs, Tick, fault_text
+from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.ports import NodeSpec
 from navloom.messages import Command, Envelope, OperatorRequest, Parameters, Selection, StepReport
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.feeding import Chosen, Fed, Feeder, Step, told_of
 from navloom.recording.reader import RawRecorded, Recording
 from navloom.recording.shelf import Entry, Shelf
-from navloom.runtime.build import System, configure, make_plugins, role_nodes
-from navloom.runtime.executor import own_node
 from navloom.runtime.keyspace import STEP
 
 __all__ = ["SOURCES", "Again", "ReplayNode", "Replayer", "Stepped"]

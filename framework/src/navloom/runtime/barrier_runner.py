@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.dataflow.nodes import Outputs, Tick, fault_text
-from navloom.dataflow.own_nodes import GateNode, GoalNode
+from navloom.engine.lockstep import MAIN_PORTS
+from navloom.engine.nodes import Outputs, Tick, fault_text
+from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.messages import OperatorRequest, Selection
 from navloom.runtime.barrier import Barrier, BarrierEnded
 from navloom.runtime.cell import Cell, Feed, Source
-from navloom.runtime.lockstep import MAIN_PORTS
 
 __all__ = ["BarrierRunner"]
 

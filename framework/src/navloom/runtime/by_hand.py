@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from navloom.config import ConfigError
+from navloom.engine.build import System
 from navloom.plugins.registry import nearest
-from navloom.runtime.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from navloom.dataflow.nodes import Node, Outputs, Tick
+from navloom.engine.nodes import Node, Outputs, Tick
+from navloom.engine.wiring import Instance, Slot, Wire
 from navloom.messages import InputRead, PortMark, Selection, StepReport
 from navloom.runtime.keyspace import STEP
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.outlet import Outlet
-from navloom.runtime.wiring import Instance, Slot, Wire
 
 __all__ = ["Cell", "Feed", "Source"]
 

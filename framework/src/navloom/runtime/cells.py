@@ -6,15 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from navloom.config.schema import ROLE_TABLES
-from navloom.dataflow.nodes import Node
-from navloom.dataflow.ports import Input
-from navloom.runtime.build import System
+from navloom.engine.assembly import make_instance
+from navloom.engine.build import System
+from navloom.engine.nodes import Node
+from navloom.engine.ports import Input
+from navloom.engine.wiring import Slot, Wire
 from navloom.runtime.cell import Cell, Feed, Source
-from navloom.runtime.executor import make_instance
 from navloom.runtime.keyspace import STEP
 from navloom.runtime.mailbox import Mailbox
 from navloom.runtime.switchboard import Switchboard
-from navloom.runtime.wiring import Slot, Wire
 
 __all__ = ["Hosted", "all_sources", "awaited", "make_cell"]
 

@@ -6,18 +6,18 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from navloom.config.schema import ROLE_TABLES
+from navloom.engine.build import System
+from navloom.engine.lockstep import Observer, RunLog
+from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, OperatorRequest, PortMark, Selection
 from navloom.messages.codec import encode, schema_label
 from navloom.messages.steps import StepReport
 from navloom.runtime.barrier import Barrier
-from navloom.runtime.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.keyspace import STEP
-from navloom.runtime.lockstep import Observer, RunLog
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.switchboard import Switchboard
-from navloom.runtime.trace import TraceWriter
 
 __all__ = ["BarrierError", "Conductor"]
 

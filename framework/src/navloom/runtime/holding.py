@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from navloom.config.loader import leaves
+from navloom.engine.build import System
 from navloom.roles import Platform
-from navloom.runtime.build import System
 
 __all__ = ["holding"]
 

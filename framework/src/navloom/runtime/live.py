@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from navloom.dataflow.nodes import Outputs, Tick, fault_text
+from navloom.engine.nodes import Outputs, Tick, fault_text
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted, awaited

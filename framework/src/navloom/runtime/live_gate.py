@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.dataflow.nodes import Outputs, Tick
-from navloom.dataflow.own_nodes import GateNode
+from navloom.engine.lockstep import MAIN_PORTS
+from navloom.engine.nodes import Outputs, Tick
+from navloom.engine.own_nodes import GateNode
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.navigation.gate import ENDING
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
-from navloom.runtime.lockstep import MAIN_PORTS
 from navloom.runtime.run_clock import RunClock
 
 __all__ = ["BETWEEN", "CHECK", "LiveGate"]

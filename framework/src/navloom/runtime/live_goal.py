@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.dataflow.nodes import Outputs
-from navloom.dataflow.own_nodes import GoalNode
+from navloom.engine.nodes import Outputs
+from navloom.engine.own_nodes import GoalNode
 from navloom.messages import Envelope, OperatorRequest, StepReport
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from navloom.dataflow.nodes import Outputs, PlatformNode, Tick, fault_text
+from navloom.engine.nodes import Outputs, PlatformNode, Tick, fault_text
 from navloom.messages import Command, Twist2D
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from navloom.config.schema import ROLE_TABLES
+from navloom.engine.build import System
 from navloom.messages import Odometry
-from navloom.runtime.build import System
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.memory import Memory
 from navloom.runtime.run_clock import RunClock

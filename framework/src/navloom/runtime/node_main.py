@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from navloom.config.loader import Loaded
-from navloom.runtime.build import assemble
+from navloom.engine.build import assemble
 from navloom.runtime.node_process import NodeProcess, Share, leave
 from navloom.runtime.process import die_with_parent, end_on_signal, end_unless_called, link_from_json, link_to_json
 

@@ -10,16 +10,16 @@ import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from navloom.dataflow.nodes import Node
-from navloom.dataflow.own_nodes import GateNode, GoalNode
+from navloom.engine.assembly import own_node
+from navloom.engine.build import System, configure, make_plugins, role_nodes
+from navloom.engine.nodes import Node
+from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.messages import Parameters
 from navloom.roles import PATIENT
 from navloom.runtime.barrier import BarrierEnded
 from navloom.runtime.barrier_runner import BarrierRunner
-from navloom.runtime.build import System, configure, make_plugins, role_nodes
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources, make_cell
-from navloom.runtime.executor import own_node
 from navloom.runtime.keyspace import ATTENDANT, LINKED, KeySpace
 from navloom.runtime.links import Link
 from navloom.runtime.live import LiveRunner

@@ -15,12 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from navloom.config import ConfigError
+from navloom.engine.build import System, changed_params, configure
+from navloom.engine.checks import place_problem
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
 from navloom.plugins.registry import nearest
-from navloom.runtime.build import System, changed_params, configure
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources
-from navloom.runtime.checks import place_problem
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.live_gate import LiveGate

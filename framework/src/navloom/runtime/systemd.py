@@ -11,7 +11,7 @@ from pathlib import Path
 
 from navloom.config import ConfigError
 from navloom.config.schema import LiveTable
-from navloom.runtime.build import System
+from navloom.engine.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.network import Network

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from navloom.config import ConfigError, load_config
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import System, assemble, make_plugins
 from navloom.geometry.world import Cylinder
 from navloom.messages import RangeScan, Twist2D
 from navloom.roles import Platform, PlatformInput
-from navloom.runtime.build import System, assemble, make_plugins
-from navloom.runtime.executor import lockstep_of
 from navloom.study import bench_irsim
 from navloom.study.bench_pairs import Block, Child, Effort, Peer, PeerError, Row, paired, timed
 from navloom.worlds.barn import barn_numbers

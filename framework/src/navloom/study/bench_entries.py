@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config import load_config
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import assemble, make_plugins
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Box, position_at
 from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.plugins import Discovery
 from navloom.roles import Context, Planner, PlannerInput, RobotSpec
-from navloom.runtime.build import assemble, make_plugins
-from navloom.runtime.executor import lockstep_of
 from navloom.study.bench_pairs import Effort, Peer, PeerError, Row, paired, peer_module, timed
 from navloom.study.bench_samples import ENVELOPE, samples
 from navloom.study.planning import POINT, map_update

@@ -18,10 +18,10 @@ import numpy as np
 
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.schema import ROLE_TABLES
+from navloom.engine.build import System, assemble
+from navloom.engine.checks import check_task
 from navloom.plugins import PluginError
 from navloom.plugins.registry import nearest
-from navloom.runtime.build import System, assemble
-from navloom.runtime.checks import check_task
 from navloom.study.journal import StudyFolder
 from navloom.study.methods import Method, compared, methods_of, toml_value
 from navloom.study.metrics import METRICS, all_metrics

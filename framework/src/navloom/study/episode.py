@@ -11,13 +11,13 @@ from typing import IO, Any
 import numpy as np
 
 from navloom.config import Loaded
+from navloom.engine.assembly import lockstep_of
+from navloom.engine.build import System, assemble, make_plugins, stride_of
+from navloom.engine.checks import check_task
+from navloom.engine.lockstep import Observer, RunLog
+from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
-from navloom.runtime.build import System, assemble, make_plugins, stride_of
-from navloom.runtime.checks import check_task
-from navloom.runtime.executor import lockstep_of
-from navloom.runtime.lockstep import Observer, RunLog
-from navloom.runtime.trace import TraceWriter
 from navloom.study import measures
 from navloom.study.recorder import Recorder
 from navloom.study.shadows import Disagreement, ShadowWatch

@@ -12,7 +12,11 @@ from dataclasses import dataclass, field, replace
 from typing import IO, Any, Literal
 
 from navloom.config import ConfigError, Loaded
-from navloom.dataflow.events import schedule
+from navloom.engine.build import System, assemble
+from navloom.engine.checks import check_drive, check_task
+from navloom.engine.events import schedule
+from navloom.engine.lockstep import RunLog
+from navloom.engine.trace import TraceWriter
 from navloom.messages import (
     Envelope,
     Feedback,
@@ -26,19 +30,15 @@ from navloom.messages import (
     StepReport,
 )
 from navloom.roles import Platform
-from navloom.runtime.build import System, assemble
 from navloom.runtime.cells import all_sources
-from navloom.runtime.checks import check_drive, check_task
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.conductor import BarrierError, Conductor
 from navloom.runtime.keyspace import STEP
-from navloom.runtime.lockstep import RunLog
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.network import network_of
 from navloom.runtime.placing import spread
 from navloom.runtime.robot import Robot
 from navloom.runtime.switchboard import Switchboard
-from navloom.runtime.trace import TraceWriter
 from navloom.study.episode import Episode
 from navloom.study.recorder import Recorder
 

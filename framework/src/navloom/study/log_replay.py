@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.schema import Config
-from navloom.dataflow.differences import differences
-from navloom.dataflow.nodes import Node, Tick, fault_text
-from navloom.dataflow.reference import ReferenceNode
+from navloom.engine.build import assemble, make_plugins, role_nodes
+from navloom.engine.differences import differences
+from navloom.engine.nodes import Node, Tick, fault_text
+from navloom.engine.reference import ReferenceNode
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
 from navloom.recording.reader import Recorded, Recording
 from navloom.recording.recorded_platform import discovery
-from navloom.runtime.build import assemble, make_plugins, role_nodes
 from navloom.study.shadows import Disagreement
 from navloom.study.substitutes import Substitute
 

@@ -11,8 +11,8 @@ from typing import Any
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.loader import leaves
 from navloom.config.schema import ROLE_TABLES, AlternativeTable
+from navloom.engine.build import System
 from navloom.plugins import Discovery
-from navloom.runtime.build import System
 
 __all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
 

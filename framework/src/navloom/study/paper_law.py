@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config import check_params
-from navloom.dataflow.streams import stream_source
+from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.messages import Point2D, Pose2D, PoseEstimate, Reference, Trajectory, Twist2D
 from navloom.plugins import Discovery

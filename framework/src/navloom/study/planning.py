@@ -11,13 +11,13 @@ import numpy as np
 
 from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
-from navloom.dataflow.streams import stream_source
+from navloom.engine.build import grid_of
+from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.plugins import Discovery
 from navloom.roles import Context, Planner, PlannerInput, RobotSpec
-from navloom.runtime.build import grid_of
 
 __all__ = ["map_update", "plan_once"]
 

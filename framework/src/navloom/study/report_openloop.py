@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.dataflow.differences import TOLERANCES, UNITS
+from navloom.engine.differences import TOLERANCES, UNITS
 from navloom.study.openloop import METHOD
 from navloom.study.plotting import new_figure, styled
 from navloom.study.report_data import StudyFiles

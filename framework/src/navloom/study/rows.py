@@ -160,7 +160,7 @@ def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
 
 def _ways(loaded: Any, discovery: CachedDiscovery) -> Ways:
     """What the episode would have been measured by; nothing where the config cannot be assembled at all."""
-    from navloom.runtime.build import assemble
+    from navloom.engine.build import assemble
 
     try:
         return ways_of(assemble(loaded, discovery))

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.dataflow.differences import differences, is_differing
+from navloom.engine.differences import differences, is_differing
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
 if TYPE_CHECKING:
-    from navloom.runtime.build import System
+    from navloom.engine.build import System
 
 __all__ = ["COMPARED", "Disagreement", "ShadowWatch", "shadow_table"]
 
@@ -40,7 +40,7 @@ class Disagreement:
         against: Instances in charge, in the order they were.
         times: s, run clock, of each tick compared, by when the answers were made.
         ticks: Their numbers.
-        values: By name, the difference of each tick (`dataflow.differences`); NaN where it is not defined.
+        values: By name, the difference of each tick (`engine.differences`); NaN where it is not defined.
         differing: Of each tick, whether any difference is beyond its tolerance.
         driving: Of each tick of an avoider, whether the avoider in charge drove.
         unanswered: Ticks in which only one of the two gave an answer.

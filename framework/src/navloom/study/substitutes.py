@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
 from navloom.config.schema import Config
-from navloom.dataflow.differences import UNITS, differences
+from navloom.engine.build import assemble
+from navloom.engine.differences import UNITS, differences
 from navloom.messages import MapUpdate, Message, PoseEstimate
 from navloom.recording.outcomes import Outcomes
 from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
 from navloom.recording.shelf import Shelf
-from navloom.runtime.build import assemble
 from navloom.study.plotting import GREY, OKABE_ITO, new_figure, png_of, styled
 from navloom.study.shadows import COMPARED, Disagreement
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
-from navloom.dataflow.streams import stream_source
+from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery

@@ -17,7 +17,7 @@ from navloom.geometry.world import Place, World
 from navloom.messages import GoalResult
 
 if TYPE_CHECKING:
-    from navloom.runtime.build import System
+    from navloom.engine.build import System
     from navloom.study.episode import Episode
     from navloom.study.recorder import Recorder
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from navloom.config import Loaded
+from navloom.engine.build import assemble
 from navloom.messages import Envelope, Message
-from navloom.runtime.build import assemble
 from navloom.study.episode import Episode, run_episode
 from navloom.viewer.bridge import Counts
 from navloom.viewer.drawing import Shown

@@ -47,8 +47,8 @@ class InCharge:
 
 def facts_of_header(header: RecordingHeader, title: str) -> Facts:
     """The facts of a robot whose config is known; without one, of a robot that nothing is known of."""
+    from navloom.engine.build import assemble
     from navloom.recording.header import RecordingError
-    from navloom.runtime.build import assemble
 
     try:
         return facts_of({header.robot: assemble(header.loaded())}, title)
@@ -58,9 +58,9 @@ def facts_of_header(header: RecordingHeader, title: str) -> Facts:
 
 def facts_of_recording(recording: Recording) -> Facts:
     """The facts of a recording; its world from the recording itself where its file has gone."""
+    from navloom.engine.build import assemble
     from navloom.recording.header import RecordingError
     from navloom.recording.worldfiles import with_world
-    from navloom.runtime.build import assemble
 
     title = recording.path.name
     with TemporaryDirectory() as folder:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from navloom.config import Loaded
-from navloom.runtime.build import assemble
+from navloom.engine.build import assemble
 from navloom.viewer.facts import facts_of
 from navloom.viewer.observe import Gathering
 from navloom.viewer.showing import Showing, Where, showing

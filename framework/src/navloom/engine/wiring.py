@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from navloom.dataflow.nodes import Node
-from navloom.dataflow.ports import Input, NodeSpec
+from navloom.engine.nodes import Node
+from navloom.engine.ports import Input, NodeSpec
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import schema_label
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
-from navloom.dataflow.nodes import Tick, fault_text
-from navloom.dataflow.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.nodes import Tick, fault_text
+from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.trace import TraceWriter
+from navloom.engine.wiring import Instance
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
 from navloom.messages.codec import encode
-from navloom.runtime.trace import TraceWriter
-from navloom.runtime.wiring import Instance
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from navloom.dataflow.ports import Input, NodeSpec
+from navloom.engine.ports import Input, NodeSpec
 
 __all__ = ["node_table"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config.schema import Config
-from navloom.dataflow.nodes import Inputs, Outputs, Tick
+from navloom.engine.nodes import Inputs, Outputs, Tick
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
 from navloom.navigation.projection import project, way_ahead

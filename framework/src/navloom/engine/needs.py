@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from navloom.engine.build import Part, System
 from navloom.plugins import Discovery, PluginError
 from navloom.roles import Platform, Role
-from navloom.runtime.build import Part, System
 
 __all__ = ["needed_sensors"]
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from navloom.dataflow.differences import TOLERANCES, UNITS, differences, is_differing
+from navloom.engine.differences import TOLERANCES, UNITS, differences, is_differing
 from navloom.messages import (
     Command,
     Contact,

@@ -7,21 +7,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from navloom.config.schema import ROLE_TABLES
-from navloom.dataflow.events import schedule
-from navloom.dataflow.nodes import Node
-from navloom.dataflow.own_nodes import GateNode, GoalNode, OperatorNode
-from navloom.dataflow.ports import NodeSpec
-from navloom.dataflow.reference import ReferenceNode
+from navloom.engine.build import System, configure, role_nodes, stride_of
+from navloom.engine.events import schedule
+from navloom.engine.lockstep import Lockstep, Observer
+from navloom.engine.nodes import Node
+from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.ports import NodeSpec
+from navloom.engine.reference import ReferenceNode
+from navloom.engine.trace import TraceWriter
+from navloom.engine.wiring import Instance, Slot, Wire
 from navloom.geometry.footprints import inscribed_radius
 from navloom.navigation.gate import CommandGate, Limits
 from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.goals import GoalMachine
 from navloom.navigation.monitor import Monitor, MonitorLimits
 from navloom.navigation.replanning import ReplanRules
-from navloom.runtime.build import System, configure, role_nodes, stride_of
-from navloom.runtime.lockstep import Lockstep, Observer
-from navloom.runtime.trace import TraceWriter
-from navloom.runtime.wiring import Instance, Slot, Wire
 
 __all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_instance", "own_node"]
 

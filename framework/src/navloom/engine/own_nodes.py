@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 
-from navloom.dataflow.nodes import Inputs, Outputs, Tick
+from navloom.engine.nodes import Inputs, Outputs, Tick
 from navloom.messages import Envelope, GateStatus, OperatorRequest, Path, PlanFailure, RecoveryStep, Selection, Twist2D
 from navloom.messages.motion import Command
 from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed

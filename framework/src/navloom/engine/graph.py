@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from difflib import get_close_matches
 
-from navloom.dataflow.ports import Input, NodeSpec
+from navloom.engine.ports import Input, NodeSpec
 
 __all__ = ["GraphError", "edges", "order"]
 

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.engine.build import System, stride_of
+from navloom.engine.needs import needed_sensors
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
-from navloom.runtime.build import System, stride_of
-from navloom.runtime.needs import needed_sensors
 
 __all__ = ["check_drive", "check_task", "place_problem"]
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from navloom.dataflow.graph import GraphError, order
-from navloom.dataflow.ports import Input, NodeSpec
-from navloom.dataflow.streams import stream_source
-from navloom.dataflow.table import node_table
+from navloom.engine.graph import GraphError, order
+from navloom.engine.ports import Input, NodeSpec
+from navloom.engine.random_streams import stream_source
+from navloom.engine.table import node_table
 
 WIRED = {"mapper": ("laser",), "avoider": ("sonars",)}
 

@@ -14,11 +14,11 @@ from pydantic import ValidationError
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.problems import Gathered, problems_of
 from navloom.config.schema import ROLE_TABLES, Config, EventTable, PlaceTable, RoleTable
-from navloom.dataflow.graph import order
-from navloom.dataflow.nodes import fault_text, role_node
-from navloom.dataflow.ports import NodeSpec
-from navloom.dataflow.streams import stream_source
-from navloom.dataflow.table import node_table
+from navloom.engine.graph import order
+from navloom.engine.nodes import fault_text, role_node
+from navloom.engine.ports import NodeSpec
+from navloom.engine.random_streams import stream_source
+from navloom.engine.table import node_table
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
@@ -430,7 +430,7 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
 
 def _check_set_events(system: System, problems: Gathered) -> None:
     """Refuse parameter changes that will not fit when their time comes."""
-    from navloom.dataflow.events import assignments
+    from navloom.engine.events import assignments
 
     for number, event, source in _set_events(system.config):
         with problems.gather(), _blamed_on_event(number):

@@ -1,4 +1,4 @@
-"""From a built system to a lockstep executor: instances, slots and wires."""
+"""From a built system to a lockstep executor: steppers, slots, and the plan of who reads where."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from navloom.config.schema import ROLE_TABLES
 from navloom.engine.build import System, configure, role_nodes, stride_of
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import Lockstep, Observer
-from navloom.engine.nodes import Node
+from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.engine.ports import NodeSpec
 from navloom.engine.reference import ReferenceNode
+from navloom.engine.stepper import Stepper
 from navloom.engine.trace import TraceWriter
-from navloom.engine.wiring import Instance, Slot, Wire
+from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.geometry.footprints import inscribed_radius
 from navloom.navigation.gate import CommandGate, Limits
 from navloom.navigation.goal_rules import GoalRules
@@ -23,13 +24,11 @@ from navloom.navigation.goals import GoalMachine
 from navloom.navigation.monitor import Monitor, MonitorLimits
 from navloom.navigation.replanning import ReplanRules
 
-__all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_instance", "own_node"]
+__all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node"]
 
 
 def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: TraceWriter | None = None) -> Lockstep:
     """The executor of a system whose plugins are made."""
-    period = system.config.run.period
-    by_role: dict[str, list[Instance]] = {}
     executor: Lockstep | None = None
 
     def is_warm(role: str, name: str) -> bool:
@@ -37,20 +36,39 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         return executor.is_warm(role, name)
 
     nodes = role_nodes(system)
-    for spec in system.specs:
-        by_role[spec.role] = _instances(system, spec, nodes, is_warm)
-    for spec in system.specs:
-        for instance in by_role[spec.role]:
-            _wire(instance, {role: found[0] for role, found in by_role.items()})
+    steppers = [one for spec in system.specs for one in _steppers(system, spec, nodes, is_warm)]
+    for stepper, wires in zip(steppers, _plan(steppers), strict=True):
+        stepper.connect(wires)
     executor = Lockstep(
-        [instance for spec in system.specs for instance in by_role[spec.role]],
-        period,
+        steppers,
+        system.config.run.period,
         schedule(system.config, system.goal),
         lambda role, instance, values: configure(system, role, instance, values),
         observers,
         trace,
     )
     return executor
+
+
+def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
+    """The inputs of each stepper, led to the instances in charge.
+
+    A `~` input is a plain read where all who may publish it step later in a tick, and none of them with latency.
+    """
+    in_charge = {one.role: one for one in reversed(steppers) if one.active}
+    place = {role: number for number, role in enumerate(dict.fromkeys(one.role for one in steppers))}
+    with_latency = {one.role for one in steppers if one.delay}
+    return [
+        [
+            make_wire(
+                given,
+                in_charge[given.role].slots[given.port],
+                is_plain=place[given.role] > place[one.role] and given.role not in with_latency,
+            )
+            for given in one.spec.inputs
+        ]
+        for one in steppers
+    ]
 
 
 def _selected(system: System) -> dict[str, str]:
@@ -70,35 +88,37 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     return None
 
 
-def make_instance(system: System, spec: NodeSpec, name: str, node: Node) -> Instance:
+def make_stepper(system: System, spec: NodeSpec, name: str, node: Node) -> Stepper:
     """One node, not wired yet."""
     robot = system.config.robot
     prefix = f"{robot.realm}/{robot.name}/{spec.role}"
     slots = {port: Slot(f"{prefix}/{name}/{port}", f"{spec.role} {name} {port}") for port in spec.outputs}
     part = system.parts.get((spec.role, name))
     if part is None:
-        return Instance(spec, node, name, True, True, 1, 0, slots)
+        return Stepper(spec, node, name, slots)
     period = system.config.run.period
     active = name == system.config.role_table(spec.role).instance
-    enabled = active or getattr(part.table, "shadow", True)
-    delay = math.ceil(round(part.table.latency / period, 6))
-    return Instance(spec, node, name, active, enabled, stride_of(part.table, period), delay, slots)
+    return Stepper(
+        spec,
+        node,
+        name,
+        slots,
+        active=active,
+        enabled=active or getattr(part.table, "shadow", True),
+        stride=stride_of(part.table, period),
+        delay=math.ceil(round(part.table.latency / period, 6)),
+    )
 
 
-def _instances(
+def _steppers(
     system: System, spec: NodeSpec, nodes: dict[tuple[str, str], Node], is_warm: Callable[[str, str], bool]
-) -> list[Instance]:
-    """Instances of one row of the table, the active one first."""
+) -> list[Stepper]:
+    """Instances of one node, the active one first."""
     own = own_node(system, spec.role, is_warm)
     if own is not None:
-        return [make_instance(system, spec, "main", own)]
-    made = [make_instance(system, spec, name, nodes[(role, name)]) for role, name in system.parts if role == spec.role]
-    return sorted(made, key=lambda instance: not instance.active)
-
-
-def _wire(instance: Instance, active: dict[str, Instance]) -> None:
-    for given in instance.spec.inputs:
-        instance.connect(Wire(given, active[given.role].slots[given.port]))
+        return [make_stepper(system, spec, "main", own)]
+    made = [make_stepper(system, spec, name, nodes[(role, name)]) for role, name in system.parts if role == spec.role]
+    return sorted(made, key=lambda one: not one.active)
 
 
 def goal_rules(system: System) -> GoalRules:

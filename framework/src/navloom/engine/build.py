@@ -14,11 +14,13 @@ from pydantic import ValidationError
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.problems import Gathered, problems_of
 from navloom.config.schema import ROLE_TABLES, Config, EventTable, PlaceTable, RoleTable
+from navloom.engine.catalogue import specs_of
 from navloom.engine.graph import order
-from navloom.engine.nodes import fault_text, role_node
 from navloom.engine.ports import NodeSpec
 from navloom.engine.random_streams import stream_source
-from navloom.engine.table import node_table
+from navloom.engine.role_nodes import role_node
+from navloom.engine.stepper import fault_text
+from navloom.engine.streams import sensor_port
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
@@ -181,7 +183,9 @@ def _system(
         wired[part.role] = (*wired[part.role], *extra)
     if config.gate.monitor:
         wired["gate"] = tuple(s.name for s in sensors if issubclass(platform.sensor_kinds[s.kind], RangeScan))
-    specs = order(node_table([sensor.name for sensor in sensors], wired))
+    ports = {s.name: sensor_port(s.name, platform.sensor_kinds[s.kind]) for s in sensors}
+    wired["platform"] = tuple(ports)
+    specs = order(specs_of({role: [ports[name] for name in names] for role, names in wired.items()}))
     start, goal, tolerance = _task(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)

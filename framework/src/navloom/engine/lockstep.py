@@ -9,19 +9,18 @@ from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
-from navloom.engine.nodes import Tick, fault_text
+from navloom.engine.catalogue import warming_ports
+from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.stepper import Read, Stepper
 from navloom.engine.trace import TraceWriter
-from navloom.engine.wiring import Instance
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
-from navloom.messages.codec import encode
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
 TELL_NS = 100_000_000
 """Wall time between two reports of progress, ns. Slower ticks are reported one by one."""
-MAIN_PORTS = {"mapper": ("map",), "planner": ("path", "failure"), "localizer": ("pose",), "recovery": ("command",)}
 
 
 class Observer(Protocol):
@@ -86,10 +85,10 @@ class RunLog:
 
 
 class Lockstep:
-    """Steps the instances of a graph in order, tick by tick.
+    """Steps the nodes of a graph in order, tick by tick.
 
     Args:
-        instances: In the order they step; of a role the active one first.
+        steppers: In the order they step; of a role the active one first.
         period: s.
         requests: Operators' requests by tick.
         configure: Changes parameters for `set`: (role, instance, assignments).
@@ -99,54 +98,67 @@ class Lockstep:
 
     def __init__(
         self,
-        instances: Sequence[Instance],
+        steppers: Sequence[Stepper],
         period: float,
         requests: Mapping[int, Sequence[OperatorRequest]],
         configure: Callable[[str, str, tuple[str, ...]], None],
         observers: Sequence[Observer] = (),
         trace: TraceWriter | None = None,
     ) -> None:
-        self.instances = list(instances)
+        self.steppers = list(steppers)
         self.period = period
         self.requests = dict(requests)
         self.configure = configure
         self.trace = trace or TraceWriter()
         self.log = RunLog()
-        self._by_name = {(i.spec.role, i.name): i for i in self.instances}
-        self._active = {i.spec.role: i for i in self.instances if i.active}
+        self._by_name = {(one.role, one.name): one for one in self.steppers}
+        self._active = {one.role: one for one in self.steppers if one.active}
+        self._delayed = [one for one in self.steppers if one.delay]
+        self._plan: list[tuple[Stepper, array[int], list[int] | None]] = []
         self._epoch = 0
         self._control_ns = 0
         self._versions: dict[tuple[str, str], int] = {}
-        self._due: dict[int, list[tuple[Instance, list[tuple[str, Message]], Tick, int]]] = {}
         self._selection: Selection | None = None
         self._step_observers = [o for o in observers if o.wants_steps]
         self._operator = self._node("operator", OperatorNode)
         self._goal = self._node("goal", GoalNode)
         self._gate = self._node("gate", GateNode)
         self._watch(observers)
+        self._make_plan()
+
+    def _make_plan(self) -> None:
+        """Who steps in a tick, each with where its durations go: anew whenever that changes."""
+        log = self.log
+        self._plan = [
+            (one, log.spent_ns[one.role, one.name], log.step_ns.get(one.role) if one.active else None)
+            for one in self.steppers
+            if one.enabled
+        ]
 
     def is_warm(self, role: str, name: str) -> bool:
         """An instance has published what its role is for since it was enabled."""
-        instance = self._by_name[(role, name)]
-        ports = MAIN_PORTS.get(role, ("command",))
-        return instance.enabled and (role == "recovery" or any(instance.slots[p].tick >= 0 for p in ports))
+        stepper, ports = self._by_name[(role, name)], warming_ports(role)
+        return stepper.enabled and (not ports or any(stepper.slots[port].tick >= 0 for port in ports))
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
         """Run until the last goal has ended, but no more than this many ticks. `progress` gets the newest tick."""
         started, told = perf_counter_ns(), 0
         last_request = max(self.requests, default=0)
-        for number in range(ticks):
-            before = perf_counter_ns()
-            self._control_ns = 0
-            self._step(number)
-            now = perf_counter_ns()
-            self.log.tick_ns.append(now - before)
-            self.log.control_ns.append(self._control_ns)
-            if progress is not None and now - told >= TELL_NS:
-                told = now
-                progress(number)
-            if self._goal.machine.is_idle and number >= last_request + 1:
-                break
+        try:
+            for number in range(ticks):
+                before = perf_counter_ns()
+                self._control_ns = 0
+                self._step(number)
+                now = perf_counter_ns()
+                self.log.tick_ns.append(now - before)
+                self.log.control_ns.append(self._control_ns)
+                if progress is not None and now - told >= TELL_NS:
+                    told = now
+                    progress(number)
+                if self._goal.machine.is_idle and number >= last_request + 1:
+                    break
+        finally:
+            self.trace.flush()
         self.log.wall_ns = perf_counter_ns() - started
         self.log.ticks = len(self.log.tick_ns)
         self.log.trace_sha256 = self.trace.sha256()
@@ -159,82 +171,63 @@ class Lockstep:
         for request in self.requests.get(number, ()):
             self._take(request)
         tick = Tick(number, time_ns * 1e-9, time_ns, self._epoch)
-        for instance, outputs, made, cause in self._due.pop(number, ()):
-            self._publish(instance, outputs, number, made, cause)
-        for instance in self.instances:
-            if instance.enabled and number % instance.stride == 0:
-                self._step_instance(instance, tick)
+        for stepper in self._delayed:
+            for outputs, made, cause_ns in stepper.due(number):
+                self._publish(stepper, outputs, number, made, cause_ns)
+        for stepper, spent, kept in self._plan:
+            if stepper.stride == 1 or number % stepper.stride == 0:
+                trigger = stepper.fired(number)
+                if trigger:
+                    self._step_one(stepper, tick, trigger)
+                    spent.append(stepper.spent_ns)
+                    if kept is not None:
+                        kept.append(stepper.spent_ns)
         self.trace.end_tick(number)
 
-    def _step_instance(self, instance: Instance, tick: Tick) -> None:
+    def _step_one(self, stepper: Stepper, tick: Tick, trigger: str) -> None:
         number = tick.number
-        trigger = instance.fired(number)
-        if not trigger:
-            return
-        since = number - instance.stride
-        consumed = (
-            tuple((wire.input.name, wire.sequences(number, since)) for wire in instance.wires)
-            if self._step_observers
-            else ()
-        )
-        given = instance.read(number, since)
-        before = perf_counter_ns()
-        fault = ""
-        try:
-            outputs = instance.node.step(tick, given)
-        except (Exception, SystemExit) as error:
-            outputs, fault = [], fault_text(error, instance.node)
-            self._fault(instance, fault)
-        spent = perf_counter_ns() - before
-        instance.stepped = number
-        if instance.active and instance.spec.role != "platform":
-            self._control_ns += spent
-        if instance.spec.role in self.log.step_ns and instance.active:
-            self.log.step_ns[instance.spec.role].append(spent)
-        self.log.spent_ns[instance.spec.role, instance.name].append(spent)
+        since = number - stepper.stride
+        read = stepper.read_marks(number, since) if self._step_observers else ()
+        outputs = stepper.step(tick, since)
+        if stepper.fault:
+            self._fault(stepper, stepper.fault)
+        if stepper.active and stepper.role != "platform":
+            self._control_ns += stepper.spent_ns
         if self._step_observers:
-            self._record(instance, tick, trigger, consumed, spent, fault)
+            self._record(stepper, tick, trigger, read)
         if not outputs:
             return
-        cause = instance.cause_of(tick.time_ns)
-        if instance.delay:
-            self._due.setdefault(number + instance.delay, []).append((instance, outputs, tick, cause))
+        cause_ns = stepper.cause_of(tick.time_ns)
+        if stepper.delay:
+            stepper.hold_back(outputs, tick, cause_ns)
         else:
-            self._publish(instance, outputs, number, tick, cause)
+            self._publish(stepper, outputs, number, tick, cause_ns)
 
-    def _publish(
-        self, instance: Instance, outputs: Sequence[tuple[str, Message]], number: int, made: Tick, cause: int
-    ) -> None:
-        for port, message in outputs:
-            slot = instance.slots[port]
-            slot.put(message, number, made.number, made.time_ns, cause, made.epoch)
-            if instance.active:
-                at = Envelope(slot.key, 0, made.number, made.time_ns, cause, made.epoch)
-                self.trace.add(slot.label(type(message)), encode(message, at))
+    def _publish(self, stepper: Stepper, outputs: Outputs, number: int, made: Tick, cause_ns: int) -> None:
+        entries = self.trace.entries if stepper.active else None
+        for out, message in outputs:
+            slot = out.slot
+            at = Envelope(slot.key, slot.sequence + 1, made.number, made.time_ns, cause_ns, made.epoch)
+            slot.take(message, at, number)
+            if entries is not None:
+                entries.append((slot.label(type(message)), message, at))
 
-    def _fault(self, instance: Instance, fault: str) -> None:
+    def _fault(self, stepper: Stepper, fault: str) -> None:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""
-        role, name = instance.spec.role, instance.name
-        text = f"{role} {name} failed: {fault}"
+        text = f"{stepper.role} {stepper.name} failed: {fault}"
         self.log.faults.append(text)
-        instance.enabled = False
-        if instance.active:
+        stepper.enabled = False
+        self._make_plan()
+        if stepper.active:
             self._goal.fault = text
 
-    def _record(
-        self,
-        instance: Instance,
-        tick: Tick,
-        trigger: str,
-        consumed: tuple[tuple[str, tuple[int, ...]], ...],
-        spent: int,
-        fault: str,
-    ) -> None:
-        role, name = instance.spec.role, instance.name
-        version, told = self._versions.get((role, name), 0), getattr(instance.node, "told", "")
+    def _record(self, stepper: Stepper, tick: Tick, trigger: str, read: Read) -> None:
+        role, name = stepper.role, stepper.name
+        version, told = self._versions.get((role, name), 0), stepper.node.told
         record = StepRecord(
-            role, name, tick.number, trigger, consumed, version, 0, spent, tick.time_ns, tick.epoch, fault, told
-        )
+            role, name, tick.number, trigger, read, version, 0, stepper.spent_ns, tick.time_ns, tick.epoch,
+            stepper.fault, told,
+        )  # fmt: skip
         for observer in self._step_observers:
             observer.on_step(record)
 
@@ -247,6 +240,7 @@ class Lockstep:
             self._versions[key] = self._versions.get(key, 0) + 1
         elif request.do == "swap":
             self._by_name[(request.role, request.instance)].enabled = True
+            self._make_plan()
 
     def _select(self, selection: Selection) -> None:
         """Lead every wire to the instances now in charge."""
@@ -259,10 +253,11 @@ class Lockstep:
                 continue
             old.active, new.active = False, True
             self._active[role] = new
-            for instance in self.instances:
-                for wire in instance.wires:
+            for stepper in self.steppers:
+                for wire in stepper.wires:
                     if wire.input.role == role:
                         wire.lead_to(new.slots[wire.input.port])
+        self._make_plan()
         self.log.swaps = selection.epoch
 
     def _node(self, role: str, kind: type[T]) -> T:
@@ -274,11 +269,11 @@ class Lockstep:
         self._active["gate"].slots["selection"].watchers.append(self._on_selection)
         self._active["gate"].slots["status"].watchers.append(self._on_status)
         self._active["goal"].slots["result"].watchers.append(self._on_result)
-        for instance in self.instances:
-            for port, slot in instance.slots.items():
+        for stepper in self.steppers:
+            for port, slot in stepper.slots.items():
                 for observer in observers:
-                    if observer.wants is None or (instance.spec.role, port) in observer.wants:
-                        slot.watchers.append(_watcher(observer, instance, port))
+                    if observer.wants is None or (stepper.role, port) in observer.wants:
+                        slot.watchers.append(_watcher(observer, stepper, port))
 
     def _on_selection(self, message: Message, at: Envelope) -> None:
         assert isinstance(message, Selection)
@@ -293,10 +288,10 @@ class Lockstep:
         self.log.results.append(message)
 
 
-def _watcher(observer: Observer, instance: Instance, port: str) -> Callable[[Message, Envelope], None]:
-    role, name = instance.spec.role, instance.name
+def _watcher(observer: Observer, stepper: Stepper, port: str) -> Callable[[Message, Envelope], None]:
+    role, name, on_message = stepper.role, stepper.name, observer.on_message
 
     def watch(message: Message, at: Envelope) -> None:
-        observer.on_message(role, name, instance.active, port, message, at)
+        on_message(role, name, stepper.active, port, message, at)
 
     return watch

@@ -1,16 +1,36 @@
-"""The framework's own nodes: operator, goal and gate. The reference node has a file of its own.
-
-What an executor tells goal and gate beside their inputs goes into their step records as `told`, a JSON object; so a
-replay can tell them the same. It is empty where nothing was told.
-"""
+"""The framework's own nodes: operator, goal and gate. The reference node has a file of its own."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from typing import Any
 
-from navloom.engine.nodes import Inputs, Outputs, Tick
-from navloom.messages import Envelope, GateStatus, OperatorRequest, Path, PlanFailure, RecoveryStep, Selection, Twist2D
+from navloom.engine.node import Node, Tick
+from navloom.engine.ports import Latest, New, Offers, Out, Output, SensorOffers, Sensors
+from navloom.engine.streams import (
+    AvoiderPorts,
+    ControllerPorts,
+    GatePorts,
+    GoalPorts,
+    LocalizerPorts,
+    MapperPorts,
+    OperatorPorts,
+    PlannerPorts,
+    PlatformPorts,
+    RecoveryPorts,
+    ReferencePorts,
+)
+from navloom.engine.told import GateTold, GoalTold, Obeyed
+from navloom.messages import (
+    Envelope,
+    GateStatus,
+    OperatorRequest,
+    Path,
+    PlanFailure,
+    Selection,
+    TrackingCommand,
+    Twist2D,
+)
 from navloom.messages.motion import Command
 from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed
 from navloom.navigation.goal_rules import Seen
@@ -19,65 +39,94 @@ from navloom.navigation.goals import GoalMachine
 __all__ = ["GateNode", "GoalNode", "OperatorNode"]
 
 
-class OperatorNode:
+class OperatorNode(Node):
     """Publishes what operators asked for in this tick."""
+
+    role = "operator"
+    ticks = True
+    request = Output(OperatorPorts.request)
+    command = Output(OperatorPorts.command)
 
     def __init__(self) -> None:
         self.requests: list[OperatorRequest] = []
 
-    def step(self, tick: Tick, given: Inputs) -> Outputs:
-        out: Outputs = [("request", request) for request in self.requests]
+    def step(self, tick: Tick) -> None:
+        for request in self.requests:
+            self.request.put(request)
         self.requests = []
-        return out
 
 
-class GoalNode:
+class GoalNode(Node):
     """The goal's state machine on its ports.
 
     Attributes:
         fault: What broke, for which the goal ends; empty for nothing.
         is_lost: Live: the platform is not heard.
         restarted: Live: roles whose instance came back since the last step.
-        submitted: Live: requests that came by a service instead of a port since the last step, as JSON.
-        told: Of the last step: `fault`, `lost`, `restarted`, `submitted`.
+        submitted: Live: requests that came by a service instead of a port since the last step.
     """
+
+    role = "goal"
+    ticks = True
+    is_awaited = True
+    hears_all = True
+    request = New(OperatorPorts.request)
+    pose = Latest(LocalizerPorts.pose)
+    map = Latest(MapperPorts.map)
+    path = Latest(PlannerPorts.path, delayed=True)
+    failure = Latest(PlannerPorts.failure, delayed=True)
+    reference = Latest(ReferencePorts.reference, delayed=True)
+    trajectory = Latest(ReferencePorts.trajectory, delayed=True)
+    avoider = Latest(AvoiderPorts.status, delayed=True)
+    handover = Latest(AvoiderPorts.handover, delayed=True)
+    recovery = New(RecoveryPorts.status, delayed=True)
+    gate = Latest(GatePorts.status, delayed=True)
+    selection = Latest(GatePorts.selection, delayed=True)
+    plan = Output(GoalPorts.plan)
+    sweep = Output(GoalPorts.sweep)
+    recover = Output(GoalPorts.recovery)
+    clear = Output(GoalPorts.clear)
+    drive = Output(GoalPorts.drive)
+    feedback = Output(GoalPorts.feedback)
+    result = Output(GoalPorts.result)
+    cause = pose
 
     def __init__(self, machine: GoalMachine) -> None:
         self.machine = machine
         self.fault = ""
         self.is_lost = False
         self.restarted: set[str] = set()
-        self.submitted: list[dict[str, object]] = []
-        self.told = ""
+        self.submitted: list[OperatorRequest] = []
         self._answer: Path | PlanFailure | None = None
         self._selection: Selection | None = None
         self._selected = ("", "")
+        self._out: dict[str, Out[Any]] = {out.name: out for out in self.outs()}
 
-    def step(self, tick: Tick, given: Inputs) -> Outputs:
+    def step(self, tick: Tick) -> None:
         self.told = self._note()
-        for answer in (given["path"], given["failure"]):
+        for answer in (self.path.value, self.failure.value):
             if answer is not None and (self._answer is None or answer.request_id > self._answer.request_id):
                 self._answer = answer
-        steps: Sequence[RecoveryStep] = given["recovery"]
-        if given["selection"] is not self._selection:
-            self._selection = given["selection"]
-            self._selected = _instances(self._selection)
+        steps, selection = self.recovery.values, self.selection.value
+        if selection is not self._selection:
+            self._selection = selection
+            self._selected = _instances(selection)
         seen = Seen(
             tick.number,
             tick.time,
             tick.time_ns,
-            given["pose"],
-            given["map"],
+            self.pose.value,
+            self.map.value,
             self._answer,
-            given["avoider"],
-            given["handover"],
+            self.avoider.value,
+            self.handover.value,
             steps[-1] if steps else None,
-            given["gate"],
-            given["reference"],
+            self.gate.value,
+            self.reference.value,
             self._selected,
-            given["trajectory"],
+            self.trajectory.value,
         )
-        for request in given["request"]:
+        for request in self.request.values:
             if request.do == "goal":
                 self.machine.submit(request.goal, seen)
             elif request.do == "cancel":
@@ -91,19 +140,15 @@ class GoalNode:
         for role in sorted(self.restarted):
             self.machine.restart_of(role, seen)
         self.restarted.clear()
-        return self.machine.step(seen)
+        for port, message in self.machine.step(seen):
+            self._out[port].put(message)
 
     def _note(self) -> str:
         if not (self.fault or self.is_lost or self.restarted or self.submitted):
             return ""
-        told = {
-            "fault": self.fault,
-            "lost": self.is_lost,
-            "restarted": sorted(self.restarted),
-            "submitted": self.submitted,
-        }
+        told = GoalTold(self.fault, self.is_lost, tuple(sorted(self.restarted)), tuple(self.submitted))
         self.submitted = []
-        return json.dumps(told)
+        return told.text
 
 
 def _instances(selection: Selection | None) -> tuple[str, str]:
@@ -114,7 +159,7 @@ def _instances(selection: Selection | None) -> tuple[str, str]:
     return chosen["mapper"], chosen["planner"]
 
 
-class GateNode:
+class GateNode(Node):
     """The command gate on its ports, and the keeper of the selection.
 
     Args:
@@ -127,10 +172,27 @@ class GateNode:
         lead: Ticks between the word of a selection and the first in which it holds; live more, for it has to get there.
         now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
         is_silent, gone: Live: see `Sensed`.
-        obeyed: Live: requests that came by a service since the last step, as JSON.
-        told: Of the last step: `now_ns`, `silent`, `gone`, `obeyed`, `contact` (latched between two steps), and
-            `warm`, the "role instance" that were found able to take over.
+        obeyed: Live: requests that came by a service since the last step.
     """
+
+    role = "gate"
+    ticks = True
+    hears_all = True
+    request = New(OperatorPorts.request)
+    odometry = Offers(PlatformPorts.odometry)
+    contact = Latest(PlatformPorts.contact)
+    required = SensorOffers(of="avoider")
+    scans = Sensors()
+    operator = Offers(OperatorPorts.command)
+    drive = Latest(GoalPorts.drive)
+    recovering = Latest(GoalPorts.recovery, delayed=True)
+    controller = Offers(ControllerPorts.command)
+    avoider = Offers(AvoiderPorts.command)
+    handover = Latest(AvoiderPorts.handover)
+    recovery = Offers(RecoveryPorts.command)
+    command = Output(GatePorts.command)
+    status = Output(GatePorts.status)
+    selection = Output(GatePorts.selection)
 
     def __init__(self, gate: CommandGate, selected: dict[str, str], is_warm: Callable[[str, str], bool]) -> None:
         self.gate = gate
@@ -142,59 +204,54 @@ class GateNode:
         self.now_ns: int | None = None
         self.is_silent = False
         self.gone = ""
-        self.obeyed: list[dict[str, object]] = []
-        self.told = ""
+        self.obeyed: list[Obeyed] = []
         self._warm: list[str] = []
         self._pending: dict[str, str] = {}
         self._status: GateStatus | None = None
-        self._required: tuple[str, ...] | None = None
-        self._scans: tuple[str, ...] | None = None
         self._released: object = None
         self._has_selected = False
         self._from_tick = 0
 
-    def step(self, tick: Tick, given: Inputs) -> Outputs:
+    def step(self, tick: Tick) -> None:
         has_contact = self.gate.has_contact
-        for request in given["request"]:
-            self.obey(request, given["operator"])
-        out: Outputs = []
+        for request in self.request.values:
+            self.obey(request, self.operator.value)
         if self._take_over(tick.number) or not self._has_selected:
             self._has_selected = True
             self._from_tick = tick.number + self.lead if self.epoch else 0
             chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
-            out.append(("selection", Selection(self.epoch, self._from_tick, chosen)))
-        sensed = self._sensed(given)
-        self._see(given)
+            self.selection.put(Selection(self.epoch, self._from_tick, chosen))
+        sensed = self._sensed()
+        self._see()
         twist, self.cause_ns, status = self.gate.decide(
-            sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch, self.pending
+            sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch, self.pending
         )
-        out.append(("command", Command(twist)))
+        self.command.put(Command(twist))
         self._gave(twist, sensed.platform_ns)
         if status != self._status:
             self._status = status
-            out.append(("status", status))
+            self.status.put(status)
         self._note(has_contact)
-        return out
 
-    def check(self, tick: Tick, given: Inputs) -> Outputs:
+    def check(self, tick: Tick) -> None:
         """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
-        sensed, has_contact = self._sensed(given), self.gate.has_contact
-        has_seen = self._see(given)
-        reason = self.gate.choose(sensed, self._offers(given, tick.epoch), _engaged(given), tick.epoch)[2]
+        sensed, has_contact = self._sensed(), self.gate.has_contact
+        has_seen = self._see()
+        reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
         said = self._status
         if not reason and said is not None and has_seen:
-            return self._look_again(said, sensed.platform_ns)
-        if not reason or (said is not None and said.stopped and said.latched == self.gate.is_latched):
-            return []
-        self._note(has_contact)
-        return self.stop(reason, sensed.platform_ns)
+            self._look_again(said, sensed.platform_ns)
+        elif reason and (said is None or not said.stopped or said.latched != self.gate.is_latched):
+            self._note(has_contact)
+            self.stop(reason, sensed.platform_ns)
 
-    def stop(self, reason: str, platform_ns: int) -> Outputs:
+    def stop(self, reason: str, platform_ns: int) -> None:
         """Zero, and why."""
         self.cause_ns = platform_ns
         self._status = self.gate.stop(reason, self.pending)
         self._gave(STOPPED, platform_ns)
-        return [("command", Command(STOPPED)), ("status", self._status)]
+        self.command.put(Command(STOPPED))
+        self.status.put(self._status)
 
     def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
         """Take up where a gate before this one was: its selection, under a newer epoch, and its latched stop."""
@@ -238,67 +295,56 @@ class GateNode:
         if self.now_ns is None and not self._warm:
             self.told = ""
             return
-        told = {
-            "now_ns": self.now_ns,
-            "silent": self.is_silent,
-            "gone": self.gone,
-            "obeyed": self.obeyed,
-            "contact": has_contact,
-            "warm": self._warm,
-        }
-        self.told = json.dumps({name: value for name, value in told.items() if value})
+        self.told = GateTold(
+            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm)
+        ).text
         self.obeyed, self._warm = [], []
 
-    def _look_again(self, said: GateStatus, platform_ns: int) -> Outputs:
+    def _look_again(self, said: GateStatus, platform_ns: int) -> None:
         """What a scan between two ticks changes."""
         found = self.gate.look_again(said, platform_ns * 1e-9)
         if found is None:
-            return []
+            return
         twist, self._status = found
         self._gave(twist, platform_ns)
         self._note(self.gate.has_contact)
-        return [("command", Command(twist)), ("status", self._status)]
+        self.command.put(Command(twist))
+        self.status.put(self._status)
 
-    def _see(self, given: Inputs) -> bool:
+    def _see(self) -> bool:
         """Show the monitor what came in since the last look; True where a scan did."""
-        monitor, odometry = self.gate.monitor, given["odometry"]
-        if monitor is None or not odometry:
+        monitor, odometry = self.gate.monitor, self.odometry.value
+        if monitor is None or odometry is None:
             return False
         monitor.move(odometry[0])
-        if self._scans is None:
-            self._scans = tuple(name for name in given if name.startswith("scan."))
-        news = [monitor.look(name, scan) for name in self._scans for scan in given[name]]
+        news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
         return any(news)
 
     def _gave(self, twist: Twist2D, time_ns: int) -> None:
         if self.gate.monitor is not None:
             self.gate.monitor.give(time_ns * 1e-9, twist)
 
-    def _sensed(self, given: Inputs) -> Sensed:
-        if self._required is None:
-            self._required = tuple(name for name in given if name.startswith("required."))
-        odometry, contact = given["odometry"], given["contact"]
-        stamps = {
-            name.removeprefix("required."): given[name][1].stamp_ns if given[name] else 0 for name in self._required
-        }
+    def _sensed(self) -> Sensed:
+        odometry, contact = self.odometry.value, self.contact.value
+        stamps = {name: held[1].stamp_ns if (held := one.value) else 0 for name, one in self.required.items()}
         newest = odometry[1].stamp_ns if odometry else 0
         if self.now_ns is not None:
             newest = max(newest, self.now_ns)
         return Sensed(newest, contact is not None and contact.touching, stamps, self.is_silent, self.gone)
 
-    def _offers(self, given: Inputs, epoch: int) -> dict[str, Offer | None]:
-        drive, recovering, operator = given["drive"], given["recovering"], given["operator"]
+    def _offers(self, epoch: int) -> dict[str, Offer | None]:
+        drive, recovering, operator = self.drive.value, self.recovering.value, self.operator.value
         offers: dict[str, Offer | None] = {}
         if operator and operator[0] is not self._released:
             offers["operator"] = self._offer("operator", operator, epoch)
         if recovering is not None and recovering.active:
-            offers["recovery"] = self._offer("recovery", given["recovery"], epoch)
+            offers["recovery"] = self._offer("recovery", self.recovery.value, epoch)
         elif drive is not None and drive.path_id:
-            offers["controller"] = self._offer("controller", given["controller"], epoch)
-            offers["avoider"] = self._offer("avoider", given["avoider"], epoch)
+            offers["controller"] = self._offer("controller", self.controller.value, epoch)
+            offers["avoider"] = self._offer("avoider", self.avoider.value, epoch)
         return offers
 
-    def _offer(self, role: str, held: tuple[Command, Envelope] | None, epoch: int) -> Offer | None:
+    def _offer(self, role: str, held: tuple[Command | TrackingCommand, Envelope] | None, epoch: int) -> Offer | None:
         """A command on offer. One made before the selection began to hold is not asked to know it."""
         if held is None:
             return None
@@ -306,7 +352,6 @@ class GateNode:
         made_under = envelope.epoch if envelope.tick >= self._from_tick else epoch
         return Offer(self.selected.get(role, "main"), message.twist, envelope.cause_ns, made_under)
 
-
-def _engaged(given: Inputs) -> bool:
-    handover = given["handover"]
-    return handover is not None and handover.engaged
+    def _is_engaged(self) -> bool:
+        handover = self.handover.value
+        return handover is not None and handover.engaged

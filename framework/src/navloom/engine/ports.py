@@ -1,12 +1,26 @@
-"""How a node is wired: what it reads, how, and what it publishes."""
+"""Ports: what a role publishes, declared once, and how a node's class says what it reads and publishes.
+
+A message can be followed from the line that makes it to the lines that read it: `Output(LocalizerPorts.pose)` in the
+node that publishes, `Latest(LocalizerPorts.pose)` in those that read, both typed by what the port carries. Order of
+steps, wire quality, what late joiners are given, what driving requires: all is read off these declarations.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, ClassVar, Generic, Literal, Protocol, TypeVar, overload
 
-__all__ = ["Input", "NodeSpec", "Reading"]
+from navloom.messages import Envelope, Message
 
+__all__ = ["Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offer", "Offers", "Out", "Output",
+           "Port", "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track", "known_ports"]  # fmt: skip
+
+M = TypeVar("M", bound=Message)
+M_co = TypeVar("M_co", bound=Message, covariant=True)
+
+Congestion = Literal["drop", "block", "block_first"]
+Priority = Literal["real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"]
 Reading = Literal["latest", "new", "track", "offers"]
 """How a port is read.
 
@@ -18,31 +32,103 @@ Reading = Literal["latest", "new", "track", "offers"]
 
 
 @dataclass(frozen=True)
+class Quality:
+    """Quality of service of one stream.
+
+    Attributes:
+        congestion: What happens to a message when the link is full, on one host.
+        priority: Which queue of the link it waits in.
+        off_host: The same as congestion, where the link leaves the host.
+    """
+
+    congestion: Congestion
+    priority: Priority
+    off_host: Congestion
+
+
+class Port(Generic[M]):
+    """A stream that a role publishes; a class attribute of the role's `Ports`, which names it.
+
+    Args:
+        carries: The message class.
+        quality: How it travels between processes.
+        retained: Who joins later is given the last message.
+        required: The robot does not drive where the role's instance in charge is gone.
+        warms: A message on it shows that its instance can take over. A role without such a port is always able to.
+    """
+
+    __slots__ = ("carries", "name", "quality", "required", "retained", "role", "warms")
+
+    def __init__(
+        self, carries: type[M], quality: Quality, *, retained: bool = False, required: bool = False, warms: bool = False
+    ) -> None:
+        self.carries, self.quality = carries, quality
+        self.retained, self.required, self.warms = retained, required, warms
+        self.role = self.name = ""
+
+    def __str__(self) -> str:
+        return f"{self.role}.{self.name}"
+
+
+class Ports:
+    """Base of a role's ports: `class PlannerPorts(Ports, role="planner")`."""
+
+    role: ClassVar[str]
+    known: ClassVar[dict[tuple[str, str], Port[Any]]] = {}
+
+    def __init_subclass__(cls, role: str) -> None:
+        cls.role = role
+        for name, port in vars(cls).items():
+            if isinstance(port, Port):
+                port.role, port.name = role, name
+                Ports.known[role, name] = port
+
+    @classmethod
+    def all(cls) -> list[Port[Any]]:
+        """In the order of declaration."""
+        return [port for port in vars(cls).values() if isinstance(port, Port)]
+
+
+def known_ports(role: str = "") -> list[Port[Any]]:
+    """Every declared port, or those of one role. Sensors, which a config names, are not among them."""
+    return [port for port in Ports.known.values() if role in ("", port.role)]
+
+
+@dataclass(frozen=True)
 class Input:
-    """One thing a node reads.
+    """One thing a node reads, as wired for a config.
 
     Attributes:
         name: What the node calls it.
-        role, port: What it is wired to; the selected instance of the role is meant.
+        source: The port; that of the selected instance is meant.
         reading: How.
         delayed: `~`: as published up to the end of the previous tick.
         triggers: A new message makes the node step.
     """
 
     name: str
-    role: str
-    port: str
+    source: Port[Any]
     reading: Reading = "latest"
     delayed: bool = False
     triggers: bool = False
 
+    @property
+    def role(self) -> str:
+        """Whose port it is."""
+        return self.source.role
+
+    @property
+    def port(self) -> str:
+        """Name of the port."""
+        return self.source.name
+
     def __str__(self) -> str:
-        return f"{'~' if self.delayed else ''}{self.role}.{self.port}"
+        return f"{'~' if self.delayed else ''}{self.source}"
 
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One row of the node table.
+    """A node's class as wired for a config.
 
     Attributes:
         role: Role, or the framework's own node: operator, goal, reference, gate.
@@ -50,6 +136,7 @@ class NodeSpec:
         outputs: Its ports.
         cause: Input whose Platform stamp its outputs derive from; empty for the platform itself.
         ticks: It steps in every tick; else a trigger is needed.
+        node: The class; None in tests of wirings alone.
     """
 
     role: str
@@ -57,3 +144,229 @@ class NodeSpec:
     outputs: tuple[str, ...]
     cause: str = ""
     ticks: bool = False
+    node: Any = None
+
+
+class Held(Protocol[M_co]):
+    """An input that is read as the newest message."""
+
+    @property
+    def value(self) -> M_co | None:
+        """The newest message that may be read in this step; None before the first."""
+
+
+class News(Protocol[M_co]):
+    """An input that is read as a row of messages."""
+
+    @property
+    def values(self) -> Sequence[M_co]:
+        """Messages of this step, oldest first."""
+
+
+class Offer(Protocol[M_co]):
+    """An input that is read with its envelope."""
+
+    @property
+    def value(self) -> tuple[M_co, Envelope] | None:
+        """The newest message and its envelope; None before the first."""
+
+
+class Declared(Generic[M]):
+    """Base of what a node's class reads: a class attribute, whose name is the input's."""
+
+    reading: ClassVar[Reading]
+
+    def __init__(self, port: Port[M], *, delayed: bool = False, triggers: bool = False) -> None:
+        self.port, self.delayed, self.triggers = port, delayed, triggers
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = self.name or name  # `cause = pose` names it once more
+
+    def inputs(self, wired: Mapping[str, Sequence[Port[Any]]], role: str) -> Iterator[Input]:
+        """What it comes to for these sensors, by role."""
+        yield Input(self.name, self.port, self.reading, self.delayed, self.triggers)
+
+
+class Latest(Declared[M]):
+    """The newest message."""
+
+    reading = "latest"
+
+    @overload
+    def __get__(self, node: None, owner: type) -> Latest[M]: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> Held[M]: ...
+
+    def __get__(self, node: object, owner: type) -> Latest[M] | Held[M]:
+        return _bound(self, node)
+
+
+class New(Declared[M]):
+    """Messages since the step before."""
+
+    reading = "new"
+
+    @overload
+    def __get__(self, node: None, owner: type) -> New[M]: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> News[M]: ...
+
+    def __get__(self, node: object, owner: type) -> New[M] | News[M]:
+        return _bound(self, node)
+
+
+class Track(Declared[M]):
+    """The newest messages, consumed or not; a row that holds as long as the step lasts."""
+
+    reading = "track"
+
+    @overload
+    def __get__(self, node: None, owner: type) -> Track[M]: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> News[M]: ...
+
+    def __get__(self, node: object, owner: type) -> Track[M] | News[M]:
+        return _bound(self, node)
+
+
+class Offers(Declared[M]):
+    """The newest message with its envelope."""
+
+    reading = "offers"
+
+    @overload
+    def __get__(self, node: None, owner: type) -> Offers[M]: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> Offer[M]: ...
+
+    def __get__(self, node: object, owner: type) -> Offers[M] | Offer[M]:
+        return _bound(self, node)
+
+
+def _bound(declared: Any, node: object) -> Any:
+    """The declaration itself, where its class is asked; a node that is wired has its own attribute before this one."""
+    if node is None:
+        return declared
+    raise AttributeError(f"{type(node).__name__}.{declared.name} is not wired yet")
+
+
+class SensorGroup:
+    """Base of what a class reads of sensors, whose number the config gives: inputs `prefix.sensor`."""
+
+    reading: ClassVar[Reading]
+    prefix: ClassVar[str]
+
+    def __init__(self, *, triggers: bool = False, of: str = "", otherwise: Port[Any] | None = None) -> None:
+        self.triggers, self.of, self.otherwise = triggers, of, otherwise
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def inputs(self, wired: Mapping[str, Sequence[Port[Any]]], role: str) -> Iterator[Input]:
+        """One for each sensor that the role is given, or the port that stands for none at all."""
+        ports = wired.get(self.of or role, ())
+        for port in ports:
+            yield Input(f"{self.prefix}.{port.name}", port, self.reading, triggers=self.triggers)
+        if not ports and self.otherwise is not None:
+            yield Input(self.otherwise.name, self.otherwise, triggers=self.triggers)
+
+
+class Sensors(SensorGroup):
+    """New messages of the sensors that a node is given, by the sensor's name.
+
+    Args:
+        triggers: Each makes the node step.
+        of: Role whose sensors are meant, if not the node's own.
+        otherwise: Port that triggers the node where there is no sensor.
+    """
+
+    reading, prefix = "new", "scan"
+
+    @overload
+    def __get__(self, node: None, owner: type) -> Sensors: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> Mapping[str, News[Any]]: ...
+
+    def __get__(self, node: object, owner: type) -> Sensors | Mapping[str, News[Any]]:
+        return _bound(self, node)
+
+
+class SensorOffers(SensorGroup):
+    """The newest message of each sensor, with its envelope, by the sensor's name."""
+
+    reading, prefix = "offers", "required"
+
+    @overload
+    def __get__(self, node: None, owner: type) -> SensorOffers: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> Mapping[str, Offer[Any]]: ...
+
+    def __get__(self, node: object, owner: type) -> SensorOffers | Mapping[str, Offer[Any]]:
+        return _bound(self, node)
+
+
+class Out(Generic[M]):
+    """A port of one node, ready to be published on.
+
+    Attributes:
+        name: Of the port.
+        slot: Where an executor that passes references holds its messages; None elsewhere.
+    """
+
+    __slots__ = ("_node", "name", "slot")
+
+    def __init__(self, name: str, node: Any) -> None:
+        self.name = name
+        self.slot: Any = None
+        self._node = node
+
+    def put(self, message: M) -> None:
+        """Publish a message at the end of this step."""
+        self._node.made.append((self, message))
+
+
+class Output(Generic[M]):
+    """A port that a node's class publishes on."""
+
+    def __init__(self, port: Port[M]) -> None:
+        self.port = port
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, node: None, owner: type) -> Output[M]: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> Out[M]: ...
+
+    def __get__(self, node: object, owner: type) -> Output[M] | Out[M]:
+        return _bound(self, node)
+
+
+class SensorOutputs:
+    """The ports of a platform's sensors, by the sensor's name."""
+
+    def __init__(self) -> None:
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, node: None, owner: type) -> SensorOutputs: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> Mapping[str, Out[Any]]: ...
+
+    def __get__(self, node: object, owner: type) -> SensorOutputs | Mapping[str, Out[Any]]:
+        return _bound(self, node)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config.schema import Config
-from navloom.engine.nodes import Inputs, Outputs, Tick
+from navloom.engine.node import Node, Tick
+from navloom.engine.ports import Latest, Output
+from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, ReferencePorts
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
 from navloom.navigation.projection import project, way_ahead
@@ -34,7 +36,7 @@ def trajectory_of(path: Path, limits: Limits) -> Trajectory:
     return Trajectory(path.request_id, turned)
 
 
-class ReferenceNode:
+class ReferenceNode(Node):
     """Makes a trajectory of every path, and follows the one that the goal lets it drive.
 
     Args:
@@ -42,6 +44,16 @@ class ReferenceNode:
         look_ahead: From the reference point to the avoider's target, m of arc length.
         corridor: Half width of the strip that must be free, m.
     """
+
+    role = "reference"
+    ticks = True
+    is_awaited = True
+    path = Latest(PlannerPorts.path)
+    pose = Latest(LocalizerPorts.pose)
+    drive = Latest(GoalPorts.drive)
+    trajectory = Output(ReferencePorts.trajectory)
+    reference = Output(ReferencePorts.reference)
+    cause = pose
 
     def __init__(self, limits: Limits, look_ahead: float, corridor: float) -> None:
         self.limits, self.look_ahead, self.corridor = limits, look_ahead, corridor
@@ -65,21 +77,18 @@ class ReferenceNode:
         half_width = float(np.abs(robot.footprint[:, 1]).max())
         return cls(limits, rules.look_ahead, half_width + rules.corridor_margin)
 
-    def step(self, tick: Tick, given: Inputs) -> Outputs:
-        path, drive = given["path"], given["drive"]
+    def step(self, tick: Tick) -> None:
+        path, drive, estimate = self.path.value, self.drive.value, self.pose.value
         if path is not None and path.request_id not in self._paths:
             self._paths = {number: held for number, held in self._paths.items() if number == self._driven}
             self._paths[path.request_id] = path
-        if drive is None or drive.path_id not in self._paths or given["pose"] is None:
-            return []
-        out: Outputs = []
+        if drive is None or drive.path_id not in self._paths or estimate is None:
+            return
         if drive.path_id != self._driven or self._trajectory is None:
             self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits)
             self._driven, self._progress = drive.path_id, 0.0
-            out.append(("trajectory", self._trajectory))
-        trajectory = self._trajectory
-        out.append(("reference", self._reference(trajectory, drive, given["pose"].pose)))
-        return out
+            self.trajectory.put(self._trajectory)
+        self.reference.put(self._reference(self._trajectory, drive, estimate.pose))
 
     def _reference(self, trajectory: Trajectory, drive: Drive, base: Pose2D) -> Reference:
         samples = trajectory.samples

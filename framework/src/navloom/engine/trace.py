@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from navloom.messages import Envelope, Message
-from navloom.messages.codec import decode
+from navloom.messages.codec import decode, encode
 
 __all__ = ["TraceEntry", "TraceError", "TraceWriter", "read_trace"]
 
 _ENTRY = struct.Struct("<IHI")
 MAGIC = b"navloom trace 1\n"
+BATCH = 64
+"""Ticks that are encoded at once."""
 
 
 class TraceError(ValueError):
@@ -36,40 +38,51 @@ class TraceWriter:
     """Hashes, and keeps where a file is given, the entries of each tick in order of role, instance and port.
 
     Entry: `u32 tick | u16 length of the label | u32 length of the bytes | label | bytes`; the label is
-    `role instance port schema/version`, the bytes are the codec's with sequence 0.
+    `role instance port schema/version`, the bytes are the codec's with sequence 0. Messages are encoded in batches of
+    ticks: they cannot change, so that their bytes are the same later. What is cut short loses the last batch at most.
+
+    Attributes:
+        entries: Label, message and envelope of what was said in the tick under way.
     """
 
     def __init__(self, file: IO[bytes] | None = None) -> None:
         self._file = file
         self._hash = hashlib.sha256(MAGIC)
-        self._entries: list[tuple[bytes, bytes]] = []
+        self.entries: list[tuple[bytes, Message, Envelope]] = []
+        self._ticks: list[tuple[int, list[tuple[bytes, Message, Envelope]]]] = []
         if file is not None:
             file.write(MAGIC)
 
-    def add(self, label: bytes, data: bytes) -> None:
-        """Take one message of the tick under way."""
-        self._entries.append((label, data))
-
     def end_tick(self, tick: int) -> None:
-        """Write the tick's entries, sorted by label; several of one label stay in the order they came."""
-        if not self._entries:
+        """The tick under way is complete."""
+        if not self.entries:
             return
-        self._entries.sort(key=_label)
+        self._ticks.append((tick, self.entries))
+        self.entries = []
+        if len(self._ticks) >= BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the ticks that are complete; in each the entries by label, several of one in the order they came."""
         parts: list[bytes] = []
-        for label, data in self._entries:
-            parts += (_ENTRY.pack(tick, len(label), len(data)), label, data)
+        for tick, entries in self._ticks:
+            entries.sort(key=_label)
+            for label, message, at in entries:
+                data = encode(message, (at[0], 0, *at[2:]))
+                parts += (_ENTRY.pack(tick, len(label), len(data)), label, data)
+        self._ticks.clear()
         block = b"".join(parts)
         self._hash.update(block)
         if self._file is not None:
             self._file.write(block)
-        self._entries.clear()
 
     def sha256(self) -> str:
-        """Hash of all that was written so far: that of the file."""
+        """Hash of all that was said so far: that of the file."""
+        self.flush()
         return self._hash.hexdigest()
 
 
-def _label(entry: tuple[bytes, bytes]) -> bytes:
+def _label(entry: tuple[bytes, Message, Envelope]) -> bytes:
     return entry[0]
 
 

@@ -1,22 +1,22 @@
-"""Slots and wires of the lockstep executor: references are passed, nothing is copied."""
+"""Slots and wires: what a node's inputs hold, whoever fills them. References are passed, nothing is copied."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
-from navloom.engine.nodes import Node
-from navloom.engine.ports import Input, NodeSpec
+from navloom.engine.ports import Input
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import schema_label
 
-__all__ = ["Instance", "Slot", "Wire", "runs"]
+__all__ = ["QueueWire", "Slot", "Wire", "make_wire", "runs"]
 
 Watcher = Callable[[Message, Envelope], None]
 TRACK_LENGTH = 4096
 QUEUE_LENGTH = 1024
+Entry = tuple[int, Message, int]
+"""Tick, message and its sequence number."""
 
 
 class Slot:
@@ -32,13 +32,9 @@ class Slot:
         self.tick = -1
         self.older: tuple[Message | None, Envelope | None, int] = (None, None, -1)
         self.sequence = 0
-        self.queues: list[deque[tuple[int, Message, int]]] = []
+        self.queues: list[deque[Entry]] = []
         self.watchers: list[Watcher] = []
         self.labels: dict[type[Message], bytes] = {}
-
-    def put(self, message: Message, tick: int, made: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
-        """Publish in a tick what was made in an earlier or the same tick."""
-        self.take(message, Envelope(self.key, self.sequence + 1, made, stamp_ns, cause_ns, epoch), tick)
 
     def take(self, message: Message, envelope: Envelope, tick: int) -> None:
         """Hold a message as the newest one, published in a tick."""
@@ -53,92 +49,168 @@ class Slot:
 
     def label(self, cls: type[Message]) -> bytes:
         """What a trace calls a message of this port."""
-        if cls not in self.labels:
-            self.labels[cls] = f"{self.place} {schema_label(cls)}".encode()
-        return self.labels[cls]
+        found = self.labels.get(cls)
+        if found is None:
+            found = self.labels[cls] = f"{self.place} {schema_label(cls)}".encode()
+        return found
 
 
-class _Track:
+class Wire:
+    """One input of one node instance, led to the slot of the selected instance.
+
+    Attributes:
+        input: What it stands for.
+        slot: Where it reads.
+        queue: Messages that wait for the node; None where only the newest one counts.
+        is_read_ahead: `prepare` must be called before each step.
+    """
+
+    __slots__ = ("delayed", "input", "queue", "slot")
+    is_read_ahead = False
+
+    def __init__(self, given: Input, slot: Slot) -> None:
+        self.input = given
+        self.delayed = given.delayed
+        self.slot = slot
+        self.queue: deque[Entry] | None = None
+
+    def lead_to(self, slot: Slot) -> None:
+        """Read another instance's port from now on; what is queued stays."""
+        self.slot = slot
+
+    def has_news(self, since: int, tick: int) -> bool:
+        """Something was published after the tick `since` that may be read in this one."""
+        slot = self.slot
+        at = slot.older[2] if self.delayed and slot.tick == tick else slot.tick
+        return at > since
+
+    def prepare(self, tick: int, since: int) -> None:
+        """Take in what the node is given in a tick."""
+
+    def sequences(self, tick: int, since: int) -> tuple[int, ...]:
+        """Sequence numbers of what the node would be given; of a track the first and last of each run."""
+        slot = self.slot
+        envelope = slot.older[1] if self.delayed and slot.tick == tick else slot.envelope
+        return () if envelope is None else (envelope.sequence,)
+
+
+class _PlainWire(Wire):
+    """The newest message, which a node reads where it lies."""
+
+    __slots__ = ()
+
+    @property
+    def value(self) -> Message | None:
+        return self.slot.message
+
+
+class _OlderWire(Wire):
+    """The newest message of the ticks before."""
+
+    __slots__ = ("value",)
+    is_read_ahead = True
+
+    def prepare(self, tick: int, since: int) -> None:
+        slot = self.slot
+        self.value = slot.older[0] if slot.tick == tick else slot.message
+
+
+class _OfferWire(Wire):
+    """The newest message with its envelope."""
+
+    __slots__ = ()
+
+    @property
+    def value(self) -> tuple[Message, Envelope] | None:
+        message, envelope = self.slot.message, self.slot.envelope
+        return None if message is None or envelope is None else (message, envelope)
+
+
+class QueueWire(Wire):
+    """Messages since the step before; older ones than that, which the node missed, are dropped."""
+
+    __slots__ = ("values",)
+    is_read_ahead = True
+
+    def __init__(self, given: Input, slot: Slot, length: int = QUEUE_LENGTH) -> None:
+        super().__init__(given, slot)
+        self.queue: deque[Entry] = deque(maxlen=length)
+        self.values: Sequence[Message] = ()
+        slot.queues.append(self.queue)
+
+    def lead_to(self, slot: Slot) -> None:
+        self.slot.queues.remove(self.queue)
+        slot.queues.append(self.queue)
+        self.slot = slot
+
+    def has_news(self, since: int, tick: int) -> bool:
+        return bool(self.queue) and (not self.delayed or self.queue[0][0] < tick)
+
+    def prepare(self, tick: int, since: int) -> None:
+        queue = self.queue
+        if not queue:
+            self.values = ()
+            return
+        self.values = tuple([entry[1] for entry in self._fresh(tick, since)])
+        if not self.delayed:
+            queue.clear()
+            return
+        while queue and queue[0][0] < tick:
+            queue.popleft()
+
+    def sequences(self, tick: int, since: int) -> tuple[int, ...]:
+        return tuple([entry[2] for entry in self._fresh(tick, since)])
+
+    def _fresh(self, tick: int, since: int) -> list[Entry]:
+        if self.delayed:
+            return [entry for entry in self.queue if entry[0] < tick]
+        return [entry for entry in self.queue if entry[0] > since or self.input.triggers]
+
+
+class _TrackWire(QueueWire):
     """Messages of a queue by place, for a node that looks at the newest few of thousands; holds during a step."""
+
+    __slots__ = ()
+    is_read_ahead = False
+
+    def __init__(self, given: Input, slot: Slot) -> None:
+        super().__init__(given, slot, TRACK_LENGTH)
+        self.values = _Places(self.queue)
+
+    def sequences(self, tick: int, since: int) -> tuple[int, ...]:
+        return runs([entry[2] for entry in self.queue])
+
+
+class _Places(Sequence[Message]):
+    """The messages of a queue."""
 
     __slots__ = ("_queue",)
 
-    def __init__(self, queue: deque[tuple[int, Message, int]]) -> None:
+    def __init__(self, queue: deque[Entry]) -> None:
         self._queue = queue
 
     def __len__(self) -> int:
         return len(self._queue)
 
-    def __getitem__(self, place: int) -> Message:
+    def __getitem__(self, place: Any) -> Any:
         return self._queue[place][1]
 
 
-class Wire:
-    """One input of one node instance, led to the slot of the selected instance."""
+def make_wire(given: Input, slot: Slot, is_plain: bool = False) -> Wire:
+    """The wire of an input.
 
-    __slots__ = ("delayed", "input", "queue", "reading", "slot")
-
-    def __init__(self, given: Input, slot: Slot) -> None:
-        self.input = given
-        self.reading = given.reading
-        self.delayed = given.delayed
-        self.slot = slot
-        self.queue: deque[tuple[int, Message, int]] | None = None
-        if self.reading in ("new", "track"):
-            self.queue = deque(maxlen=TRACK_LENGTH if self.reading == "track" else QUEUE_LENGTH)
-            slot.queues.append(self.queue)
-
-    def lead_to(self, slot: Slot) -> None:
-        """Read another instance's port from now on; what is queued stays."""
-        if self.queue is not None:
-            self.slot.queues.remove(self.queue)
-            slot.queues.append(self.queue)
-        self.slot = slot
-
-    def has_news(self, since: int, tick: int) -> bool:
-        """Something was published after the tick `since` that may be read in this one."""
-        if self.queue is not None:
-            return bool(self.queue) and (not self.delayed or self.queue[0][0] < tick)
-        at = self.slot.older[2] if self.delayed and self.slot.tick == tick else self.slot.tick
-        return at > since
-
-    def read(self, tick: int, since: int) -> Any:
-        """What the node gets; see `Reading`. New messages older than the tick `since` were missed and are dropped."""
-        slot, queue = self.slot, self.queue
-        if queue is None:
-            old = self.delayed and slot.tick == tick
-            message, envelope = slot.older[:2] if old else (slot.message, slot.envelope)
-            if self.reading == "latest":
-                return message
-            return None if message is None else (message, envelope)
-        if self.reading == "track":
-            return _Track(queue)
-        if not queue:
-            return ()
-        if not self.delayed:
-            fresh = tuple(entry[1] for entry in self._fresh(tick, since))
-            queue.clear()
-            return fresh
-        fresh = tuple(entry[1] for entry in self._fresh(tick, since))
-        while queue and queue[0][0] < tick:
-            queue.popleft()
-        return fresh
-
-    def _fresh(self, tick: int, since: int) -> list[tuple[int, Message, int]]:
-        assert self.queue is not None
-        if self.delayed:
-            return [entry for entry in self.queue if entry[0] < tick]
-        return [entry for entry in self.queue if entry[0] > since or self.input.triggers]
-
-    def sequences(self, tick: int, since: int) -> tuple[int, ...]:
-        """Sequence numbers of what `read` would give; of a track the first and last of each run, see `InputRead`."""
-        if self.queue is not None:
-            if self.reading == "track":
-                return runs([entry[2] for entry in self.queue])
-            return tuple(entry[2] for entry in self._fresh(tick, since))
-        old = self.delayed and self.slot.tick == tick
-        envelope = self.slot.older[1] if old else self.slot.envelope
-        return () if envelope is None else (envelope.sequence,)
+    Args:
+        given: What is read, and how.
+        slot: Where.
+        is_plain: Whoever publishes steps later in a tick, and without latency: what lies there is of the tick before.
+    """
+    if given.reading == "new":
+        return QueueWire(given, slot)
+    if given.reading == "track":
+        return _TrackWire(given, slot)
+    if given.reading == "offers":
+        return _OfferWire(given, slot)
+    return _OlderWire(given, slot) if given.delayed and not is_plain else _PlainWire(given, slot)
 
 
 def runs(numbers: Sequence[int]) -> tuple[int, ...]:
@@ -149,70 +221,3 @@ def runs(numbers: Sequence[int]) -> tuple[int, ...]:
     firsts = [0, *breaks]
     lasts = [*(place - 1 for place in breaks), len(numbers) - 1]
     return tuple(numbers[place] for pair in zip(firsts, lasts, strict=True) for place in pair)
-
-
-@dataclass
-class Instance:
-    """One node of the running graph.
-
-    Attributes:
-        spec, node: Its row of the table and the node itself.
-        name: Name of the instance.
-        active: It is the selected one of its role.
-        enabled: It steps; an alternative that waits does not.
-        stride: Ticks between steps.
-        delay: Ticks its outputs are delayed by.
-        slots: By port.
-        wires: Its inputs; `latest` are those that read the newest message of this tick, `others` the rest.
-        triggers: Inputs that make it step.
-        cause: Input its outputs derive from.
-        stepped: Tick of its last step.
-        given: What it reads, by name, filled anew for each step.
-    """
-
-    spec: NodeSpec
-    node: Node
-    name: str
-    active: bool
-    enabled: bool
-    stride: int
-    delay: int
-    slots: dict[str, Slot]
-    wires: list[Wire] = field(default_factory=list)
-    stepped: int = -1
-    cause: Wire | None = None
-    triggers: list[Wire] = field(default_factory=list)
-    latest: list[tuple[str, Wire]] = field(default_factory=list)
-    others: list[tuple[str, Wire]] = field(default_factory=list)
-    given: dict[str, Any] = field(default_factory=dict)
-
-    def connect(self, wire: Wire) -> None:
-        """Add an input. Plain ones, which are most, are read without a call."""
-        given = wire.input
-        self.wires.append(wire)
-        plain = given.reading == "latest" and not given.delayed
-        (self.latest if plain else self.others).append((given.name, wire))
-        if given.triggers:
-            self.triggers.append(wire)
-        if given.name == self.spec.cause:
-            self.cause = wire
-
-    def read(self, number: int, since: int) -> dict[str, Any]:
-        """What the node is given in a tick; see `Wire.read`."""
-        given = self.given
-        for name, wire in self.latest:
-            given[name] = wire.slot.message
-        for name, wire in self.others:
-            given[name] = wire.read(number, since)
-        return given
-
-    def cause_of(self, time_ns: int) -> int:
-        """Platform stamp that outputs of this tick derive from."""
-        wire = self.cause
-        return time_ns if wire is None or wire.slot.envelope is None else wire.slot.envelope.cause_ns
-
-    def fired(self, number: int) -> str:
-        """What makes it step in a tick: "tick", the input with news, or nothing."""
-        if self.spec.ticks:
-            return "tick"
-        return next((wire.input.name for wire in self.triggers if wire.has_news(self.stepped, number)), "")

@@ -54,7 +54,7 @@ def schema_label(cls: type[Message]) -> str:
     return f"{cls.schema_name}/{cls.schema_version}"
 
 
-def encode(message: Message, envelope: Envelope) -> bytes:
+def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int, int]) -> bytes:
     """Bytes of a message in its envelope. The same contents, bit for bit, give the same bytes."""
     cls = type(message)
     write = _WRITERS.get(cls)

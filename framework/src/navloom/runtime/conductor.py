@@ -10,7 +10,7 @@ from navloom.engine.build import System
 from navloom.engine.lockstep import Observer, RunLog
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, OperatorRequest, PortMark, Selection
-from navloom.messages.codec import encode, schema_label
+from navloom.messages.codec import schema_label
 from navloom.messages.steps import StepReport
 from navloom.runtime.barrier import Barrier
 from navloom.runtime.cell import Source
@@ -139,7 +139,7 @@ class Conductor:
     def _keep(self, source: Source, port: str, message: Message, at: Envelope) -> None:
         role, name = source
         label = f"{role} {name} {port} {schema_label(type(message))}".encode()
-        self.trace.add(label, encode(message, at._replace(sequence=0)))
+        self.trace.entries.append((label, message, at))
         for observer in self.observers:
             if observer.wants is None or (role, port) in observer.wants:
                 observer.on_message(role, name, True, port, message, at)

@@ -1,0 +1,109 @@
+"""What all nodes have in common: their ports as attributes, and one step that reads and publishes on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Self
+
+from navloom.engine.ports import Declared, NodeSpec, Out, Output, Port, SensorGroup, SensorOutputs
+from navloom.messages import Message
+
+__all__ = ["Node", "Outputs", "Tick"]
+
+Outputs = list[tuple[Out[Any], Message]]
+PATIENCE = 0.005
+
+
+class Tick(NamedTuple):
+    """The step's place in time: number, run clock in s and ns, and the selection in force."""
+
+    number: int
+    time: float
+    time_ns: int
+    epoch: int
+
+
+class Node:
+    """A node of the graph: a subclass declares what it reads and publishes as class attributes, and steps.
+
+    Class attributes:
+        role: Role, or the name of a node of the framework's own.
+        ticks: It steps in every tick; else an input that triggers is needed.
+        cause: Input whose Platform stamp its outputs derive from; None for the platform itself.
+        is_awaited: Live: those that read it wait a moment for its step of a tick.
+        hears_all: Live: it acts on what any other node reports of its steps.
+        patience: Live: s to wait for what else belongs to the tick of a trigger.
+
+    Attributes:
+        made: What was published in the step under way.
+        told: What the executor told the node beside its inputs, of the last step, as it goes into the step record.
+    """
+
+    role: ClassVar[str] = ""
+    ticks: ClassVar[bool] = False
+    cause: ClassVar[Declared[Any] | None] = None
+    is_awaited: ClassVar[bool] = False
+    hears_all: ClassVar[bool] = False
+    patience: ClassVar[float] = PATIENCE
+    declared_inputs: ClassVar[tuple[Declared[Any] | SensorGroup, ...]] = ()
+    declared_outputs: ClassVar[tuple[Output[Any] | SensorOutputs, ...]] = ()
+    made: Outputs
+    told: str = ""
+
+    def __init_subclass__(cls) -> None:
+        declared = {
+            name: one for base in reversed(cls.__mro__) for name, one in vars(base).items() if name != "cause"
+        }.values()
+        cls.declared_inputs = tuple(one for one in declared if isinstance(one, (Declared, SensorGroup)))
+        cls.declared_outputs = tuple(one for one in declared if isinstance(one, (Output, SensorOutputs)))
+        for one in cls.declared_outputs:
+            if isinstance(one, Output) and one.port.role != cls.role:
+                raise TypeError(f"{cls.__name__}.{one.name} is the port {one.port}, expected one of {cls.role!r}")
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        node = super().__new__(cls)
+        node.made = []
+        for one in cls.declared_outputs:
+            if isinstance(one, Output):
+                node.__dict__[one.name] = Out(one.port.name, node)
+        return node
+
+    @classmethod
+    def spec(cls, wired: Mapping[str, Sequence[Port[Any]]]) -> NodeSpec:
+        """Its wiring for a config.
+
+        Args:
+            wired: By role, the ports of the sensors it gets; those of the platform are all.
+        """
+        outputs: list[str] = []
+        for one in cls.declared_outputs:
+            outputs += [one.port.name] if isinstance(one, Output) else [port.name for port in wired.get(cls.role, ())]
+        inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired, cls.role))
+        cause = "" if cls.cause is None else cls.cause.name
+        return NodeSpec(cls.role, inputs, tuple(outputs), cause, cls.ticks, cls)
+
+    def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
+        """Lead its inputs, by name, to where they are read, and open the ports of its sensors."""
+        for one in self.declared_inputs:
+            if isinstance(one, Declared):
+                self.__dict__[one.name] = wires[one.name]
+            else:
+                names = [given.name for given in spec.inputs if given.name.startswith(f"{one.prefix}.")]
+                self.__dict__[one.name] = {name.partition(".")[2]: wires[name] for name in names}
+        fixed = {one.port.name for one in self.declared_outputs if isinstance(one, Output)}
+        for other in self.declared_outputs:
+            if isinstance(other, SensorOutputs):
+                names = [name for name in spec.outputs if name not in fixed]
+                self.__dict__[other.name] = {name: Out(name, self) for name in names}
+
+    def outs(self) -> list[Out[Any]]:
+        """All its ports."""
+        found: list[Out[Any]] = []
+        for one in self.declared_outputs:
+            held = self.__dict__[one.name]
+            found += [held] if isinstance(one, Output) else held.values()
+        return found
+
+    def step(self, tick: Tick) -> None:
+        """Read the inputs, and publish on the outputs."""
+        raise NotImplementedError

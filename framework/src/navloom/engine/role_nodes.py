@@ -1,0 +1,343 @@
+"""Nodes round the roles: each turns what its inputs hold into the role's input, and publishes the answer."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from navloom.engine.node import Node, Tick
+from navloom.engine.ports import Latest, New, News, Output, SensorOutputs, Sensors, Track
+from navloom.engine.streams import (
+    AvoiderPorts,
+    ControllerPorts,
+    GatePorts,
+    GoalPorts,
+    LocalizerPorts,
+    MapperPorts,
+    PlannerPorts,
+    PlatformPorts,
+    RecoveryPorts,
+    ReferencePorts,
+)
+from navloom.messages import (
+    Avoidance,
+    AvoiderStatus,
+    Command,
+    MapUpdate,
+    Path,
+    PlanFailure,
+    PoseEstimate,
+    PoseTrack,
+    RangeScan,
+    RecoveryStep,
+    Sweep,
+    TrackingCommand,
+    Twist2D,
+)
+from navloom.messages.kinds import brief
+from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
+from navloom.roles import (
+    Avoider,
+    AvoiderInput,
+    Controller,
+    ControllerInput,
+    Localizer,
+    LocalizerInput,
+    Mapper,
+    MapperInput,
+    Planner,
+    PlannerInput,
+    Platform,
+    PlatformInput,
+    PlatformOutput,
+    Recovery,
+    RecoveryInput,
+    Role,
+)
+
+__all__ = ["AvoiderNode", "ControllerNode", "LocalizerNode", "MapperNode", "PlannerNode", "PlatformNode",
+           "RecoveryNode", "role_node"]  # fmt: skip
+
+A = TypeVar("A")
+
+STILL = Twist2D(0.0, 0.0, 0.0)
+BEFORE_DATA_NS = 500_000_000
+"""How much more of a track a mapper is given than its data covers."""
+TRAIL_STEP = 0.05
+"""m between two places a robot has been, as recoveries see them."""
+TRAIL_LENGTH = 100
+
+
+class PlatformNode(Node):
+    """The robot itself."""
+
+    role = "platform"
+    ticks = True
+    is_awaited = True
+    command = Latest(GatePorts.command, delayed=True)
+    sweep = New(GoalPorts.sweep, delayed=True)
+    odometry = Output(PlatformPorts.odometry)
+    scans = SensorOutputs()
+    contact = Output(PlatformPorts.contact)
+    truth = Output(PlatformPorts.truth)
+
+    def __init__(self, plugin: Platform) -> None:
+        self.plugin = plugin
+        self.driven: Command | None = None
+
+    def step(self, tick: Tick) -> None:
+        command = self.driven or self.command.value
+        sweeps = self.sweep.values
+        twist = command.twist if command is not None else STILL
+        answer = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
+        got = _expect(answer, PlatformOutput, "advance")
+        for name in got.scans:
+            if name not in self.scans:
+                raise ValueError(f"advance() gave a scan of {name!r}, expected one of {', '.join(self.scans)}")
+        self.odometry.put(got.odometry)
+        self.contact.put(got.contact)
+        for name, scan in got.scans.items():
+            self.scans[name].put(scan)
+        if got.truth is not None:
+            self.truth.put(got.truth)
+
+
+class LocalizerNode(Node):
+    """Odometry and scans to a pose in the map."""
+
+    role = "localizer"
+    is_awaited = True
+    odometry = Latest(PlatformPorts.odometry, triggers=True)
+    scans = Sensors()
+    map = Latest(MapperPorts.map, delayed=True)
+    pose = Output(LocalizerPorts.pose)
+    cause = odometry
+
+    def __init__(self, plugin: Localizer) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick) -> None:
+        odometry = self.odometry.value
+        assert odometry is not None
+        answer = self.plugin.localize(LocalizerInput(odometry, in_order(self.scans), self.map.value))
+        self.pose.put(_expect(answer, PoseEstimate, "localize"))
+
+
+class MapperNode(Node):
+    """Range data and the poses that cover it to a map."""
+
+    role = "mapper"
+    patience = 1.0  # nobody waits for it, and on a slow link the poses that cover a sweep may come after it
+    scans = Sensors(triggers=True, otherwise=PlatformPorts.odometry)
+    track = Track(LocalizerPorts.pose)
+    clear = New(GoalPorts.clear, delayed=True, triggers=True)
+    map = Output(MapperPorts.map)
+    cause = track
+
+    def __init__(self, plugin: Mapper) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick) -> None:
+        data = in_order(self.scans)
+        sweeps = tuple(message for message in data if isinstance(message, Sweep))
+        scans = tuple(message for message in data if isinstance(message, RangeScan))
+        track = _covering(self.track.values, min((message.stamp_ns for message in data), default=tick.time_ns))
+        update = self.plugin.update(MapperInput(tick.time_ns, sweeps, scans, track, bool(self.clear.values)))
+        if update is not None:
+            self.map.put(_expect(update, MapUpdate, "update", " or None"))
+
+
+class PlannerNode(Node):
+    """The newest request to a path, or why there is none."""
+
+    role = "planner"
+    plan = New(GoalPorts.plan, triggers=True)
+    map = Latest(MapperPorts.map)
+    path = Output(PlannerPorts.path)
+    failure = Output(PlannerPorts.failure)
+    cause = plan
+
+    def __init__(self, plugin: Planner) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick) -> None:
+        known = self.map.value
+        if known is None:
+            return
+        answer = self.plugin.plan(PlannerInput(self.plan.values[-1], known))
+        if isinstance(answer, Path):
+            self.path.put(answer)
+        else:
+            self.failure.put(_expect(answer, PlanFailure, "plan", " or Path"))
+
+
+class ControllerNode(Node):
+    """The reference to a velocity."""
+
+    role = "controller"
+    is_awaited = True
+    reference = Latest(ReferencePorts.reference, triggers=True)
+    trajectory = Latest(ReferencePorts.trajectory)
+    pose = Latest(LocalizerPorts.pose)
+    command = Output(ControllerPorts.command)
+    cause = reference
+
+    def __init__(self, plugin: Controller) -> None:
+        self.plugin = plugin
+
+    def step(self, tick: Tick) -> None:
+        trajectory, reference, pose = self.trajectory.value, self.reference.value, self.pose.value
+        assert trajectory is not None and reference is not None and pose is not None
+        seen = ControllerInput(tick.time_ns, trajectory, reference, pose)
+        self.command.put(_expect(self.plugin.control(seen), TrackingCommand, "control"))
+
+
+class AvoiderNode(Node):
+    """Scans and the target to a velocity, and whether it is this one that drives.
+
+    Args:
+        plugin: The avoider.
+        rule: Decides who drives.
+        look_ahead: How far that is looked for along the way the robot itself takes next, m; 0 for not at all.
+    """
+
+    role = "avoider"
+    is_awaited = True
+    desired = Latest(ControllerPorts.command, triggers=True)
+    scans = Sensors()
+    pose = Latest(LocalizerPorts.pose)
+    reference = Latest(ReferencePorts.reference)
+    gate = Latest(GatePorts.status, delayed=True)
+    command = Output(AvoiderPorts.command)
+    status = Output(AvoiderPorts.status)
+    handover = Output(AvoiderPorts.handover)
+    cause = pose
+
+    def __init__(self, plugin: Avoider, rule: HandOverRule, look_ahead: float) -> None:
+        self.plugin = plugin
+        self.rule = rule
+        self.look_ahead = look_ahead
+
+    def step(self, tick: Tick) -> None:
+        estimate, reference, wanted = self.pose.value, self.reference.value, self.desired.value
+        assert estimate is not None and reference is not None and wanted is not None
+        scans = in_order(self.scans)
+        ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
+        limit, desired = self.gate.value, wanted.twist
+        seen = AvoiderInput(
+            tick.time_ns,
+            scans,
+            estimate,
+            reference.target,
+            reference.corridor,
+            desired,
+            ahead,
+            1.0 if limit is None else limit.share,
+        )
+        answer = _expect(self.plugin.avoid(seen), Avoidance, "avoid")
+        own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
+        handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor, own)
+        self.command.put(Command(answer.twist))
+        self.status.put(AvoiderStatus(answer.status, answer.diagnostics))
+        self.handover.put(handover)
+
+
+class RecoveryNode(Node):
+    """Called while the goal asks for it; one attempt ends with `done` or `failed`."""
+
+    role = "recovery"
+    ticks = True
+    is_awaited = True
+    request = Latest(GoalPorts.recovery, delayed=True)
+    scans = Sensors()
+    pose = Latest(LocalizerPorts.pose)
+    command = Output(RecoveryPorts.command)
+    status = Output(RecoveryPorts.status)
+    cause = pose
+
+    def __init__(self, plugin: Recovery) -> None:
+        self.plugin = plugin
+        self._attempt: object = None
+        self._is_over = True
+        self._trail: deque[tuple[float, float, float]] = deque(maxlen=TRAIL_LENGTH)
+
+    def step(self, tick: Tick) -> None:
+        request, estimate = self.request.value, self.pose.value
+        self._follow(estimate)
+        if request is None or not request.active or estimate is None:
+            return
+        starts = request is not self._attempt
+        if starts:
+            self._attempt, self._is_over = request, False
+        if self._is_over:
+            return
+        trail = np.array(self._trail).reshape(-1, 3)
+        scans = in_order(self.scans)
+        seen = RecoveryInput(tick.time_ns, scans, estimate, request.attempt, request.reason, starts, trail)
+        answer = _expect(self.plugin.recover(seen), RecoveryStep, "recover")
+        self._is_over = answer.state != "running"
+        self.command.put(Command(answer.twist))
+        self.status.put(answer)
+
+    def _follow(self, estimate: PoseEstimate | None) -> None:
+        """Keep where the robot has been."""
+        if estimate is None:
+            return
+        pose = estimate.pose
+        if not self._trail or math.dist((pose.x, pose.y), self._trail[-1][:2]) >= TRAIL_STEP:
+            self._trail.append((pose.x, pose.y, pose.heading))
+
+
+def in_order(sensors: Mapping[str, News[Any]]) -> tuple[Any, ...]:
+    """What a node's sensors brought, in order of time and then of port."""
+    if len(sensors) == 1:
+        return tuple(*(news.values for news in sensors.values()))
+    return tuple(sorted((one for news in sensors.values() for one in news.values), key=_stamp_ns))
+
+
+def _stamp_ns(message: Any) -> int:
+    stamp_ns: int = message.stamp_ns
+    return stamp_ns
+
+
+def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
+    """The end of a track, from a little before the oldest data on: a mapper has no use for the minutes before."""
+    kept: list[PoseEstimate] = []
+    for back in range(1, len(poses) + 1):
+        kept.append(poses[-back])
+        if kept[-1].stamp_ns <= since_ns - BEFORE_DATA_NS:
+            break
+    kept.reverse()
+    return PoseTrack(
+        np.array([pose.stamp_ns for pose in kept], dtype=np.int64),
+        np.array([(p.pose.x, p.pose.y, p.pose.heading) for p in kept], dtype=np.float64).reshape(-1, 3),
+    )
+
+
+def _expect(answer: Any, kind: type[A], verb: str, other: str = "") -> A:
+    """A plugin's answer as it is; else others would be blamed for what they cannot read."""
+    if not isinstance(answer, kind):
+        raise TypeError(f"{verb}() returned {brief(answer)}, expected {kind.__name__}{other}")
+    return answer
+
+
+def _distance(pose: Any, point: Any) -> float:
+    return float(((point.x - pose.x) ** 2 + (point.y - pose.y) ** 2) ** 0.5)
+
+
+NODES: dict[str, Any] = {
+    node.role: node for node in (PlatformNode, LocalizerNode, MapperNode, PlannerNode, ControllerNode, RecoveryNode)
+}
+
+
+def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0) -> Node:
+    """The node for a plugin; an avoider's needs the hand-over rule and how far that looks along the robot's own way."""
+    if isinstance(plugin, Avoider):
+        assert rule is not None
+        return AvoiderNode(plugin, rule, look_ahead)
+    node: Node = NODES[plugin.role](plugin)
+    return node

@@ -1,0 +1,146 @@
+"""What a step is, for every executor: what triggers it, its inputs read, the node run, what it raised told.
+
+Executors differ in who fills the slots and when a step is made; lockstep, live, barrier and replay all step here.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from pathlib import PurePath
+from time import monotonic_ns
+from typing import Any
+
+from navloom.engine.node import Node, Outputs, Tick
+from navloom.engine.ports import NodeSpec
+from navloom.engine.wiring import Slot, Wire
+
+__all__ = ["Read", "Stepper", "fault_text"]
+
+Read = tuple[tuple[str, tuple[int, ...]], ...]
+"""Inputs by name, each with the sequence numbers of what a step read there."""
+
+
+class Stepper:
+    """One instance of a node in the running graph.
+
+    Args:
+        spec: Its wiring.
+        node: What is stepped.
+        name: Of the instance.
+        slots: Where its messages are held, by port; empty where they leave the process.
+        active: It is the selected one of its role.
+        enabled: It steps; an alternative that waits does not.
+        stride: Ticks between steps.
+        delay: Ticks its outputs are delayed by.
+
+    Attributes:
+        wires: Its inputs.
+        cause: Input its outputs derive from.
+        stepped: Tick of its last step.
+        spent_ns, fault: Of its last step: time it took, and what was raised; empty for nothing.
+        busy_since_ns: Monotonic clock at which the step under way began; None between two steps. For watchdogs.
+    """
+
+    def __init__(
+        self,
+        spec: NodeSpec,
+        node: Node,
+        name: str,
+        slots: dict[str, Slot],
+        *,
+        active: bool = True,
+        enabled: bool = True,
+        stride: int = 1,
+        delay: int = 0,
+    ) -> None:
+        self.spec, self.node, self.name, self.slots = spec, node, name, slots
+        self.active, self.enabled, self.stride, self.delay = active, enabled, stride, delay
+        self.role = spec.role
+        self.wires: list[Wire] = []
+        self.stepped = -1
+        self.cause: Wire | None = None
+        self.triggers: list[Wire] = []
+        self.spent_ns = 0
+        self.fault = ""
+        self.busy_since_ns: int | None = None
+        self._ticks = spec.ticks
+        self._read_ahead: list[Wire] = []
+        self._due: dict[int, list[tuple[Outputs, Tick, int]]] = {}
+
+    def connect(self, wires: list[Wire]) -> None:
+        """Give the node its inputs."""
+        self.wires = list(wires)
+        self.triggers = [wire for wire in wires if wire.input.triggers]
+        self.cause = next((wire for wire in wires if wire.input.name == self.spec.cause), None)
+        self._read_ahead = [wire for wire in wires if wire.is_read_ahead]
+        self.node.wire(self.spec, {wire.input.name: wire for wire in wires})
+        for out in self.node.outs():
+            out.slot = self.slots.get(out.name)
+
+    def fired(self, number: int) -> str:
+        """What makes it step in a tick: "tick", the input with news, or nothing."""
+        if self._ticks:
+            return "tick"
+        for wire in self.triggers:
+            if wire.has_news(self.stepped, number):
+                return wire.input.name
+        return ""
+
+    def read_marks(self, number: int, since: int) -> Read:
+        """Sequence numbers of what a step in a tick would read, by input; of news, those after the tick `since`."""
+        return tuple([(wire.input.name, wire.sequences(number, since)) for wire in self.wires])
+
+    def prepare(self, number: int, since: int) -> None:
+        """Take in what is read in a tick; of news, what came after the tick `since`."""
+        for wire in self._read_ahead:
+            wire.prepare(number, since)
+
+    def step(self, tick: Tick, since: int) -> Outputs:
+        """One step on what the slots hold; see `run`."""
+        for wire in self._read_ahead:
+            wire.prepare(tick.number, since)
+        outputs = self.run(tick, self.node.step)
+        self.stepped = tick.number
+        return outputs
+
+    def run(self, tick: Tick, act: Callable[[Tick], None]) -> Outputs:
+        """What the node gives on inputs that are prepared; nothing where it raises, which `fault` then says."""
+        node = self.node
+        before = self.busy_since_ns = monotonic_ns()
+        try:
+            act(tick)
+            self.fault = ""
+        except (Exception, SystemExit) as error:
+            node.made.clear()
+            self.fault = fault_text(error, node)
+        self.busy_since_ns = None
+        self.spent_ns = monotonic_ns() - before
+        made = node.made
+        if made:
+            node.made = []
+        return made
+
+    def cause_of(self, time_ns: int) -> int:
+        """Platform stamp that outputs of this tick derive from."""
+        wire = self.cause
+        return time_ns if wire is None or wire.slot.envelope is None else wire.slot.envelope.cause_ns
+
+    def hold_back(self, outputs: Outputs, tick: Tick, cause_ns: int) -> None:
+        """Keep what a step gave until its delay is over."""
+        self._due.setdefault(tick.number + self.delay, []).append((outputs, tick, cause_ns))
+
+    def due(self, number: int) -> list[tuple[Outputs, Tick, int]]:
+        """What was held back until this tick."""
+        return self._due.pop(number, [])
+
+
+def fault_text(error: BaseException, source: Any) -> str:
+    """What a node or a plugin's class raised, with the innermost line of the plugin's own code for its author."""
+    cls = source if isinstance(source, type) else type(getattr(source, "plugin", source))
+    home = cls.__module__.partition(".")[0]
+    place = ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        if frame.f_globals.get("__name__", "").partition(".")[0] == home:
+            place = f" ({PurePath(frame.f_code.co_filename).name}:{line})"
+    return f"{type(error).__name__}: {error}{place}"

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from navloom.config import load_config
 from navloom.engine.ports import Input, NodeSpec
+from navloom.engine.streams import ControllerPorts
 from navloom.messages import (
     Command,
     Envelope,
@@ -21,7 +22,7 @@ from navloom.messages import (
 )
 from navloom.messages.codec import encode, schema_label
 from navloom.recording import shelf as shelves
-from navloom.recording.feeding import Chosen, Fed, Feeder, Step, told_of
+from navloom.recording.feeding import Chosen, Fed, Feeder, Step
 from navloom.recording.reader import RawRecorded
 from navloom.recording.shelf import Entry, Shelf
 
@@ -42,10 +43,10 @@ def step(read: dict[str, tuple[int, ...]], tick: int = 5, epoch: int = 0, told: 
 
 
 def feed(reading: Any, shelf: Shelf, one: Step, chosen: Chosen | None = None, delayed: bool = False) -> Fed:
-    spec = NodeSpec("node", (Input("given", "controller", "command", reading, delayed),), ())
+    spec = NodeSpec("node", (Input("given", ControllerPorts.command, reading, delayed),), ())
     chosen = chosen or Chosen(load_config("paper").config)
     feeder = Feeder("lab/r1", shelf, chosen, {"controller": ("lyapunov_tracker", "other")})
-    return feeder.feed(spec, one, told_of(one.report), one.at.tick - 1)
+    return feeder.feed(spec, one, one.at.tick - 1)
 
 
 @pytest.fixture

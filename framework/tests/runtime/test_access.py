@@ -20,7 +20,7 @@ import zenoh
 from navloom.runtime.access import ACTING, READABLE, AccessError, Identity, rules
 from navloom.runtime.keys import HOSTS, Order, add_identity, new_authority
 from navloom.runtime.links import Link, settings
-from navloom.runtime.quality import RETAINED
+from navloom.runtime.quality import retained_ports
 
 SOON = 10.0
 WHO = ("nodes", "operator", "viewer", "shadow.avoider.forces")
@@ -141,7 +141,7 @@ def repeat_until(heard: Callable[[float], bool], send: Callable[[], None]) -> bo
 
 def test_everything_that_is_kept_for_late_joiners_can_be_asked_for() -> None:
     readable = [zenoh.KeyExpr(key) for key in READABLE]
-    for role, port in RETAINED:
+    for role, port in retained_ports():
         assert any(key.includes(zenoh.KeyExpr(f"{role}/main/{port}")) for key in readable), f"{role} {port}"
 
 

@@ -80,7 +80,7 @@ def test_where_the_run_clock_begins_anew_the_gate_decides_by_the_new_one() -> No
     gate.report(OTHER, 5, 0)
     for tick in (72_000, 3):
         gate.tick(tick)
-    assert gate.hosted.cell.instance.stepped == 3
+    assert gate.hosted.cell.stepper.stepped == 3
     gate.runner.obey(OperatorRequest("swap", None, *OTHER))
     gate.tick(4)
     assert gate.node.epoch == 1

@@ -10,7 +10,9 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.assembly import goal_rules
 from navloom.engine.build import assemble
+from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GoalNode
+from navloom.engine.role_nodes import MapperNode
 from navloom.messages import (
     ClearRequest,
     Envelope,
@@ -96,15 +98,14 @@ def give_pose(at: Hosted, tick: int) -> None:
     give(at, "localizer", "step", REPORT, tick)
 
 
-class Listener:
-    """A node that notes how many poses it was given in each step."""
+class Listener(MapperNode):
+    """A mapper's node that notes how many poses it was given in each step."""
 
     def __init__(self) -> None:
         self.poses: list[int] = []
 
-    def step(self, tick: object, given: Any) -> list[Any]:
-        self.poses.append(len(given["track"]))
-        return []
+    def step(self, tick: Tick) -> None:
+        self.poses.append(len(self.track.values))
 
 
 def turn(runner: LiveRunner) -> None:
@@ -193,7 +194,7 @@ def test_an_old_message_does_not_put_the_clock_back(clock: Clock) -> None:
         give(mapper, "platform", "laser", SWEEP, tick)
         give(mapper, "platform", "step", REPORT, 1002)
         turn(runner)
-    assert node.poses == [1, 2, 3] and mapper.cell.instance.stepped == 1002
+    assert node.poses == [1, 2, 3] and mapper.cell.stepper.stepped == 1002
 
 
 def test_what_was_made_by_the_old_clock_is_no_news_by_the_new_one(clock: Clock) -> None:
@@ -206,7 +207,7 @@ def test_what_was_made_by_the_old_clock_is_no_news_by_the_new_one(clock: Clock) 
         give(mapper, "platform", "step", REPORT, tick)
         give_pose(mapper, tick)
         turn(runner)
-    assert mapper.cell.instance.stepped == 5
+    assert mapper.cell.stepper.stepped == 5
     assert max(feed.slot.tick for feed in mapper.cell.feeds) == 5
 
 
@@ -219,18 +220,18 @@ def test_a_message_that_was_only_overtaken_is_passed_over(clock: Clock) -> None:
         give(mapper, "platform", "laser", SWEEP, tick)
         give(mapper, "platform", "step", REPORT, tick)
         turn(runner)
-    assert mapper.cell.instance.stepped == 300 and len(node.poses) == 1
+    assert mapper.cell.stepper.stepped == 300 and len(node.poses) == 1
 
 
 def test_an_instance_in_charge_steps_after_its_process_began_anew_though_nobody_woke_it() -> None:
     node = Listener()
     mapper = hosted("mapper", node)
-    mapper.cell.instance.enabled = mapper.cell.instance.active = False  # as an alternative that is no shadow begins
+    mapper.cell.stepper.enabled = mapper.cell.stepper.active = False  # as an alternative that is no shadow begins
     runner = LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
     runner.recall({"mapper": "other"}, 1)
-    assert not mapper.cell.instance.enabled
+    assert not mapper.cell.stepper.enabled
     runner.recall({"mapper": NAMES["mapper"]}, 2)
-    assert mapper.cell.instance.enabled and mapper.cell.instance.active
+    assert mapper.cell.stepper.enabled and mapper.cell.stepper.active
 
 
 def test_a_goal_that_was_asked_for_something_does_not_run_ahead_of_the_platform(clock: Clock) -> None:
@@ -248,7 +249,7 @@ def test_a_goal_that_was_asked_for_something_does_not_run_ahead_of_the_platform(
             runner.submit(OperatorRequest("goal", Goal(1, 0.0, 2.0, None, ())))
             turn(runner)
             assert runner.goal.machine.goal_id == 1
-        stepped.append(goal.cell.instance.stepped)
+        stepped.append(goal.cell.stepper.stepped)
     assert stepped == [*range(20), 21, *range(21, 40)]
 
 
@@ -262,4 +263,4 @@ def test_a_goal_without_poses_steps_on_and_not_faster_than_the_platform(clock: C
         turn(runner)
         clock.now += wait
     ticks = (clock.now - 1000.0) / PERIOD
-    assert 0.8 * ticks < goal.cell.instance.stepped <= ticks
+    assert 0.8 * ticks < goal.cell.stepper.stepped <= ticks

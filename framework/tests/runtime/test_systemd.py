@@ -135,22 +135,22 @@ def test_without_a_service_manager_nothing_is_said(tmp_path: Path, monkeypatch: 
     assert list(tmp_path.iterdir()) == []
 
 
-def _runner(busy_since: float | None) -> Any:
-    return SimpleNamespace(busy_since=busy_since, cell=SimpleNamespace(instance=SimpleNamespace(active=True)))
+def _runner(stepper: Any) -> Any:
+    return SimpleNamespace(cell=SimpleNamespace(stepper=stepper))
 
 
 def test_the_watchdog_is_fed_until_a_node_in_charge_hangs() -> None:
     process = NodeProcess(assemble(load_config("paper", ["live.hang_timeout=0.3"])), Share("x", (), Link("peer")))
-    runner = _runner(None)
-    process.runners = {("controller", "lyapunov_tracker"): runner}
+    stepper = SimpleNamespace(active=True, busy_since_ns=None)
+    process.runners = {("controller", "lyapunov_tracker"): _runner(stepper)}
     fed: list[float] = []
 
     def alive() -> None:
         fed.append(time.monotonic())
         if len(fed) == 2:
-            runner.busy_since = time.monotonic()
+            stepper.busy_since_ns = time.monotonic_ns()
 
     process._watch([], alive)
     assert len(fed) >= 2
     assert process.hung == "controller lyapunov_tracker has been in one step for 0.3 s"
-    assert runner.busy_since is not None and fed[-1] - runner.busy_since <= 0.3
+    assert stepper.busy_since_ns is not None and fed[-1] - stepper.busy_since_ns * 1e-9 <= 0.3

@@ -18,9 +18,9 @@ def edges(specs: Sequence[NodeSpec]) -> list[tuple[str, str, Input]]:
     """Every edge as (publishing role, reading role, input).
 
     Raises:
-        GraphError: An input that no node publishes; the text names both ends and the nearest port.
+        GraphError: An input that no node publishes, or that carries another message; the text names both ends.
     """
-    ports = {spec.role: spec.outputs for spec in specs}
+    ports = {spec.role: {port.name: port for port in spec.ports} for spec in specs}
     found = []
     for spec in specs:
         for given in spec.inputs:
@@ -32,6 +32,11 @@ def edges(specs: Sequence[NodeSpec]) -> list[tuple[str, str, Input]]:
                 near = get_close_matches(given.port, list(ports[given.role]), n=1)
                 hint = f"did you mean {near[0]!r}?" if near else f"it publishes {', '.join(ports[given.role])}"
                 raise GraphError(f"{spec.role} reads {given}, but {given.role} publishes no {given.port!r}; {hint}")
+            carried = ports[given.role][given.port].carries
+            if given.source.carries is not carried:
+                raise GraphError(
+                    f"{spec.role} reads {given} as {given.source.carries.__name__}, but it carries {carried.__name__}"
+                )
             found.append((given.role, spec.role, given))
     return found
 

@@ -41,7 +41,7 @@ class Node:
 
     role: ClassVar[str] = ""
     ticks: ClassVar[bool] = False
-    cause: ClassVar[Declared[Any] | None] = None
+    cause: ClassVar[Any] = None
     is_awaited: ClassVar[bool] = False
     hears_all: ClassVar[bool] = False
     patience: ClassVar[float] = PATIENCE
@@ -75,12 +75,12 @@ class Node:
         Args:
             wired: By role, the ports of the sensors it gets; those of the platform are all.
         """
-        outputs: list[str] = []
+        ports: list[Port[Any]] = []
         for one in cls.declared_outputs:
-            outputs += [one.port.name] if isinstance(one, Output) else [port.name for port in wired.get(cls.role, ())]
+            ports += [one.port] if isinstance(one, Output) else wired.get(cls.role, ())
         inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired, cls.role))
         cause = "" if cls.cause is None else cls.cause.name
-        return NodeSpec(cls.role, inputs, tuple(outputs), cause, cls.ticks, cls)
+        return NodeSpec(cls.role, inputs, tuple(ports), cause, cls.ticks)
 
     def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
         """Lead its inputs, by name, to where they are read, and open the ports of its sensors."""

@@ -127,7 +127,7 @@ class GoalNode(Node):
             self.trajectory.value,
         )
         for request in self.request.values:
-            if request.do == "goal":
+            if request.do == "goal" and request.goal is not None:
                 self.machine.submit(request.goal, seen)
             elif request.do == "cancel":
                 self.machine.cancel(seen)

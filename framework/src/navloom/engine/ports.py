@@ -13,8 +13,9 @@ from typing import Any, ClassVar, Generic, Literal, Protocol, TypeVar, overload
 
 from navloom.messages import Envelope, Message
 
-__all__ = ["Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offer", "Offers", "Out", "Output",
-           "Port", "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track", "known_ports"]  # fmt: skip
+__all__ = ["Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offer", "Offers", "Out", "Output", "Port",
+           "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track",
+           "known_ports"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 M_co = TypeVar("M_co", bound=Message, covariant=True)
@@ -133,18 +134,21 @@ class NodeSpec:
     Attributes:
         role: Role, or the framework's own node: operator, goal, reference, gate.
         inputs: What it reads.
-        outputs: Its ports.
+        ports: What it publishes on.
         cause: Input whose Platform stamp its outputs derive from; empty for the platform itself.
         ticks: It steps in every tick; else a trigger is needed.
-        node: The class; None in tests of wirings alone.
     """
 
     role: str
     inputs: tuple[Input, ...]
-    outputs: tuple[str, ...]
+    ports: tuple[Port[Any], ...]
     cause: str = ""
     ticks: bool = False
-    node: Any = None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of its ports."""
+        return tuple([port.name for port in self.ports])
 
 
 class Held(Protocol[M_co]):
@@ -200,7 +204,9 @@ class Latest(Declared[M]):
     def __get__(self, node: object, owner: type) -> Held[M]: ...
 
     def __get__(self, node: object, owner: type) -> Latest[M] | Held[M]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
 class New(Declared[M]):
@@ -215,7 +221,9 @@ class New(Declared[M]):
     def __get__(self, node: object, owner: type) -> News[M]: ...
 
     def __get__(self, node: object, owner: type) -> New[M] | News[M]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
 class Track(Declared[M]):
@@ -230,7 +238,9 @@ class Track(Declared[M]):
     def __get__(self, node: object, owner: type) -> News[M]: ...
 
     def __get__(self, node: object, owner: type) -> Track[M] | News[M]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
 class Offers(Declared[M]):
@@ -245,14 +255,14 @@ class Offers(Declared[M]):
     def __get__(self, node: object, owner: type) -> Offer[M]: ...
 
     def __get__(self, node: object, owner: type) -> Offers[M] | Offer[M]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
-def _bound(declared: Any, node: object) -> Any:
-    """The declaration itself, where its class is asked; a node that is wired has its own attribute before this one."""
-    if node is None:
-        return declared
-    raise AttributeError(f"{type(node).__name__}.{declared.name} is not wired yet")
+def _not_wired(node: object, name: str) -> AttributeError:
+    """A node that is wired has an attribute of its own before its class's declaration."""
+    return AttributeError(f"{type(node).__name__}.{name} is not wired yet")
 
 
 class SensorGroup:
@@ -295,7 +305,9 @@ class Sensors(SensorGroup):
     def __get__(self, node: object, owner: type) -> Mapping[str, News[Any]]: ...
 
     def __get__(self, node: object, owner: type) -> Sensors | Mapping[str, News[Any]]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
 class SensorOffers(SensorGroup):
@@ -310,7 +322,9 @@ class SensorOffers(SensorGroup):
     def __get__(self, node: object, owner: type) -> Mapping[str, Offer[Any]]: ...
 
     def __get__(self, node: object, owner: type) -> SensorOffers | Mapping[str, Offer[Any]]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
 class Out(Generic[M]):
@@ -350,7 +364,9 @@ class Output(Generic[M]):
     def __get__(self, node: object, owner: type) -> Out[M]: ...
 
     def __get__(self, node: object, owner: type) -> Output[M] | Out[M]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)
 
 
 class SensorOutputs:
@@ -369,4 +385,6 @@ class SensorOutputs:
     def __get__(self, node: object, owner: type) -> Mapping[str, Out[Any]]: ...
 
     def __get__(self, node: object, owner: type) -> SensorOutputs | Mapping[str, Out[Any]]:
-        return _bound(self, node)
+        if node is None:
+            return self
+        raise _not_wired(node, self.name)

@@ -1,6 +1,6 @@
 """What executors tell goal and gate beside their inputs, so that a replay can tell them the same.
 
-It goes into their step records as the text `told`, a JSON object; empty where nothing was told. The words are here only.
+It goes into their step records as the text `told`, a JSON object; empty where nothing was told. Its words stand here.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ class _Checker:
         step = stepped.step
         found = self.found.setdefault(node.source, NodeCheck(" ".join(node.source), notes=node.notes))
         counted = Counter(port for port, _ in stepped.outputs)
-        numbers = self.outcomes.numbers(stepped, {port: counted[port] for port in node.spec.outputs})
+        numbers = self.outcomes.numbers(stepped, {port: counted[port] for port in node.fed.spec.outputs})
         if not step.report.trigger:
             return
         found.steps += 1

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 from navloom.config.schema import ROLE_TABLES, Config
 from navloom.engine.ports import Input, NodeSpec
-from navloom.messages import Envelope, Goal, Message, OperatorRequest, Point2D, Selection, StepReport
+from navloom.engine.told import GoalTold
+from navloom.messages import Envelope, Message, OperatorRequest, Selection, StepReport
 from navloom.recording.reader import Recorded
 from navloom.recording.shelf import Entry, Shelf
 
-__all__ = ["Chosen", "Fed", "Feeder", "Step", "told_of"]
+__all__ = ["Chosen", "Fed", "Feeder", "Step"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,33 +83,33 @@ class Feeder:
     def __init__(self, prefix: str, shelf: Shelf, chosen: Chosen, instances: Mapping[str, Sequence[str]]) -> None:
         self.prefix, self.shelf, self.chosen, self.instances = prefix, shelf, chosen, instances
 
-    def feed(self, spec: NodeSpec, step: Step, told: Mapping[str, Any], since: int) -> Fed:
+    def feed(self, spec: NodeSpec, step: Step, since: int) -> Fed:
         """The inputs of a step.
 
         Args:
             spec: Wiring of the node that is to be fed.
             step: The record.
-            told: What the executor told the node beside its inputs.
             since: Tick of the instance's step before, for inputs that the record does not name: another plugin's.
         """
         fed = Fed()
+        submitted = GoalTold.of(step.report.told).submitted
         read = {one.input: one.sequences for one in step.report.read}
         for given in spec.inputs:
             find = self._named if given.name in read else self._by_tick
-            entries = find(given, step, read.get(given.name, (since,)), told, fed)
+            entries = find(given, step, read.get(given.name, (since,)), submitted, fed)
             fed.given[given.name] = _as_read(given, entries)
         return fed
 
     def _named(
-        self, given: Input, step: Step, numbers: Sequence[int], told: Mapping[str, Any], fed: Fed
+        self, given: Input, step: Step, numbers: Sequence[int], submitted: Sequence[OperatorRequest], fed: Fed
     ) -> list[tuple[Message, Envelope | None]]:
         """Messages by their numbers."""
         found: list[tuple[Message, Envelope | None]] = []
-        submitted = iter(told.get("submitted", ()))
+        by_service = iter(submitted)
         lacking = []
         for number in _spread(numbers) if given.reading == "track" else numbers:
             if number == 0:  # came by a service, and so without a number
-                found += [(request, None) for request in _requests(submitted)]
+                found += [(request, None) for request in islice(by_service, 1)]
                 continue
             opened = self._find(given, number, step)
             if opened is None:
@@ -135,7 +136,7 @@ class Feeder:
         return self.shelf.get(f"{self.prefix}/{given.role}/{name}/{given.port}", number, step.place)
 
     def _by_tick(
-        self, given: Input, step: Step, since: Sequence[int], told: Mapping[str, Any], fed: Fed
+        self, given: Input, step: Step, since: Sequence[int], submitted: Sequence[OperatorRequest], fed: Fed
     ) -> list[tuple[Message, Envelope | None]]:
         """Messages by their ticks: after the step before, up to this one; of a sample the newest up to this one."""
         name = self.chosen.under(given.role, step.at.epoch)
@@ -147,7 +148,7 @@ class Feeder:
 
 
 def _as_read(given: Input, found: list[tuple[Message, Envelope | None]]) -> Any:
-    """What the node gets of these messages; see `Wire.read`."""
+    """What the node gets of these messages; see `Reading`."""
     if given.reading == "latest":
         return found[-1][0] if found else None
     if given.reading == "offers":
@@ -160,20 +161,3 @@ def _spread(runs: Sequence[int]) -> Iterator[int]:
     """Every number of runs given by their first and last."""
     for first, last in zip(runs[::2], runs[1::2], strict=False):
         yield from range(first, last + 1)
-
-
-def _requests(submitted: Iterator[Mapping[str, Any]]) -> list[OperatorRequest]:
-    """The next request that came by a service."""
-    one = next(submitted, None)
-    if one is None:
-        return []
-    goal = one["goal"]
-    if goal is not None:
-        number, x, y, heading, via = goal
-        goal = Goal(number, x, y, heading, tuple(Point2D(*point) for point in via))
-    return [OperatorRequest(one["do"], goal)]
-
-
-def told_of(report: StepReport) -> dict[str, Any]:
-    """What the executor told the node beside its inputs."""
-    return dict(json.loads(report.told)) if report.told else {}

@@ -18,7 +18,7 @@ from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
 from navloom.runtime.client import Client, ClientError
 from navloom.runtime.keyspace import ATTENDANT, LINKED
-from navloom.runtime.quality import RETAINED
+from navloom.runtime.quality import retained_ports
 
 __all__ = ["LiveRecorder", "ask_header"]
 
@@ -86,7 +86,7 @@ class LiveRecorder:
         """Begin: what publishers keep for late joiners first, then all that comes."""
         self._thread.start()
         self.client.bus.subscribe(self.client.keys.port("*", "*", "*"), self.receive)
-        for role, port in sorted(RETAINED):
+        for role, port in retained_ports():
             self._fetch(role, port)
         self._fetch("*", "parameters")
         # Declared after what it reads, on the same links: who sees it can send to it.

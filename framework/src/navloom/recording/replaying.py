@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from navloom.config import ConfigError
 from navloom.config.schema import ROLE_TABLES
 from navloom.engine.assembly import own_node
 from navloom.engine.build import System, configure, make_plugins, role_nodes
 from navloom.engine.events import schedule
-from navloom.engine.nodes import Node, Outputs, Tick, fault_text
+from navloom.engine.fed import FedNode
+from navloom.engine.node import Node, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode
-from navloom.engine.ports import NodeSpec
-from navloom.messages import Command, Envelope, OperatorRequest, Parameters, Selection, StepReport
+from navloom.engine.told import GateTold, GoalTold
+from navloom.messages import Command, Envelope, Message, OperatorRequest, Parameters, Selection, StepReport
 from navloom.messages.codec import encode, schema_label
-from navloom.recording.feeding import Chosen, Fed, Feeder, Step, told_of
+from navloom.recording.feeding import Chosen, Fed, Feeder, Step
 from navloom.recording.reader import RawRecorded, Recording
 from navloom.recording.shelf import Entry, Shelf
 from navloom.runtime.keyspace import STEP
@@ -36,16 +36,15 @@ class ReplayNode:
     """A node that steps again.
 
     Attributes:
-        spec, source, node: Its wiring, who it is, and what is stepped.
+        source, fed: Who it is, and the node on inputs that it is handed.
         versions: Changes of its parameters so far.
         previous: Its step record before.
         lives: How often its process was started, as far as is recorded.
         notes: What a reader must know of its replay.
     """
 
-    spec: NodeSpec
     source: Source
-    node: Node
+    fed: FedNode
     versions: int = 0
     previous: Step | None = None
     lives: int = 1
@@ -66,7 +65,7 @@ class Stepped:
 
     step: Step
     fed: Fed
-    outputs: Outputs
+    outputs: list[tuple[str, Message]]
     fault: str
     follows: bool
 
@@ -203,7 +202,7 @@ class Replayer:
             from navloom.runtime.live_gate import LEAD
 
             node.lead = LEAD
-        return ReplayNode(spec, source, node)
+        return ReplayNode(source, FedNode(spec, node))
 
     def _step(self, node: ReplayNode, step: Step) -> Stepped | None:
         before = node.previous
@@ -225,36 +224,29 @@ class Replayer:
         if not step.report.trigger:
             return Stepped(step, Fed(), [], "", follows)
         self._change_parameters(node, step)
-        told = told_of(step.report)
         since = before.at.tick if before is not None else step.at.tick - 1
-        fed = self.feeder.feed(node.spec, step, told, since)
+        fed = self.feeder.feed(node.fed.spec, step, since)
         tick = Tick(step.at.tick, step.at.stamp_ns * 1e-9, step.at.stamp_ns, step.at.epoch)
-        outputs: Outputs = []
-        fault = ""
-        try:
-            outputs = self._tell(node.node, told, step)(tick, fed.given)
-        except (Exception, SystemExit) as error:
-            fault = fault_text(error, node.node)
-        return Stepped(step, fed, outputs, fault, follows)
+        outputs = node.fed.step(tick, fed.given, self._tell(node.fed.node, step))
+        return Stepped(step, fed, outputs, node.fed.fault, follows)
 
-    def _tell(self, node: Node, told: Mapping[str, Any], step: Step) -> Callable[[Tick, Mapping[str, Any]], Outputs]:
+    def _tell(self, node: Node, step: Step) -> Callable[[Tick], None]:
         """Tell a node what its executor told it; gives what is to be called."""
         if isinstance(node, GoalNode):
-            node.fault, node.is_lost = told.get("fault", ""), told.get("lost", False)
-            node.restarted = set(told.get("restarted", ()))
+            of_goal = GoalTold.of(step.report.told)
+            node.fault, node.is_lost, node.restarted = of_goal.fault, of_goal.lost, set(of_goal.restarted)
         if not isinstance(node, GateNode):
             return node.step
-        warm = set(told.get("warm", ()))
-        node.is_warm = lambda role, name: f"{role} {name}" in warm
+        told = GateTold.of(step.report.told)
+        node.is_warm = lambda role, name: f"{role} {name}" in told.warm
         if self.is_live:
-            node.now_ns = told.get("now_ns", 0)
-            node.is_silent, node.gone = told.get("silent", False), told.get("gone", "")
-            for one in told.get("obeyed", ()):
-                entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one["driving"], step.place)
-                opened = entry.open() if entry is not None and one["driving"] else None
+            node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, told.gone
+            for one in told.obeyed:
+                entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one.driving, step.place)
+                opened = entry.open() if entry is not None and one.driving else None
                 driving = (opened.message, opened.envelope) if opened and isinstance(opened.message, Command) else None
-                node.obey(OperatorRequest(one["do"], None, one["role"], one["instance"]), driving)
-            if told.get("contact") and not node.gate.has_contact:
+                node.obey(OperatorRequest(one.do, None, one.role, one.instance), driving)
+            if told.contact and not node.gate.has_contact:
                 node.gate.latch_contact()
         return node.check if step.report.trigger == "check" else node.step
 
@@ -265,8 +257,8 @@ class Replayer:
         if node.source in self.system.parts:
             make_plugins(self.system, only={node.source})
         fresh = self._begin(node.source)
-        node.node, node.versions = fresh.node, 0
-        if isinstance(node.node, (GateNode, GoalNode)):
+        node.fed, node.versions = fresh.fed, 0
+        if isinstance(node.fed.node, (GateNode, GoalNode)):
             node.notes.append("what it took up from the other processes then is not recorded")
 
     def _change_parameters(self, node: ReplayNode, step: Step) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.engine.lockstep import MAIN_PORTS
-from navloom.engine.nodes import Outputs, Tick, fault_text
+from navloom.engine.catalogue import warming_ports
+from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.wiring import QueueWire
 from navloom.messages import OperatorRequest, Selection
 from navloom.runtime.barrier import Barrier, BarrierEnded
 from navloom.runtime.cell import Cell, Feed, Source
@@ -48,7 +48,6 @@ class BarrierRunner:
         self.barrier = Barrier(cell.mailbox, cell.reports, streams, check)
         self._delayed = [selection, *(feed for feed in cell.feeds if feed.wire.delayed)]
         self._direct = [feed for feed in cell.feeds if not feed.wire.delayed]
-        self._due: dict[int, tuple[Outputs, Tick, int]] = {}
         self._watched: set[Source] = set()
         if isinstance(cell.node, GateNode):
             cell.node.is_warm = self._is_warm
@@ -79,7 +78,7 @@ class BarrierRunner:
     def _let_in(self, feeds: Sequence[Feed], tick: int, others: int) -> None:
         """Let in what those in charge published up to a tick, and what is here of the others up to another."""
         for feed in feeds:
-            if not self._in_charge(feed.source):
+            if not self.cell.in_charge(feed.source):
                 self._apply(feed, others, waits=False)
             elif tick >= 0:
                 self.barrier.await_report(feed.source, tick)
@@ -91,13 +90,16 @@ class BarrierRunner:
 
     def _obey(self, number: int) -> None:
         """Do what only the executor can: change parameters, wake who waits, watch who is to be swapped in."""
-        for request in self.requests.wire.read(number, number - 1):
+        wire = self.requests.wire
+        assert isinstance(wire, QueueWire)
+        wire.prepare(number, number - 1)
+        for request in wire.values:
             assert isinstance(request, OperatorRequest)
             target = (request.role, request.instance)
             if request.do == "swap":
                 self._watched.add(target)
             if target == self.cell.source and request.do == "swap":
-                self.cell.instance.enabled = True
+                self.cell.stepper.enabled = True
             elif target == self.cell.source and request.do == "set":
                 self.configure(request.values)
                 self.cell.versions += 1
@@ -108,7 +110,7 @@ class BarrierRunner:
             return
         fresh = {*message.chosen.items()}
         for feed in self.cell.feeds:
-            if feed.source in fresh and not self._in_charge(feed.source):
+            if feed.source in fresh and not self.cell.in_charge(feed.source):
                 self.barrier.await_report(feed.source, number - 1)
                 self._apply(feed, number - 1)
         self.cell.select(message)
@@ -118,7 +120,7 @@ class BarrierRunner:
         node, place = self.cell.node, self.roles.index(self.cell.source[0])
         if isinstance(node, GoalNode):
             for source in self.barrier.progress:
-                if self._in_charge(source) and source != self.cell.source:
+                if self.cell.in_charge(source) and source != self.cell.source:
                     tick = number if self.roles.index(source[0]) < place else number - 1
                     fault = self.barrier.await_report(source, tick).fault
                     if fault is not None and fault[0] <= tick:
@@ -128,42 +130,27 @@ class BarrierRunner:
                 self.barrier.await_report(source, number)
 
     def _step(self, number: int) -> None:
-        cell, instance = self.cell, self.cell.instance
+        cell, stepper = self.cell, self.cell.stepper
         time_ns = round(number * self.period * 1e9)
         tick = Tick(number, time_ns * 1e-9, time_ns, cell.epoch)
-        due = self._due.pop(number, None)
-        if due is not None:
-            cell.publish(*due)
-        trigger = instance.fired(number) if instance.enabled and number % instance.stride == 0 else ""
+        for made in stepper.due(number):
+            cell.publish(*made)
+        trigger = stepper.fired(number) if stepper.enabled and number % stepper.stride == 0 else ""
         if not trigger:
             cell.report(tick)
             return
-        since = number - instance.stride
+        since = number - stepper.stride
         read = cell.read_marks(number, since)
-        given = instance.read(number, since)
-        fault = ""
-        outputs: Outputs = []
-        before = time.perf_counter_ns()
-        try:
-            outputs = instance.node.step(tick, given)
-        except (Exception, SystemExit) as error:
-            fault = fault_text(error, instance.node)
-            instance.enabled = False
-        spent = time.perf_counter_ns() - before
-        instance.stepped = number
-        if outputs:
-            made = (outputs, tick, instance.cause_of(time_ns))
-            if instance.delay:
-                self._due[number + instance.delay] = made
-            else:
-                cell.publish(*made)
-        cell.report(tick, trigger, read, spent, fault)
-
-    def _in_charge(self, source: Source) -> bool:
-        role, name = source
-        return self.cell.chosen.get(role, name) == name
+        outputs = stepper.step(tick, since)
+        if stepper.fault:
+            stepper.enabled = False
+        cause_ns = stepper.cause_of(time_ns)
+        if outputs and stepper.delay:
+            stepper.hold_back(outputs, tick, cause_ns)
+        else:
+            cell.publish(outputs, tick, cause_ns)
+        cell.report(tick, trigger, read, stepper.spent_ns, stepper.fault)
 
     def _is_warm(self, role: str, name: str) -> bool:
-        progress = self.barrier.progress[(role, name)]
-        ports = MAIN_PORTS.get(role, ("command",))
-        return progress.enabled and (role == "recovery" or any(progress.marks.get(port, 0) for port in ports))
+        progress, ports = self.barrier.progress[(role, name)], warming_ports(role)
+        return progress.enabled and (not ports or any(progress.marks.get(port, 0) for port in ports))

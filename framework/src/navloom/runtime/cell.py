@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from navloom.engine.nodes import Node, Outputs, Tick
-from navloom.engine.wiring import Instance, Slot, Wire
+from navloom.engine.node import Node, Outputs, Tick
+from navloom.engine.stepper import Stepper
+from navloom.engine.wiring import Slot, Wire
 from navloom.messages import InputRead, PortMark, Selection, StepReport
 from navloom.runtime.keyspace import STEP
 from navloom.runtime.mailbox import Inlet, Mailbox
@@ -39,7 +40,7 @@ class Cell:
     """A node with everything it needs to be stepped by a thread of its own.
 
     Attributes:
-        instance: Its wires lead to slots of its own, filled from the feeds.
+        stepper: Its wires lead to slots of its own, filled from the feeds.
         mailbox: Woken by every feed.
         feeds: Its inputs, of all instances of each role it reads.
         reports: Step reports by source.
@@ -51,14 +52,14 @@ class Cell:
 
     def __init__(
         self,
-        instance: Instance,
+        stepper: Stepper,
         mailbox: Mailbox,
         feeds: Iterable[Feed],
         reports: Mapping[Source, Inlet],
         outlets: Mapping[str, Outlet],
         chosen: Mapping[str, str],
     ) -> None:
-        self.instance = instance
+        self.stepper = stepper
         self.mailbox = mailbox
         self.feeds = list(feeds)
         self.reports = dict(reports)
@@ -71,12 +72,12 @@ class Cell:
     @property
     def source(self) -> Source:
         """Role and name of the instance."""
-        return self.instance.spec.role, self.instance.name
+        return self.stepper.role, self.stepper.name
 
     @property
     def node(self) -> Node:
         """What is stepped."""
-        return self.instance.node
+        return self.stepper.node
 
     def select(self, selection: Selection) -> None:
         """Read the instances now in charge."""
@@ -86,28 +87,31 @@ class Cell:
         """Read these instances, under this epoch."""
         self.epoch = epoch
         self.chosen |= chosen
-        role, name = self.source
-        self.instance.active = self.chosen.get(role, name) == name
+        self.stepper.active = self.in_charge(self.source)
         for feed in self.feeds:
-            role, name = feed.source
-            if self.chosen.get(role, name) == name and feed.wire.slot is not feed.slot:
+            if self.in_charge(feed.source) and feed.wire.slot is not feed.slot:
                 feed.wire.lead_to(feed.slot)
+
+    def in_charge(self, source: Source) -> bool:
+        """An instance is the one of its role that is read."""
+        role, name = source
+        return self.chosen.get(role, name) == name
 
     def read_marks(self, number: int, since: int) -> tuple[InputRead, ...]:
         """Sequence numbers of what a step in this tick reads."""
-        return tuple(InputRead(wire.input.name, wire.sequences(number, since)) for wire in self.instance.wires)
+        return tuple(InputRead(name, numbers) for name, numbers in self.stepper.read_marks(number, since))
 
     def publish(self, outputs: Outputs, made: Tick, cause_ns: int) -> None:
         """Send what a step gave."""
-        for port, message in outputs:
-            self.outlets[port].publish(message, made.number, made.time_ns, cause_ns, made.epoch)
+        for out, message in outputs:
+            self.outlets[out.name].publish(message, made.number, made.time_ns, cause_ns, made.epoch)
 
     def report(
         self, tick: Tick, trigger: str = "", read: tuple[InputRead, ...] = (), spent_ns: int = 0, fault: str = ""
     ) -> None:
-        """Say that this tick is done, and what came of it."""
+        """Say that this tick is done, and what came of it; a silent one has no trigger."""
         marks = tuple(PortMark(port, outlet.sequence) for port, outlet in self.outlets.items() if port != STEP)
-        enabled = self.instance.enabled
-        told = getattr(self.node, "told", "") if trigger else ""
+        enabled = self.stepper.enabled
+        told = self.node.told if trigger else ""
         message = StepReport(trigger, read, marks, enabled, self.versions, self.resets, spent_ns, fault, told)
         self.outlets[STEP].publish(message, tick.number, tick.time_ns, tick.time_ns, tick.epoch)

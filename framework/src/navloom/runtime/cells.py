@@ -6,11 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from navloom.config.schema import ROLE_TABLES
-from navloom.engine.assembly import make_instance
+from navloom.engine.assembly import make_stepper
 from navloom.engine.build import System
-from navloom.engine.nodes import Node
+from navloom.engine.catalogue import node_class
+from navloom.engine.node import Node
 from navloom.engine.ports import Input
-from navloom.engine.wiring import Slot, Wire
+from navloom.engine.streams import GatePorts, OperatorPorts
+from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.runtime.cell import Cell, Feed, Source
 from navloom.runtime.keyspace import STEP
 from navloom.runtime.mailbox import Mailbox
@@ -19,12 +21,8 @@ from navloom.runtime.switchboard import Switchboard
 __all__ = ["Hosted", "all_sources", "awaited", "make_cell"]
 
 FEW, MANY = 1, 1024
-CHAIN = frozenset({"platform", "localizer", "goal", "reference", "controller", "avoider", "recovery"})
-"""Roles whose step of a tick is worth waiting for; mapper and planner take what time they need."""
-HEARS_ALL = frozenset({"gate", "goal"})
-"""Nodes that act on what any other one reports."""
-REQUESTS = Input("operator.request", "operator", "request", "new")
-SELECTION = Input("gate.selection", "gate", "selection", delayed=True)
+REQUESTS = Input("operator.request", OperatorPorts.request, "new")
+SELECTION = Input("gate.selection", GatePorts.selection, delayed=True)
 
 
 @dataclass(eq=False)
@@ -50,13 +48,13 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
     mailbox = mailbox or Mailbox()
     spec = next(spec for spec in system.specs if spec.role == source[0])
     sources = all_sources(system)
-    instance = make_instance(system, spec, source[1], node)
+    stepper = make_stepper(system, spec, source[1], node)
     feeds: list[Feed] = []
     for given in spec.inputs:
         feeds += _feeds(system, given, sources, board, mailbox)
-        instance.connect(next(feed for feed in feeds if feed.wire.input is given).wire)
+    stepper.connect([next(feed for feed in feeds if feed.wire.input is given).wire for given in spec.inputs])
     cell = Cell(
-        instance,
+        stepper,
         mailbox,
         feeds,
         {other: board.inlet(other, STEP, mailbox, FEW) for other in _reporting(source, feeds, sources, board)},
@@ -70,7 +68,9 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
 def awaited(source: Source, feeds: Sequence[Feed]) -> set[Source]:
     """Instances whose step of a tick is worth waiting for a moment before a node's own step of it."""
     return {
-        feed.source for feed in feeds if not feed.wire.delayed and feed.source[0] in CHAIN and feed.source != source
+        feed.source
+        for feed in feeds
+        if not feed.wire.delayed and node_class(feed.source[0]).is_awaited and feed.source != source
     }
 
 
@@ -78,7 +78,7 @@ def _reporting(
     source: Source, feeds: Sequence[Feed], sources: Sequence[Source], board: Switchboard
 ) -> Iterable[Source]:
     """Instances whose step reports a node hears: each wakes it, so none that it has no use for."""
-    if board.lossless or source[0] in HEARS_ALL:
+    if board.lossless or node_class(source[0]).hears_all:
         return sources
     waits_for = awaited(source, feeds)
     return [other for other in sources if other in waits_for]
@@ -92,6 +92,6 @@ def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switc
     for other in sources:
         if other[0] == given.role:
             slot = Slot(board.keys.port(*other, given.port), f"{other[0]} {other[1]} {given.port}")
-            wire = wire or Wire(given, slot)
+            wire = wire or make_wire(given, slot)
             feeds.append(Feed(wire, board.inlet(other, given.port, mailbox, limit), slot, other))
     return feeds

@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
-from navloom.engine.nodes import Outputs, Tick, fault_text
+from navloom.engine.node import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted, awaited
@@ -17,10 +16,6 @@ __all__ = ["Change", "LiveRunner"]
 
 IDLE = 0.1
 """s between looks at whether the process ends, where nothing comes in."""
-PATIENCE = 0.005
-"""s to wait for what else belongs to the tick of a trigger."""
-LONG_PATIENCE = {"mapper": 1.0}
-"""The same for roles that nobody waits for: on a slow link the poses that cover a sweep may come after it."""
 STEPS = 64
 """Steps whose durations are kept."""
 BACKWARDS = 200
@@ -44,17 +39,16 @@ class LiveRunner:
         self.selection = hosted.selection
         self.done: dict[Source, int] = {}
         self.faults: dict[Source, tuple[int, str]] = {}
-        self.busy_since: float | None = None
+        self.stepper = hosted.cell.stepper
         self.faulted = 0
         self.fault = ""
         self.spent_ns: deque[int] = deque(maxlen=STEPS)
         self._changes: deque[Change] = deque()
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
-        spec = self.cell.instance.spec
-        self._pace = next((w for w in self.cell.instance.wires if w.input.name == spec.cause), None)
+        self._pace = self.stepper.cause
         self._siblings = awaited(self.cell.source, self.cell.feeds)
-        self._patience = LONG_PATIENCE.get(spec.role, PATIENCE)
+        self._patience = self.cell.node.patience
 
     def change(self, change: Change) -> None:
         """Have something done between two steps, by the node's own thread."""
@@ -105,8 +99,7 @@ class LiveRunner:
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
         """Read these instances from now on; one that is itself in charge steps, woken in this life or in one before."""
         self.cell.recall(chosen, epoch)
-        instance = self.cell.instance
-        instance.enabled = instance.enabled or instance.active
+        self.stepper.enabled = self.stepper.enabled or self.stepper.active
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         self.done[source] = at.tick
@@ -136,15 +129,15 @@ class LiveRunner:
 
     def begin_anew(self, tick: int) -> None:
         """The run clock began anew, and is at this tick: what the old one left is as far ahead as it had run."""
-        instance, limit = self.cell.instance, tick + BACKWARDS
-        if instance.stepped >= limit:
-            instance.stepped = -1
+        stepper, limit = self.stepper, tick + BACKWARDS
+        if stepper.stepped >= limit:
+            stepper.stepped = -1
         self.done = {source: done for source, done in self.done.items() if done < limit}
         self._waits_since = (-1, 0.0)
         for feed in self.cell.feeds:
             if feed.slot.tick >= limit:  # what it holds stays, and is no news
                 feed.slot.tick, feed.slot.older = -1, (None, None, -1)
-        for wire in instance.wires:
+        for wire in stepper.wires:
             if wire.queue is not None:
                 kept = [entry for entry in wire.queue if entry[0] < limit]
                 wire.queue.clear()
@@ -154,24 +147,24 @@ class LiveRunner:
 
     def _due(self) -> tuple[str, int] | None:
         """Trigger and tick of a step that should be made now."""
-        instance = self.cell.instance
-        if not instance.enabled:
+        stepper = self.stepper
+        if not stepper.enabled:
             return None
-        if instance.spec.ticks:
+        if stepper.spec.ticks:
             wire = self._pace
-            if wire is None or wire.slot.tick <= instance.stepped:
+            if wire is None or wire.slot.tick <= stepper.stepped:
                 return None
-            return ("tick", wire.slot.tick) if wire.slot.tick % instance.stride == 0 else None
-        now = max((wire.slot.tick for wire in instance.wires), default=-1)
-        for wire in instance.triggers:
-            if wire.has_news(instance.stepped, now) and now % instance.stride == 0:
+            return ("tick", wire.slot.tick) if wire.slot.tick % stepper.stride == 0 else None
+        now = max((wire.slot.tick for wire in stepper.wires), default=-1)
+        for wire in stepper.triggers:
+            if wire.has_news(stepper.stepped, now) and now % stepper.stride == 0:
                 return wire.input.name, now if wire.delayed or wire.queue is not None else wire.slot.tick
         return None
 
     def _awaits_siblings(self, number: int) -> bool:
         """Give what belongs to the same tick a moment to come in; what comes after it is not waited for meanwhile."""
         wanted = number if self._waits_since[0] < 0 else min(number, self._waits_since[0])
-        late = [s for s in self._siblings if self.in_charge(s) and self.done.get(s, -1) < wanted]
+        late = [s for s in self._siblings if self.cell.in_charge(s) and self.done.get(s, -1) < wanted]
         if not late:
             self._waits_since = (-1, 0.0)
             return False
@@ -184,52 +177,41 @@ class LiveRunner:
         self._waits_since = (-1, 0.0)
         return False
 
-    def in_charge(self, source: Source) -> bool:
-        """An instance is the one of its role that is read."""
-        role, name = source
-        return self.cell.chosen.get(role, name) == name
-
     # --- stepping ---------------------------------------------------------------------------------------------------
 
-    def step(self, trigger: str, number: int) -> Outputs:
+    def step(self, trigger: str, number: int) -> None:
         """One step: what it gives is published, what it raises is reported, and the next tick is tried anew."""
-        cell, instance = self.cell, self.cell.instance
+        stepper = self.stepper
         time_ns = self._time_of(number)
-        tick = Tick(number, time_ns * 1e-9, time_ns, cell.epoch)
-        missed = min(2, max(0, number - instance.stride - instance.stepped)) if instance.stepped >= 0 else 0
-        since = number - instance.stride - missed
-        read = cell.read_marks(number, since)
-        given = instance.read(number, since)
-        outputs, spent, fault = self.run_node(tick, given)
-        instance.stepped = number
-        cell.publish(outputs, tick, instance.cause_of(time_ns))
-        self.say(tick, trigger, read, spent, fault)
-        return outputs
+        tick = Tick(number, time_ns * 1e-9, time_ns, self.cell.epoch)
+        missed = min(2, max(0, number - stepper.stride - stepper.stepped)) if stepper.stepped >= 0 else 0
+        self.step_once(tick, trigger, number - stepper.stride - missed)
 
-    def run_node(self, tick: Tick, given: Any) -> tuple[Outputs, int, str]:
-        """Outputs, ns spent, and what was raised. A watchdog sees how long it has been at it."""
-        before = time.monotonic_ns()
-        self.busy_since = before * 1e-9
-        outputs: Outputs = []
-        fault = ""
-        try:
-            outputs = self.cell.instance.node.step(tick, given)
-        except (Exception, SystemExit) as error:
-            fault = fault_text(error, self.cell.instance.node)
-        self.faulted = self.faulted + 1 if fault else 0
-        self.fault = fault
-        self.busy_since = None
-        spent = time.monotonic_ns() - before
-        self.spent_ns.append(spent)
-        return outputs, spent, fault
+    def step_once(self, tick: Tick, trigger: str, since: int) -> None:
+        """Make a step and publish what comes of it; of news, it is given what came after the tick `since`."""
+        read = self.cell.read_marks(tick.number, since)
+        outputs = self.stepper.step(tick, since)
+        self.note()
+        self.publish(outputs, tick)
+        self.say(tick, trigger, read)
 
-    def say(self, tick: Tick, trigger: str, read: Sequence[InputRead], spent: int, fault: str) -> None:
+    def publish(self, outputs: Outputs, tick: Tick) -> None:
+        """Send what a step gave."""
+        self.cell.publish(outputs, tick, self.stepper.cause_of(tick.time_ns))
+
+    def note(self) -> None:
+        """Keep what the last step took and raised."""
+        self.fault = self.stepper.fault
+        self.faulted = self.faulted + 1 if self.fault else 0
+        self.spent_ns.append(self.stepper.spent_ns)
+
+    def say(self, tick: Tick, trigger: str, read: Sequence[InputRead]) -> None:
         """Report the step."""
-        self.cell.report(tick, trigger, tuple(read), spent, fault)
+        self.cell.report(tick, trigger, tuple(read), self.stepper.spent_ns, self.fault)
 
     def _time_of(self, number: int) -> int:
         """Run clock of a tick, ns: that of the message which brought it."""
-        for wire in self.cell.instance.wires:
+        for wire in self.stepper.wires:
             envelope = wire.slot.envelope
             if envelope is not None and envelope.tick == number:
                 return envelope.stamp_ns

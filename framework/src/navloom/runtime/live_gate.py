@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.lockstep import MAIN_PORTS
-from navloom.engine.nodes import Outputs, Tick
+from navloom.engine.catalogue import required_roles, warming_ports
+from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode
+from navloom.engine.told import Obeyed
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.navigation.gate import ENDING
 from navloom.runtime.cell import Source
@@ -27,8 +28,6 @@ HOLD = 0.4
 """Share of the period that a tick's commands may take to come in."""
 GOAL_SILENCE = 0.5
 """s the goal may not step before what it authorised ends."""
-REQUIRED = ("platform", "localizer", "reference", "controller", "avoider", "goal")
-"""Roles without which the robot does not drive by itself. Losing the mapper or the planner does not stop it."""
 
 
 class LiveGate(LiveRunner):
@@ -59,12 +58,14 @@ class LiveGate(LiveRunner):
         self._marks: dict[Source, dict[str, int]] = {}
         self._enabled: dict[Source, bool] = {}
         self._goal_heard = time.monotonic()
+        self._required = required_roles()
 
     def run(self) -> None:
         """Until the process ends; then the robot is told to stand."""
         super().run()
         tick = self._tick(self.clock.tick)
-        self._send(self.gate.stop(ENDING, tick.time_ns), tick)
+        outputs = self.stepper.run(tick, lambda tick: self.gate.stop(ENDING, tick.time_ns))
+        self.publish(outputs, tick)
 
     def begin_anew(self, tick: int) -> None:
         """Selections hold at once by the new clock."""
@@ -77,7 +78,7 @@ class LiveGate(LiveRunner):
 
     def act(self) -> None:
         """Decide where a tick is complete or has waited long enough; in between, stop where something is wrong."""
-        clock, instance = self.clock, self.cell.instance
+        clock, stepper = self.clock, self.stepper
         if not clock.is_known:
             return
         self.gate.now_ns = clock.now_ns()
@@ -86,14 +87,16 @@ class LiveGate(LiveRunner):
         for source in [source for source in self._marks if not self.is_alive(source)]:
             del self._marks[source], self._enabled[source]  # what takes its place has to warm up anew
         number = clock.tick
-        if number > instance.stepped and (self._is_complete(number) or clock.silence_s() >= HOLD * self.period):
+        if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= HOLD * self.period):
             self.step("tick", number)
             return
         tick = self._tick(number)
-        outputs = self.gate.check(tick, instance.read(number + 1, number))
-        if outputs:
-            self._send(outputs, tick)
-            self.say(tick, BETWEEN, self.cell.read_marks(number + 1, number), 0, "")
+        stepper.prepare(number + 1, number)
+        outputs = stepper.run(tick, self.gate.check)
+        if outputs or stepper.fault:
+            self.note()
+            self.publish(outputs, tick)
+            self.say(tick, BETWEEN, self.cell.read_marks(number + 1, number))
 
     def obey(self, request: OperatorRequest) -> None:
         """Take an operator's request, on the gate's own thread."""
@@ -101,23 +104,15 @@ class LiveGate(LiveRunner):
         message, envelope = slot.message, slot.envelope
         driving = (message, envelope) if isinstance(message, Command) and envelope is not None else None
         sequence = 0 if driving is None else driving[1].sequence
-        self.gate.obeyed.append(
-            {"do": request.do, "role": request.role, "instance": request.instance, "driving": sequence}
-        )
+        self.gate.obeyed.append(Obeyed(request.do, request.role, request.instance, sequence))
         self.gate.obey(request, driving)
 
-    def step(self, trigger: str, number: int) -> Outputs:
+    def step(self, trigger: str, number: int) -> None:
         """One decision."""
-        cell, instance = self.cell, self.cell.instance
-        tick = self._tick(number)
-        read = cell.read_marks(number, number - 1)
-        outputs, spent, fault = self.run_node(tick, instance.read(number, number - 1))
-        instance.stepped = number
-        self._send(outputs, tick)
-        self.say(tick, trigger, read, spent, fault)
-        return outputs
+        self.step_once(self._tick(number), trigger, number - 1)
 
-    def _send(self, outputs: Outputs, tick: Tick) -> None:
+    def publish(self, outputs: Outputs, tick: Tick) -> None:
+        """Send what was decided."""
         self.cell.publish(outputs, tick, self.gate.cause_ns)
 
     def _tick(self, number: int) -> Tick:
@@ -144,7 +139,7 @@ class LiveGate(LiveRunner):
     def _gone(self) -> str:
         if time.monotonic() - self._goal_heard > GOAL_SILENCE:
             return "goal main does not step"
-        for role in REQUIRED:
+        for role in self._required:
             name = self.cell.chosen.get(role)
             for source in self.cell.reports:
                 if source[0] == role and (name is None or source[1] == name) and not self.is_alive(source):
@@ -152,8 +147,5 @@ class LiveGate(LiveRunner):
         return ""
 
     def _is_warm(self, role: str, name: str) -> bool:
-        ports = MAIN_PORTS.get(role, ("command",))
-        marks = self._marks.get((role, name), {})
-        return self._enabled.get((role, name), False) and (
-            role == "recovery" or any(marks.get(port, 0) for port in ports)
-        )
+        ports, marks = warming_ports(role), self._marks.get((role, name), {})
+        return self._enabled.get((role, name), False) and (not ports or any(marks.get(port, 0) for port in ports))

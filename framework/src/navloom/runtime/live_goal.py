@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.nodes import Outputs
 from navloom.engine.own_nodes import GoalNode
 from navloom.messages import Envelope, OperatorRequest, StepReport
 from navloom.runtime.cell import Source
@@ -37,7 +36,7 @@ class LiveGoal(LiveRunner):
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, GoalNode)
         self.goal = self.cell.node
-        self._request = next(wire for wire in self.cell.instance.wires if wire.input.name == "request")
+        self._request = next(wire for wire in self.stepper.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
         self._platform_report: Envelope | None = None
         self._began_anew = self._is_asked = False
@@ -52,22 +51,19 @@ class LiveGoal(LiveRunner):
         silence = time.monotonic() - self._stepped_at
         if (self._is_asked or silence > WITHOUT_POSE) and self.clock.is_known:
             # Never ahead of the platform for long: the poses of ticks that have been stepped are passed over.
-            self.step("tick", self.cell.instance.stepped + max(1, int(silence / self.period)))
+            self.step("tick", self.stepper.stepped + max(1, int(silence / self.period)))
 
-    def step(self, trigger: str, number: int) -> Outputs:
+    def step(self, trigger: str, number: int) -> None:
         """One step of the goal's state machine, which is told what the process knows to be broken."""
         self.goal.fault = self._trouble()
         self.goal.is_lost = self.clock.silence_s() > PLATFORM_SILENCE
         self._stepped_at, self._is_asked = time.monotonic(), False
-        return super().step(trigger, number)
+        super().step(trigger, number)
 
     def submit(self, request: OperatorRequest) -> None:
         """Take an operator's request, on the goal's own thread."""
         assert self._request.queue is not None
-        goal = request.goal
-        via = [] if goal is None else [[point.x, point.y] for point in goal.via]
-        of_goal = None if goal is None else [goal.goal_id, goal.x, goal.y, goal.heading, via]
-        self.goal.submitted.append({"do": request.do, "goal": of_goal})
+        self.goal.submitted.append(request)
         self._request.queue.append((2**62, request, 0))
         self._is_asked = True
 
@@ -84,7 +80,7 @@ class LiveGoal(LiveRunner):
             self._began_anew = False
             return "the platform began anew, and where the robot is now is not known"
         for (role, name), (times, text) in self.faults.items():
-            if times >= BROKEN and self.in_charge((role, name)):
+            if times >= BROKEN and self.cell.in_charge((role, name)):
                 del self.faults[role, name]  # the next goal has another try
                 return f"{role} {name} failed {times} times in a row: {text}"
         return ""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
-from navloom.engine.nodes import Outputs, PlatformNode, Tick, fault_text
+from navloom.engine.node import Outputs, Tick
+from navloom.engine.role_nodes import PlatformNode
+from navloom.engine.stepper import fault_text
 from navloom.messages import Command, Twist2D
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
@@ -47,7 +48,8 @@ class LivePlatform(LiveRunner):
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, PlatformNode)
-        self.platform = self.cell.node.plugin
+        self.node = self.cell.node
+        self.platform = self.node.plugin
         self.deadline_ns, self.start_ns = round(deadline * 1e9), start_ns
         self.period_ns = round(period * 1e9)
         self._may_begin = may_begin
@@ -113,29 +115,26 @@ class LivePlatform(LiveRunner):
             self.platform.drive(twist, max(0, self._now_ns()))
             self._untold_since = None
         except (Exception, SystemExit) as error:
-            self._refusal = fault_text(error, self.cell.instance.node)
+            self._refusal = fault_text(error, self.node)
             self._untold_since = time.monotonic() if self._untold_since is None else self._untold_since
 
     def _advance(self, number: int) -> None:
-        cell, instance = self.cell, self.cell.instance
         time_ns = number * self.period_ns
-        tick = Tick(number, time_ns * 1e-9, time_ns, cell.epoch)
-        read = cell.read_marks(number, number - 1)
-        given: dict[str, Any] = instance.read(number, number - 1)
-        given["command"] = Command(self._twist)
-        outputs, spent, fault = self.run_node(tick, given)
+        tick = Tick(number, time_ns * 1e-9, time_ns, self.cell.epoch)
+        self.node.driven = Command(self._twist)
+        self.step_once(tick, "tick", number - 1)
+
+    def note(self) -> None:
+        """Keep what the last step took and raised, and what the wheels refused since the one before."""
+        super().note()
         if self._refusal:
-            fault = self.fault = fault or self._refusal
+            self.fault = self.fault or self._refusal
             self.faulted, self._refusal = max(1, self.faulted), ""
-        instance.stepped = number
-        cell.publish(_odometry_last(outputs), tick, time_ns)
-        self.clock.observe(time_ns, time.monotonic_ns(), number)
-        self.say(tick, "tick", read, spent, fault)
+
+    def publish(self, outputs: Outputs, tick: Tick) -> None:
+        """What triggers the others goes out when all that belongs to it is on its way."""
+        self.cell.publish(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, tick.time_ns)
+        self.clock.observe(tick.time_ns, time.monotonic_ns(), tick.number)
 
     def _now_ns(self) -> int:
         return time.monotonic_ns() - self.start_ns
-
-
-def _odometry_last(outputs: Outputs) -> Outputs:
-    """What triggers the others goes out when all that belongs to it is on its way."""
-    return sorted(outputs, key=lambda entry: entry[0] == "odometry")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from navloom.engine.assembly import own_node
 from navloom.engine.build import System, configure, make_plugins, role_nodes
-from navloom.engine.nodes import Node
+from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.messages import Parameters
 from navloom.roles import PATIENT
@@ -264,7 +264,7 @@ class NodeProcess:
         role, _, name = entry.partition(" ")
         runner = self.runners.get((role, name))
         if runner is not None:
-            runner.cell.instance.enabled = True
+            runner.cell.stepper.enabled = True
 
     def _came(self, source: Source, again: bool) -> None:
         """Somebody came up: the goal must know of a mapper or planner that did so again."""
@@ -285,11 +285,12 @@ class NodeProcess:
         """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
         limit = self.system.config.live.hang_timeout
         while not self.ending.wait(0.1):
-            now = time.monotonic()
             for source, runner in self.runners.items():
-                since = getattr(runner, "busy_since", None)
-                allowed = longest_step(source[0], limit)
-                if since is not None and now - since > allowed and runner.cell.instance.active:
+                stepper = runner.cell.stepper
+                since_ns, allowed = stepper.busy_since_ns, longest_step(source[0], limit)
+                if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
+                    continue
+                if time.monotonic_ns() - since_ns > allowed * 1e9:
                     self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s"
                     return
             if not all(thread.is_alive() for thread in threads):

@@ -131,7 +131,7 @@ class Services:
             key = feed.inlet.key.removeprefix(f"{self._keys.prefix}/")
             streams[key] = feed.inlet.counts.summary() | {"latest": feed.inlet.keeps_latest}
         runner, now = self._live.get(source), time.monotonic()
-        since = runner.busy_since if runner is not None else None
+        since_ns = cell.stepper.busy_since_ns
         return {
             "role": source[0],
             "instance": source[1],
@@ -139,18 +139,18 @@ class Services:
             "process": self._process,
             "pid": os.getpid(),
             "host": platform.node(),
-            "active": cell.instance.active,
-            "enabled": cell.instance.enabled,
-            "tick": cell.instance.stepped,
+            "active": cell.stepper.active,
+            "enabled": cell.stepper.enabled,
+            "tick": cell.stepper.stepped,
             "epoch": cell.epoch,
             "versions": _versions(),
             "config_sha256": self._system.loaded.sha256(),
             "clock_ns": self._clock.now_ns(),
             "silence_s": self._clock.silence_s() if self._clock.is_known else None,
             "up_s": now - self._began,
-            "period_s": self._system.config.run.period * cell.instance.stride,
+            "period_s": self._system.config.run.period * cell.stepper.stride,
             "step_s": _usual(runner),
-            "busy_s": None if since is None else max(0.0, now - since),
+            "busy_s": None if since_ns is None else max(0.0, now - since_ns * 1e-9),
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
             "wall_ns": time.time_ns(),

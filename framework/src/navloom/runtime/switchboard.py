@@ -9,7 +9,7 @@ from navloom.messages import Message
 from navloom.runtime.keyspace import LARGEST, KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
-from navloom.runtime.quality import RETAINED, is_retained, kind_of
+from navloom.runtime.quality import PARAMETERS, is_retained, kind_of, retained_ports
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
@@ -64,7 +64,7 @@ class Switchboard:
     def fetch(self, source: tuple[str, str]) -> None:
         """Ask an instance that came up for the last messages of what it keeps."""
         role, _ = source
-        for port in ("parameters", *sorted(port for owner, port in RETAINED if owner == role)):
+        for port in (PARAMETERS, *(port for _, port in retained_ports(role))):
             key = self.keys.port(*source, port)
             if key in self._inlets and key not in self._outlets:
                 asked_ns = time.monotonic_ns()

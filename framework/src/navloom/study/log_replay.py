@@ -13,7 +13,8 @@ from navloom.config import ConfigError, Loaded
 from navloom.config.schema import Config
 from navloom.engine.build import assemble, make_plugins, role_nodes
 from navloom.engine.differences import differences
-from navloom.engine.nodes import Node, Tick, fault_text
+from navloom.engine.fed import FedNode
+from navloom.engine.node import Tick
 from navloom.engine.reference import ReferenceNode
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
@@ -176,7 +177,8 @@ class _Runner:
         wanted = {(role, self.config.role_table(role).instance) for role in used}
         make_plugins(self.system, say, wanted)
         nodes = role_nodes(self.system, wanted)
-        self.nodes: dict[str, Node] = {role: nodes[role, self.config.role_table(role).instance] for role in used}
+        specs = {spec.role: spec for spec in self.system.specs}
+        self.nodes = {role: FedNode(specs[role], nodes[role, self.config.role_table(role).instance]) for role in used}
         self.sensors = {
             spec.role: [one.name for one in spec.inputs if one.name.startswith("scan.")] for spec in self.system.specs
         }
@@ -346,12 +348,11 @@ class _Runner:
             1, progress, left, pose.pose, twist.vx, twist.wz, 0.0, target, way, self.reference.corridor, None
         )
 
-    def _step(self, node: Node, tick: Tick, given: dict[str, Any]) -> Any:
-        try:
-            return node.step(tick, given)
-        except (Exception, SystemExit) as error:
-            self.result.faults.append(f"tick {tick.number}: {fault_text(error, node)}")
-            return []
+    def _step(self, node: FedNode, tick: Tick, given: dict[str, Any]) -> list[tuple[str, Message]]:
+        outputs = node.step(tick, given)
+        if node.fault:
+            self.result.faults.append(f"tick {tick.number}: {node.fault}")
+        return outputs
 
 
 def _end_ns(scan: RangeScan | Sweep) -> int:

@@ -1,0 +1,67 @@
+"""A node that is stepped on inputs that are handed to it: from a recording, or from a log of another robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from navloom.engine.node import Node, Tick
+from navloom.engine.ports import Input, NodeSpec
+from navloom.engine.stepper import Stepper
+from navloom.engine.wiring import Slot, Wire
+from navloom.messages import Message
+
+__all__ = ["FedNode"]
+
+
+class _FedWire(Wire):
+    """An input that holds what it was handed."""
+
+    __slots__ = ("value", "values")
+
+    def __init__(self, given: Input) -> None:
+        super().__init__(given, Slot("", ""))
+        self.hand(None)
+
+    def hand(self, given: Any) -> None:
+        """Take what the node is to read: a row of messages for `new` and `track`, else one, or None for none."""
+        is_row = self.input.reading in ("new", "track")
+        self.value = None if is_row else given
+        self.values = (given or ()) if is_row else ()
+
+
+class FedNode:
+    """Steps a node on given inputs.
+
+    Args:
+        spec: Its wiring.
+        node: What is stepped.
+
+    Attributes:
+        fault: What its last step raised; empty for nothing.
+    """
+
+    def __init__(self, spec: NodeSpec, node: Node) -> None:
+        self.spec, self.node = spec, node
+        self._wires = {given.name: _FedWire(given) for given in spec.inputs}
+        self._stepper = Stepper(spec, node, "main", {})
+        self._stepper.connect(list(self._wires.values()))
+
+    @property
+    def fault(self) -> str:
+        """What its last step raised; empty for nothing."""
+        return self._stepper.fault
+
+    def step(
+        self, tick: Tick, given: Mapping[str, Any], act: Callable[[Tick], None] | None = None
+    ) -> list[tuple[str, Message]]:
+        """What it publishes, as (port, message); nothing where it raises.
+
+        Args:
+            tick: When.
+            given: Its inputs by name; those left out hold nothing.
+            act: What is called; default the node's step.
+        """
+        for name, wire in self._wires.items():
+            wire.hand(given.get(name))
+        return [(out.name, message) for out, message in self._stepper.run(tick, act or self.node.step)]

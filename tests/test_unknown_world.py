@@ -9,7 +9,6 @@ import pytest
 from navloom.config import load_config
 from navloom.study.episode import run_episode
 from navloom.study.metrics import METRICS, measure
-from navloom.study.trail import trail_of
 
 HIDDEN = """
 bounds = [-1.0, -5.0, 10.0, 5.0]
@@ -46,7 +45,7 @@ def test_barn_without_a_map_at_the_published_size_and_speed(data: Path) -> None:
     found = []
     for number in numbers:
         reference = f"world.ref=barn:{data}/barn/barn_dev.npz#{number}"
-        trail = trail_of(run_episode(load_config("explore", [reference], seed=0)))
+        trail = run_episode(load_config("explore", [reference], seed=0)).trail
         found.append((trail.outcome, measure(trail, METRICS)["barn_2_8"]))
     outcomes = [outcome for outcome, _ in found]
     assert outcomes.count("succeeded") >= 0.85 * len(numbers)

@@ -11,10 +11,12 @@ from collections.abc import Callable
 from importlib.metadata import version
 
 import pytest
+from navloom.cli.main import app
 from navloom.cli.manual import page
 from navloom.cli.tree import commands
 from navloom.config import shipped_configs
 from navloom.installed import shipped_names
+from typer.main import get_command
 
 InProcess = Callable[..., tuple[int, str, str]]
 
@@ -57,12 +59,12 @@ def test_the_names_of_shipped_configs_are_those_that_load() -> None:
     "command", ["run", "up", "compare", "graph", "node", "config show", "config check", "export systemd"]
 )
 def test_the_help_of_a_command_that_takes_a_config_names_every_shipped_one(command: str) -> None:
-    (found,) = [one for one in commands() if one.name == f"navloom {command}"]
+    (found,) = [one for one in commands(get_command(app)) if one.name == f"navloom {command}"]
     assert f"a shipped name: {', '.join(shipped_configs())}." in found.arguments[0].help
 
 
 def test_the_manual_page_has_every_command_with_every_option() -> None:
-    tree = commands()
+    tree = commands(get_command(app))
     text = page(tree, "1.2.3").replace(r"\-", "-")
     assert text.startswith('.TH NAVLOOM 1 "" "navloom 1.2.3"') and len(tree) > 30
     for command in tree[1:]:
@@ -74,7 +76,7 @@ def test_the_manual_page_has_every_command_with_every_option() -> None:
 
 def test_no_line_of_the_manual_page_is_taken_for_a_command_of_roff() -> None:
     known = (".TH", ".SH", ".SS", ".TP", ".PP", ".B")
-    lines = page(commands(), "1.2.3").splitlines()
+    lines = page(commands(get_command(app)), "1.2.3").splitlines()
     assert not [line for line in lines if line[:1] in (".", "'") and line.split()[0] not in known]
 
 

@@ -14,11 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from navloom.cli.main import app
 from navloom.cli.shells import SCRIPTS
 from navloom.cli.tree import commands
 from navloom.installed import candidates, shipped_names
 from navloom.plugins import Discovery
 from navloom.runtime.directory import RobotFolder, Running
+from typer.main import get_command
 
 Complete = Callable[..., list[str]]
 
@@ -64,7 +66,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def complete(here: Path) -> Complete:
     """What bash proposes after these words, the last of which is being typed."""
-    (here / "navloom.bash").write_text(SCRIPTS["bash"](commands()), "utf-8")
+    (here / "navloom.bash").write_text(SCRIPTS["bash"](commands(get_command(app))), "utf-8")
 
     def ask(*words: str) -> list[str]:
         typed = " ".join(map(shlex.quote, words))
@@ -144,7 +146,7 @@ def test_a_shell_is_answered_without_importing_the_framework(here: Path) -> None
 def test_zsh_completes(here: Path) -> None:
     """In a terminal, as zsh completes nothing without one."""
     (here / "functions").mkdir()
-    (here / "functions" / "_navloom").write_text(SCRIPTS["zsh"](commands()), "utf-8")
+    (here / "functions" / "_navloom").write_text(SCRIPTS["zsh"](commands(get_command(app))), "utf-8")
     (here / ".zshrc").write_text(ZSHRC)
 
     reader, writer = pty.openpty()
@@ -188,7 +190,7 @@ def wait_for(terminal: int, text: str) -> str:
 
 @pytest.mark.skipif(shutil.which("fish") is None, reason="needs fish")
 def test_fish_completes(here: Path) -> None:
-    (here / "navloom.fish").write_text(SCRIPTS["fish"](commands()), "utf-8")
+    (here / "navloom.fish").write_text(SCRIPTS["fish"](commands(get_command(app))), "utf-8")
 
     def ask(line: str) -> list[str]:
         out = said("fish", "--no-config", "-c", f"source navloom.fish; complete -C {shlex.quote(line)}")

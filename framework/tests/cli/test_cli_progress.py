@@ -39,8 +39,7 @@ def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 
 SAYING = """
 import sys, time
-from navloom.cli.output import stage
-from navloom.cli.view import say_so
+from navloom.cli.output import say_so, stage
 
 with stage(False) as (_, progress):
     for done in range(3):

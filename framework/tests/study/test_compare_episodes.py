@@ -19,9 +19,10 @@ from navloom.config import ConfigError, load_config
 from navloom.study import pool
 from navloom.study.compare import Progress, Study, StudyResult, plan_study, run_study
 from navloom.study.episode import run_episode
+from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder, table_of
 from navloom.study.pool import Agenda, PoolError, Worker
-from navloom.study.rows import EpisodeKey, Row, Task, episode_row
+from navloom.study.rows import Row, Task, episode_row
 
 ROGUE = """
 import os, signal, sys, threading

@@ -17,12 +17,13 @@ from navloom.cli import main
 from navloom.config import ConfigError
 from navloom.messages import OUTCOMES
 from navloom.study import METRICS, Trail, report
+from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import table_of
 from navloom.study.metrics import measure
 from navloom.study.report import write_report
 from navloom.study.report_data import read_study
 from navloom.study.report_ways import worlds_shown
-from navloom.study.rows import EpisodeKey, Row
+from navloom.study.rows import Row
 from navloom.study.tracks import FOLDER, encoded, file_of
 from navloom.study.trail import FALSE_SUCCESS, lost_trail
 

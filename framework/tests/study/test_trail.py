@@ -27,7 +27,7 @@ from navloom.messages import (
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import measure
 from navloom.study.recorder import Recorder
-from navloom.study.trail import Ways, trail_of, ways_of
+from navloom.study.trail import Ways, ways_of
 from toys import discovery, toy_config
 
 
@@ -38,7 +38,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Episode:
 
 
 def test_a_trail_has_one_entry_a_tick(toy: Episode) -> None:
-    trail = trail_of(toy)
+    trail = toy.trail
     assert trail.time.tolist() == pytest.approx([0.05 * tick for tick in range(toy.log.ticks)])
     for name in ("x", "y", "heading", "vx", "wz", "clearance", "cross_track", "command_vx", "command_wz", "engaged"):
         assert getattr(trail, name).shape == trail.time.shape, name
@@ -46,7 +46,7 @@ def test_a_trail_has_one_entry_a_tick(toy: Episode) -> None:
 
 
 def test_what_a_trail_says_is_what_happened(toy: Episode) -> None:
-    trail = trail_of(toy)
+    trail = toy.trail
     assert (trail.outcome, trail.reason) == ("succeeded", "the goal was reached")
     # 3 m to the goal, and the tolerance of 0.2 m need not be driven.
     assert (trail.optimal, trail.reference) == pytest.approx((2.8, 3.0))
@@ -60,7 +60,7 @@ def test_what_a_trail_says_is_what_happened(toy: Episode) -> None:
 
 
 def test_the_metrics_agree_with_the_summary_of_the_run(toy: Episode) -> None:
-    found, summary = measure(trail_of(toy)), toy.summary()
+    found, summary = measure(toy.trail), toy.summary()
     assert found["path_length"] == summary["path_length_m"]
     assert found["spl"] == pytest.approx(summary["spl"])
     assert found["time"] == summary["sim_time_s"]
@@ -73,7 +73,7 @@ def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) ->
     episode = run_episode(toy_config(tmp_path), discovery=discovery())
     moved = [(t, x, y + 1.0, *rest) for t, x, y, *rest in episode.recorder.truth]
     episode.recorder.truth[:] = moved
-    trail, summary = trail_of(episode), episode.summary()
+    trail, summary = episode.trail, episode.summary()
     assert episode.result.outcome == "succeeded" and trail.outcome == "false_success"
     assert "from the goal in truth" in trail.reason and not trail.succeeded
     found = measure(trail)
@@ -119,7 +119,7 @@ def test_the_reference_length_is_the_world_s_for_the_world_s_own_task(toy: Episo
 
 def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> None:
     events = '[[event]]\nat = 2.0\ndo = "stop"\n[[event]]\nat = 5.0\ndo = "resume"\n'
-    trail = trail_of(run_episode(toy_config(tmp_path, more=events), discovery=discovery()))
+    trail = run_episode(toy_config(tmp_path, more=events), discovery=discovery()).trail
     stopped = trail.time[trail.stopped_by_gate]
     assert stopped[0] == pytest.approx(2.0) and stopped[-1] == pytest.approx(4.95)
     assert trail.gate_stops == 1 and trail.outcome == "succeeded"
@@ -166,8 +166,7 @@ def test_messages_are_matched_by_their_stamps(toy: Episode) -> None:
 
     idle = GateStatus("none", "", True, False, "no_trajectory", ())
     held = GateStatus("none", "", True, True, "operator", ())
-    trail = trail_of(
-        fed(
+    trail = fed(
             toy,
             None,
             [
@@ -176,8 +175,7 @@ def test_messages_are_matched_by_their_stamps(toy: Episode) -> None:
                 said(0.10, truth(0.2, 1.0)), said(0.10, HandOver(True, 0.5)), said(0.10, held),
                 said(0.15, truth(0.3, 1.0)), said(0.15, HandOver(False, 9.0)), said(0.15, reference(0.9)),
             ],
-        )
-    )  # fmt: skip
+    ).trail  # fmt: skip
     assert trail.cross_track.tolist() == pytest.approx([math.nan, 0.7, math.nan, 0.9], nan_ok=True)
     assert trail.command_vx.tolist() == [0.0, 0.3, 0.3, 0.3] and trail.command_wz.tolist() == [0.0, -0.1, -0.1, -0.1]
     assert trail.engaged.tolist() == [False, False, True, False]
@@ -194,13 +192,13 @@ def test_a_clearance_in_contact_is_minus_the_depth(toy: Episode) -> None:
         said(0.10, truth(0.65, 0.0, True)),
         said(0.15, truth(0.55, 0.05)),
     ]
-    trail = trail_of(fed(toy, world, messages))
+    trail = fed(toy, world, messages).trail
     assert trail.clearance.tolist() == pytest.approx([0.2, 0.0, -0.05, 0.05])
     assert trail.touches == 1
 
 
 def test_a_run_without_truth_has_no_ticks_but_its_counts(toy: Episode) -> None:
-    trail = trail_of(fed(toy, None, []))
+    trail = fed(toy, None, []).trail
     assert trail.time.size == 0 and trail.outcome == "collision"
     found = measure(trail)
     assert found["success"] == 0.0 and found["path_length"] is None and found["collisions"] == 1.0

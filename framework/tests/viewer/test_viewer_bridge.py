@@ -16,10 +16,11 @@ import pytest
 from navloom.messages import Contact, Truth, Twist2D
 from navloom.messages.motion import Pose2D
 from navloom.viewer import extra
-from navloom.viewer.bridge import Bridge, Order, Wanted
+from navloom.viewer.bridge import Bridge, Wanted
 from navloom.viewer.drawing import Shown
 from navloom.viewer.extra import ViewerError
 from navloom.viewer.live_sink import LiveSink
+from navloom.viewer.order import Order
 from navloom.viewer.program import Program, address_of
 from navloom.viewer.showing import Where, showing
 from navloom.viewer.translate import BUILT_IN

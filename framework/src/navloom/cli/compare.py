@@ -14,7 +14,8 @@ from typer.core import TyperCommand
 
 from navloom.cli.config import ConfigName
 from navloom.cli.live_options import a_number
-from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
+from navloom.cli.output import say_so
+from navloom.cli.view import Rerun, View, ViewerUrl, Web, where_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

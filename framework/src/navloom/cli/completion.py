@@ -9,7 +9,9 @@ import typer
 __all__ = ["completion"]
 
 
-def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]) -> None:
+def completion(
+    context: typer.Context, shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]
+) -> None:
     """Print a script that lets a shell complete commands, options, configs, plugins, worlds and robots.
 
     Save it where the shell looks for it: bash, ~/.local/share/bash-completion/completions/navloom; zsh, a file _navloom
@@ -20,4 +22,4 @@ def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash,
 
     if shell not in SCRIPTS:
         raise typer.BadParameter(f"shell {shell!r}: expected {', '.join(SCRIPTS)}")
-    typer.echo(SCRIPTS[shell](commands()), nl=False)
+    typer.echo(SCRIPTS[shell](commands(context.find_root().command)), nl=False)

@@ -59,7 +59,7 @@ def replay_imported(
 ) -> None:
     """`navloom replay` of an imported log: the plugins asked for on what it holds."""
     from navloom.cli.output import print_json, stage
-    from navloom.cli.replay import can_draw
+    from navloom.cli.substitute_output import can_draw
     from navloom.cli.written import tell_out
     from navloom.config import ConfigError
     from navloom.study.log_replay import place_in_map, replay_log
@@ -94,7 +94,7 @@ def replay_imported(
 
 def _tell(found: Any, summary: dict[str, Any]) -> None:
     from navloom.cli.output import print_table
-    from navloom.cli.replay import tell_substitute
+    from navloom.cli.substitute_output import tell_substitute
     from navloom.study.log_replay import DRIVER
 
     typer.echo(f"{summary['seconds']:.1f} s, {summary['driven_m']:.1f} m driven, {summary['ticks']} ticks")
@@ -119,7 +119,7 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
     """result.json, a picture of the map, and an avoider's ticks."""
     import io
 
-    from navloom.cli.replay import json_bytes
+    from navloom.cli.output import json_bytes
     from navloom.study.log_replay import DRIVER
     from navloom.study.picture import draw_map_update
     from navloom.study.shadows import shadow_table

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import IO, Any
 
-from navloom.cli.run import print_summary
+from navloom.cli.summary import print_summary
 
 __all__ = ["LiveTable"]
 

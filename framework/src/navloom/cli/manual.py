@@ -24,12 +24,12 @@ ENVIRONMENT = (
 )
 
 
-def man() -> None:
+def man(context: typer.Context) -> None:
     """Print the manual page: save it as navloom.1 in a man1 folder, as ~/.local/share/man/man1, for `man navloom`."""
     from navloom.cli.tree import commands
     from navloom.installed import framework_version
 
-    typer.echo(page(commands(), framework_version()), nl=False)
+    typer.echo(page(commands(context.find_root().command), framework_version()), nl=False)
 
 
 def page(tree: Sequence[Command], version: str) -> str:

@@ -29,7 +29,7 @@ def node(
     insecure: Insecure = False,
 ) -> None:
     """Run chosen nodes of a robot here, until Ctrl-C. On one host they find each other, from elsewhere by a router."""
-    from navloom.cli.up import ending
+    from navloom.cli.interrupts import ending
     from navloom.config import load_config
     from navloom.engine.build import assemble
     from navloom.runtime.by_hand import share_by_hand
@@ -61,7 +61,7 @@ def router(
     """Run a robot's router, until Ctrl-C: hosts that are not linked directly reach each other through it."""
     from pathlib import Path
 
-    from navloom.cli.up import ending
+    from navloom.cli.interrupts import ending
     from navloom.runtime.joining import split_name
     from navloom.runtime.links import Link, certificate
     from navloom.runtime.router_main import route

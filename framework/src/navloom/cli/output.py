@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["json_line", "print_json", "print_table", "progress_line", "shown", "stage"]
+__all__ = ["json_bytes", "json_line", "print_json", "print_table", "progress_line", "say_so", "shown", "stage"]
 
 WIDE = 1000
 """Columns of a table that goes to a file or another program: none is cut."""
@@ -23,6 +23,11 @@ def print_json(value: Any) -> None:
 def json_line(value: Any) -> str:
     """One JSON value on one line; numbers that JSON lacks become null."""
     return json.dumps(_plain(value), ensure_ascii=False)
+
+
+def json_bytes(value: Any) -> bytes:
+    """One JSON value as a line of a file; numbers that JSON lacks become null."""
+    return json_line(value).encode() + b"\n"
 
 
 def _plain(value: Any) -> Any:
@@ -63,6 +68,11 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     return str(value)
+
+
+def say_so(text: str) -> None:
+    """One line on standard error."""
+    print(f"navloom: {text}", file=sys.stderr, flush=True)  # where a line of progress is, it goes above it
 
 
 @contextmanager

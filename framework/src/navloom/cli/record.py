@@ -35,7 +35,7 @@ def record(
     as_json: AsJson = False,
 ) -> None:
     """Record every message of a live robot into one MCAP file, until Ctrl-C. Only reads, and never slows the robot."""
-    from navloom.cli.up import ending
+    from navloom.cli.interrupts import ending
     from navloom.recording.live_recorder import LiveRecorder, ask_header
     from navloom.recording.worldfiles import world_files
     from navloom.recording.writer import RecordingWriter

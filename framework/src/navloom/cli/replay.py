@@ -11,7 +11,7 @@ import typer
 
 from navloom.cli.live_options import AsJson, a_number
 
-__all__ = ["can_draw", "json_bytes", "replay", "tell_substitute"]
+__all__ = ["replay"]
 
 Plugin = Annotated[
     str | None, typer.Option(metavar="NAME", help="Another plugin, or an [[alternative]] of the config.")
@@ -83,7 +83,7 @@ def replay(
 
 
 def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
-    from navloom.cli.output import print_json, stage
+    from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.written import tell_out
     from navloom.engine.build import assemble
     from navloom.recording.check import check
@@ -136,7 +136,8 @@ def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
 def _substitute(
     recording: Any, loaded: Any, stand_ins: dict[str, str], changes: Sequence[str], out: Path | None, as_json: bool
 ) -> None:
-    from navloom.cli.output import print_json, stage
+    from navloom.cli.output import json_bytes, print_json, stage
+    from navloom.cli.substitute_output import can_draw, tell_substitute
     from navloom.cli.written import tell_out
     from navloom.study.results import OutFolder
     from navloom.study.shadows import shadow_table
@@ -164,72 +165,10 @@ def _substitute(
     raise typer.Exit(0 if tell_out(folder, as_json) else 1)
 
 
-def can_draw() -> bool:
-    """Whether there is matplotlib; says what to install where there is none, and that the rest is done."""
-    from navloom.config import ConfigError
-    from navloom.study.plotting import need_matplotlib
-
-    try:
-        need_matplotlib()
-    except ConfigError as error:
-        typer.echo(f"navloom: no picture is drawn, the rest is kept: {error}", err=True)
-        return False
-    return True
-
-
-def tell_substitute(found: Any, recorded: str) -> None:
-    """One comparison for people."""
-    from navloom.cli.output import print_table
-    from navloom.engine.differences import UNITS
-
-    summary = found.summary()
-    share = summary["differing_share"]
-    typer.echo(
-        f"{summary['role']} {summary['instance']} on what {recorded} was given, {summary['ticks']} ticks compared"
-    )
-    if share is None:
-        typer.echo("no tick in which both gave an answer")
-    else:
-        differing = sum(found.found.differing)
-        first = summary["first_differing_tick"]
-        typer.echo(
-            f"differs in {differing} ticks ({share:.1%})"
-            + ("" if first is None else f", first in tick {first} ({summary['first_differing_s']:.2f} s)")
-        )
-        typer.echo(f"ticks that differ: {_spans(found.found) or 'none'}")
-        rows = [(name, UNITS[name], one["rms"], one["max"]) for name, one in summary["differences"].items()]
-        print_table(("difference", "unit", "rms", "max"), rows)
-    if summary["unanswered"]:
-        typer.echo(f"only one of the two gave an answer in {summary['unanswered']} ticks")
-    for text in (summary["first_fault"], summary["first_not_fed"], *summary["notes"]):
-        if text:
-            typer.echo(f"note: {text}")
-
-
-def _spans(found: Any) -> str:
-    """Ticks that differ, as first-last of each run of ticks that were compared."""
-    spans: list[list[int]] = []
-    previous = False
-    for tick, differs in zip(found.ticks, found.differing, strict=True):
-        if differs and previous:
-            spans[-1][1] = tick
-        elif differs:
-            spans.append([tick, tick])
-        previous = differs
-    return ", ".join(f"{first}-{last}" if last > first else str(first) for first, last in spans)
-
-
 def _publish(recording: Any, speed: float) -> None:
-    from navloom.cli.up import ending
+    from navloom.cli.interrupts import ending
     from navloom.recording.republishing import republish
 
     with ending() as event:
         counted = republish(recording, speed, event, lambda text: typer.echo(f"navloom: {text}", err=True))
     typer.echo(f"published {counted} messages")
-
-
-def json_bytes(value: Any) -> bytes:
-    """A JSON value on one line."""
-    from navloom.cli.output import json_line
-
-    return json_line(value).encode() + b"\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,26 +13,11 @@ from typing import Annotated, Any
 import typer
 
 from navloom.cli.config import ConfigName
-from navloom.cli.view import Rerun, View, ViewerUrl, Web, say_so, where_of
+from navloom.cli.output import print_json, say_so, stage
+from navloom.cli.summary import is_reached, print_summary, tell_faults
+from navloom.cli.view import Rerun, View, ViewerUrl, Web, where_of
 
-__all__ = ["print_summary", "recorded", "run", "tell_faults"]
-
-LABELS = {
-    "plan_length_m": "plan, before pruning, m",
-    "path_length_m": "driven, m",
-    "optimal_to_tolerance_m": "shortest possible, to within the goal's tolerance, m",
-    "goal_error_m": "from the goal, in truth, m",
-    "min_clearance_m": "least clearance, m",
-    "cross_track_rms_m": "cross-track rms, m",
-    "cross_track_max_m": "cross-track max, m",
-    "collisions": "collisions",
-    "recoveries": "recoveries",
-    "gate_limits": "slowed by the gate's monitor",
-    "sim_time_s": "robot time, s",
-    "wall_s": "computed in, s",
-    "trace_sha256": "trace",
-}
-
+__all__ = ["recorded", "run"]
 
 STALLED = 10.0
 """s without a tick after which it is said what a run is at."""
@@ -59,7 +44,6 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
-    from navloom.cli.output import print_json, stage
     from navloom.cli.written import Written, record_of, rerun_of
     from navloom.config import load_config
     from navloom.study.episode import run_episode
@@ -87,23 +71,6 @@ def run(
             print_summary(episode, summary)
         is_whole = written.tell(as_json)
     raise typer.Exit(0 if is_reached(summary) and is_whole else 1)
-
-
-def is_reached(summary: Mapping[str, Any]) -> bool:
-    """The goal was reached: the robot says so, and so does the ground truth where there is one."""
-    return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
-
-
-def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
-    """What plugins broke, and which are slower than the robot that they drive."""
-    for fault in episode.log.faults:
-        say_so(fault)
-    for one in summary["slow"]:
-        say_so(
-            f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "
-            f"{one['limit_ms']:g} ms to the next one, p99 {one['p99_ms']:.3g} ms; a live robot would stop for it: give "
-            "it a lower rate_hz, or run.period more time"
-        )
 
 
 @contextmanager
@@ -163,38 +130,3 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
         if not writer.messages:  # the run was refused: there is nothing in it
             writer.discard()
         raise
-
-
-def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
-    """A run's result for people."""
-    from navloom.cli.output import print_table
-
-    rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items() if summary[key] is not None]
-    if summary["pose_error_m"] is not None:
-        error = summary["pose_error_m"]
-        rows.append(("pose error rms, p95, max, m", f"{error['rms']:.3g}, {error['p95']:.3g}, {error['max']:.3g}"))
-    end = episode.result.place
-    told = f"{summary['outcome']}: {summary['reason']}"
-    if summary["outcome"] == "succeeded" and summary["truly_reached"] is False:
-        told = episode.trail.reason
-    typer.echo(f"{told}, at ({end.x:.2f}, {end.y:.2f})")
-    if summary["truly_reached"] is None:
-        typer.echo("no ground truth: whether the robot is where it says is not known")
-    print_table(("", ""), rows)
-    if summary["shadows"]:
-        _print_shadows(summary["shadows"])
-
-
-def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
-    """What alternatives in shadow would have said, for people."""
-    from navloom.cli.output import print_table
-    from navloom.engine.differences import UNITS
-
-    lines = []
-    for one in shadows:
-        sizes = one["differences"].items()
-        worst = ", ".join(f"{name} {size['rms']:.3g}/{size['max']:.3g} {UNITS[name]}" for name, size in sizes)
-        share = one["differing_share"]
-        told = "-" if share is None else f"{100.0 * share:.1f} %"
-        lines.append((f"{one['role']} {one['instance']}", one["ticks"], told, one["first_differing_s"], worst or None))
-    print_table(("in shadow", "ticks", "differing", "first at, s", "difference, rms/max"), lines)

@@ -86,13 +86,13 @@ class Command:
         return " ".join(parts)
 
 
-def commands() -> list[Command]:
-    """Every command, each group before its own."""
-    from typer.main import get_command
+def commands(root: Any) -> list[Command]:
+    """Every command below `navloom`, each group before its own.
 
-    from navloom.cli.main import app
-
-    return list(_walk(get_command(app), ("navloom",)))
+    Args:
+        root: The command that is all of `navloom`, as typer makes it.
+    """
+    return list(_walk(root, ("navloom",)))
 
 
 def _walk(command: Any, path: tuple[str, ...]) -> Iterator[Command]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from navloom.cli.config import ConfigName
+from navloom.cli.interrupts import ending
 from navloom.cli.live_options import RobotName
-from navloom.cli.run import is_reached, print_summary, tell_faults
+from navloom.cli.output import say_so
+from navloom.cli.summary import is_reached, print_summary, tell_faults
 
 __all__ = ["down", "up"]
 
@@ -131,7 +131,12 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
     cut: list[str] = []
     with ending() as event, ResultFolder(out) as folder, stage(as_json) as (say, progress):
         episode = run_barrier(
-            loaded, trace=folder.trace, say=say, progress=progress, ends=event.is_set, beside=_beside(record, _say, cut)
+            loaded,
+            trace=folder.trace,
+            say=say,
+            progress=progress,
+            ends=event.is_set,
+            beside=_beside(record, say_so, cut),
         )
         summary = episode.summary()
         folder.keep(episode, summary)
@@ -160,32 +165,9 @@ def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cu
     from navloom.study.live_run import LiveRun
 
     with ending() as event:
-        run = LiveRun(loaded, host, insecure, _say, event)
+        run = LiveRun(loaded, host, insecure, say_so, event)
         if as_json and not run.judges:
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with LiveTable(run, sys.stderr) as table:
             run.say, run.beside = table.say, _beside(record, table.say, cut)
             return run.run(as_json, table.missing, table.look, None if as_json else table.result)
-
-
-@contextmanager
-def ending() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set; a second Ctrl-C ends at once."""
-    event = threading.Event()
-
-    def end(number: int, frame: Any) -> None:
-        if event.is_set() and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        event.set()
-
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield event
-    finally:
-        for number, handler in before.items():
-            # Who was told to end is ending: another Ctrl-C must not break that off.
-            signal.signal(number, signal.SIG_IGN if event.is_set() else handler)
-
-
-def _say(text: str) -> None:
-    print(f"navloom: {text}", file=sys.stderr, flush=True)

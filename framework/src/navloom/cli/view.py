@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navloom.cli.live_options import VIEWER, AsJson, Connect, Insecure, Keys, RobotName, a_number
+from navloom.cli.output import say_so
 
 if TYPE_CHECKING:
     from navloom.viewer.showing import Where
 
-__all__ = ["Rerun", "ViewerUrl", "View", "Web", "say_so", "view", "where_of"]
+__all__ = ["Rerun", "ViewerUrl", "View", "Web", "view", "where_of"]
 
 GONE = 5.0
 """s without the robot after which there is nothing more to see."""
@@ -85,11 +85,6 @@ def where_of(view: bool, rerun: Path | None, viewer: str | None, web: bool, *, k
     return Where(rerun, viewer, opens, web)
 
 
-def say_so(text: str) -> None:
-    """One line on standard error."""
-    print(f"navloom: {text}", file=sys.stderr, flush=True)  # where a line of progress is, it goes above it
-
-
 def _file(file: Path, where: Where) -> Any:
     from navloom.viewer.extra import ViewerError
     from navloom.viewer.program import Program
@@ -118,10 +113,10 @@ def _file(file: Path, where: Where) -> Any:
 def _live(
     where: Where, seconds: float | None, robot: str | None, connect: str | None, keys: str | None, insecure: bool
 ) -> Any:
-    from navloom.cli.up import ending
+    from navloom.cli.interrupts import ending
     from navloom.recording.live_recorder import ask_header
     from navloom.runtime.joining import join
-    from navloom.viewer.bridge import NICE
+    from navloom.viewer.order import NICE
     from navloom.viewer.showing import showing
     from navloom.viewer.sources import facts_of_header, live_messages
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
-from navloom.messages import PoseEstimate, Reference, TrackingCommand, Trajectory
+from navloom.messages import Message, PoseEstimate, Reference, TrackingCommand, Trajectory
 from navloom.roles.base import Role
 
 __all__ = ["Controller", "ControllerInput"]
@@ -32,7 +33,7 @@ class Controller(Role):
     """Follows trajectories."""
 
     role = "controller"
-    accepts = ()
+    accepts: ClassVar[tuple[type[Message], ...]] = ()
 
     @abstractmethod
     def control(self, given: ControllerInput) -> TrackingCommand:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
-from navloom.messages import MapUpdate, PoseTrack, RangeScan, Sweep
+from navloom.messages import MapUpdate, Message, PoseTrack, RangeScan, Sweep
 from navloom.roles.base import Role
 
 __all__ = ["Mapper", "MapperInput"]
@@ -34,7 +35,7 @@ class Mapper(Role):
     """Turns range data into a map. Raises InputError for data it cannot use."""
 
     role = "mapper"
-    accepts = (Sweep,)
+    accepts: ClassVar[tuple[type[Message], ...]] = (Sweep,)
     needs_sensor = True
 
     @abstractmethod

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
-from navloom.messages import MapUpdate, Path, PlanFailure, PlanRequest
+from navloom.messages import MapUpdate, Message, Path, PlanFailure, PlanRequest
 from navloom.roles.base import Role
 
 __all__ = ["Planner", "PlannerInput"]
@@ -23,7 +24,7 @@ class Planner(Role):
     """Finds paths. The footprint is in its context."""
 
     role = "planner"
-    accepts = ()
+    accepts: ClassVar[tuple[type[Message], ...]] = ()
 
     @abstractmethod
     def plan(self, given: PlannerInput) -> Path | PlanFailure:

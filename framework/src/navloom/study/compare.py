@@ -22,12 +22,13 @@ from navloom.engine.build import System, assemble
 from navloom.engine.checks import check_task
 from navloom.plugins import PluginError
 from navloom.plugins.registry import nearest
+from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder
 from navloom.study.methods import Method, compared, methods_of, toml_value
 from navloom.study.metrics import METRICS, all_metrics
 from navloom.study.openloop import METHOD, OpenLoop, open_loop_of
 from navloom.study.pool import HANG_AFTER, cores, run_on_executor, run_on_processes
-from navloom.study.rows import EpisodeKey, Row, Task
+from navloom.study.rows import Row, Task
 from navloom.study.worldset import CachedDiscovery, WorldCase, placed, worlds_of
 
 __all__ = ["Study", "StudyResult", "plan_study", "run_study"]

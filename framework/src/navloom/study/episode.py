@@ -96,7 +96,7 @@ class Episode:
     @cached_property
     def trail(self) -> Trail:
         """The episode as the metrics see it."""
-        return trail_of(self)
+        return trail_of(self.system, self.recorder, self.log, self.result)
 
     def slow(self) -> list[dict[str, Any]]:
         """Nodes that need longer for a step than they have until the next one, by their 99th percentile.

@@ -15,7 +15,8 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.files import write_each, write_whole
-from navloom.study.rows import EpisodeKey, Row
+from navloom.study.episode_key import EpisodeKey
+from navloom.study.rows import Row
 from navloom.study.tracks import FOLDER, file_of
 
 __all__ = ["StudyError", "StudyFolder", "open_loop_table", "table_of"]

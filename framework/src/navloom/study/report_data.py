@@ -17,8 +17,8 @@ from navloom.config import ConfigError
 from navloom.geometry.world import World
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
+from navloom.study.episode_key import EpisodeKey
 from navloom.study.metrics import METRICS, Metric, all_metrics
-from navloom.study.rows import EpisodeKey
 from navloom.study.statistics import Comparison, compare_methods
 from navloom.study.tracks import Track, read_track
 from navloom.study.worldset import world_digest

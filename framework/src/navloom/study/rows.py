@@ -13,24 +13,16 @@ from typing import Any
 from navloom.plugins import PluginError
 from navloom.plugins.registry import nearest
 from navloom.study.episode import Episode, run_episode
+from navloom.study.episode_key import EpisodeKey
 from navloom.study.metrics import Metric, all_metrics, timing
 from navloom.study.tracks import encoded
 from navloom.study.trail import Trail, Ways, lost_trail, ways_of
 from navloom.study.worldset import CachedDiscovery, placed
 
-__all__ = ["EpisodeKey", "Row", "Task", "episode_row", "lost_row"]
+__all__ = ["Row", "Task", "episode_row", "lost_row"]
 
 ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 Progress = Callable[[], None]
-
-
-@dataclass(frozen=True, order=True)
-class EpisodeKey:
-    """Which episode of a study."""
-
-    method: str
-    world: str
-    seed: int
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,13 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.study.episode_key import EpisodeKey
 from navloom.study.shadows import Disagreement
 from navloom.study.trail import Trail
-
-if TYPE_CHECKING:
-    from navloom.study.rows import EpisodeKey
 
 __all__ = ["FOLDER", "Track", "encoded", "file_of", "read_track"]
 

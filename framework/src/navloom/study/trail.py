@@ -18,7 +18,7 @@ from navloom.messages import GoalResult
 
 if TYPE_CHECKING:
     from navloom.engine.build import System
-    from navloom.study.episode import Episode
+    from navloom.engine.lockstep import RunLog
     from navloom.study.recorder import Recorder
 
 __all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "Ways", "lost_trail", "trail_of", "ways_of"]
@@ -117,14 +117,13 @@ class Trail:
         return float(np.hypot(np.diff(self.x), np.diff(self.y)).sum())
 
 
-def trail_of(episode: Episode) -> Trail:
-    """The trail of a finished episode.
+def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult) -> Trail:
+    """The trail of a finished episode: what ran, what was collected, and how the last goal ended.
 
     What was published in a tick is found by its stamp; what says nothing in a tick holds on. A run on a real robot has
     no truth, and so no ticks here: what is counted and how it ended are all there is.
     """
-    recorder, system, log = episode.recorder, episode.system, episode.log
-    config, result = system.config, episode.result
+    config = system.config
     truth = np.array(recorder.truth, dtype=np.float64).reshape(-1, 6)
     time = truth[:, 0]
     commands = np.array(recorder.commands, dtype=np.float64).reshape(-1, 3)

@@ -8,7 +8,6 @@ import queue
 from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -16,39 +15,16 @@ from navloom.messages import Message
 from navloom.plugins import Discovery
 from navloom.viewer.drawing import Shown
 from navloom.viewer.extra import ViewerError, need_rerun
-from navloom.viewer.facts import Facts
+from navloom.viewer.order import Order
 from navloom.viewer.panels import Panel, panels_of
 from navloom.viewer.translate import BUILT_IN
 
-__all__ = ["NICE", "Bridge", "Counts", "Order", "Wanted"]
+__all__ = ["Bridge", "Counts", "Wanted"]
 
-NICE = 10
-"""What shows a run gives way to whatever drives on the same host."""
 CAPACITY = 4096
 """Messages between the two processes."""
 STARTED = 60.0
 """s the child may take to begin: a cold disk has half a gigabyte to read."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """What the child is to do.
-
-    Attributes:
-        facts: Who is in the picture.
-        file: .rrd file to write, or None.
-        url: Of a viewer, or None.
-        recording_id: The same for the same run.
-        blocked: Plugins that count as not installed.
-        patience: s to wait for a viewer that is slower than the run; 0 for live robots.
-    """
-
-    facts: Facts
-    file: Path | None
-    url: str | None
-    recording_id: str
-    blocked: frozenset[str] = frozenset()
-    patience: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from time import monotonic
 from typing import Any
 
 from navloom.plugins import Discovery
-from navloom.viewer.bridge import NICE, Order
 from navloom.viewer.drawing import Drawing, Sink
 from navloom.viewer.extra import ViewerError
 from navloom.viewer.live_sink import LiveSink
+from navloom.viewer.order import NICE, Order
 from navloom.viewer.panels import panels_of
 from navloom.viewer.sinks import FileSink
 

@@ -8,9 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from navloom.viewer.bridge import Bridge, Counts, Order
+from navloom.viewer.bridge import Bridge, Counts
 from navloom.viewer.extra import ViewerError, need_rerun
 from navloom.viewer.facts import Facts
+from navloom.viewer.order import Order
 from navloom.viewer.program import Program, address_of, is_up
 
 __all__ = ["Showing", "Where", "showing"]

@@ -77,7 +77,7 @@ def circumscribed_radius(footprint: Floats) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _grow(occupied, reach):  # type: ignore[no-untyped-def]
+def _grow(occupied: Bools, reach: Reach) -> Bools:
     grown = np.zeros(occupied.shape, np.bool_)
     low, high, left, right = _box(occupied.view(np.uint8))
     if high < low:
@@ -110,7 +110,7 @@ def _grow(occupied, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _box(cells):  # type: ignore[no-untyped-def]
+def _box(cells: NDArray[np.uint8]) -> tuple[int, int, int, int]:
     """First and last row, first and last column that hold a cell other than 0; of none, the last row is below."""
     low, high, in_column = cells.shape[0], -1, np.zeros(cells.shape[1], np.uint8)
     for row in range(cells.shape[0]):

@@ -21,7 +21,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_astar.search import _CHOICES, _COUNTS, _START, Bools, Cell, Closed, Ends, GridSearch, Way, step_costs
+from navloom_astar.search import (
+    _CHOICES,
+    _COUNTS,
+    _START,
+    Bools,
+    Cell,
+    Closed,
+    Ends,
+    GridSearch,
+    Index,
+    Way,
+    step_costs,
+)
 
 __all__ = ["JumpPointSearch", "warm_up"]
 
@@ -60,20 +72,24 @@ class JumpPointSearch(GridSearch):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _search(wall, cost, arrival, parent, start, goal, base, top, q, p):  # type: ignore[no-untyped-def]
+def _search(
+    wall: Bools, cost: NDArray[np.int64], arrival: NDArray[np.uint8], parent: NDArray[np.int32], start: int, goal: int,
+    base: int, top: int, q: int, p: int,
+) -> bool:  # fmt: skip
     """Fill `cost`, `arrival` and `parent` of jump points until the goal's are final. Whether it was reached."""
     stride, walls = np.int64(wall.shape[1]), wall.reshape(-1)
     offsets = np.array((1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, 1 - stride))
     goal_row, goal_column = goal // stride, goal % stride
     cost[start], arrival[start], parent[start] = base, _START, start
-    heap = [(np.int64(base), np.int64(base), np.int64(start))]
+    heap: list[tuple[Index, Index, Index]] = [(np.int64(base), np.int64(base), np.int64(start))]
     while heap:
         sofar, cell = heapq.heappop(heap)[1:]
         if cell == goal:
             return True
         if sofar > cost[cell]:
             continue
-        case, row, column = 4 * _START, cell // stride, cell % stride
+        case: Index = 4 * _START
+        row, column = cell // stride, cell % stride
         if arrival[cell] != _START:
             came = np.int64(arrival[cell])
             case = 4 * came
@@ -97,7 +113,7 @@ def _search(wall, cost, arrival, parent, start, goal, base, top, q, p):  # type:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _run(walls, cell, k, offsets, goal):  # type: ignore[no-untyped-def]
+def _run(walls: Bools, cell: Index, k: Index, offsets: NDArray[np.int64], goal: int) -> Index:
     """The next jump point straight on in direction k, or none."""
     ahead, left, right = offsets[k], offsets[(k + 2) & 7], offsets[(k - 2) & 7]
     was_left, was_right = walls[cell + left], walls[cell + right]
@@ -112,7 +128,7 @@ def _run(walls, cell, k, offsets, goal):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _slide(walls, cell, k, offsets, goal):  # type: ignore[no-untyped-def]
+def _slide(walls: Bools, cell: Index, k: Index, offsets: NDArray[np.int64], goal: int) -> Index:
     """The next jump point in the diagonal direction k, or none."""
     ahead, right, left = offsets[k], offsets[k - 1], offsets[(k + 1) & 7]
     while not (walls[cell + left] or walls[cell + right] or walls[cell + ahead]):
@@ -123,17 +139,19 @@ def _slide(walls, cell, k, offsets, goal):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _trace(arrival, parent, stride, start, goal):  # type: ignore[no-untyped-def]
+def _trace(
+    arrival: NDArray[np.uint8], parent: NDArray[np.int32], stride: int, start: int, goal: int
+) -> tuple[NDArray[np.int64], int]:
     """(n, 2) rows and columns of all cells of the way without the border, and its number of diagonal steps."""
-    count, diagonal, cell = 1, 0, np.int64(goal)
+    count, diagonal, cell = 1, 0, goal
     while cell != start:
-        before = np.int64(parent[cell])
+        before = int(parent[cell])
         steps = max(abs(cell // stride - before // stride), abs(cell % stride - before % stride))
         count, diagonal, cell = count + steps, diagonal + steps * (arrival[cell] & 1), before
-    way, cell, n = np.empty((count, 2), np.int64), np.int64(goal), count - 1
+    way, cell, n = np.empty((count, 2), np.int64), goal, count - 1
     way[n, 0], way[n, 1] = cell // stride - 1, cell % stride - 1
     while n > 0:
-        before = np.int64(parent[cell])
+        before = int(parent[cell])
         row, column = before // stride - 1, before % stride - 1
         while way[n, 0] != row or way[n, 1] != column:
             n -= 1

@@ -56,7 +56,7 @@ def _printed_test(shape: tuple[int, ...], segment: Floats, t: float) -> Bools:
     """
     x1, y1, x2, y2 = segment
     n, m = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    in_row = (np.abs(n - y1) <= 0.5) & (m >= min(x1, x2) - 0.5) & (m <= max(x1, x2) + 0.5)
+    in_row: Bools = (np.abs(n - y1) <= 0.5) & (m >= min(x1, x2) - 0.5) & (m <= max(x1, x2) + 0.5)
     if x1 == x2:
         hit: Bools = np.abs(m - x1) <= t
         return hit
@@ -65,11 +65,11 @@ def _printed_test(shape: tuple[int, ...], segment: Floats, t: float) -> Bools:
     rise = n - y1
     is_level = rise == 0.0
     slope = (m - x1) / np.where(is_level, 1.0, rise)
-    return np.where(is_level, in_row, np.abs(slope - (x2 - x1) / (y2 - y1)) <= t)
+    return np.asarray(np.where(is_level, in_row, np.abs(slope - (x2 - x1) / (y2 - y1)) <= t))
 
 
 @njit(cache=True, nogil=True)
-def _draw(occupied, segments, is_supercover):  # type: ignore[no-untyped-def]
+def _draw(occupied: Bools, segments: Floats, is_supercover: bool) -> None:
     rows, columns = occupied.shape
     for i in range(segments.shape[0]):
         x1, y1, x2, y2 = segments[i, 0], segments[i, 1], segments[i, 2], segments[i, 3]
@@ -96,7 +96,7 @@ def _draw(occupied, segments, is_supercover):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _is_near(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
+def _is_near(x1: float, y1: float, x2: float, y2: float) -> bool:
     """The segment comes within half a cell of the origin."""
     dx, dy = x2 - x1, y2 - y1
     squared = dx * dx + dy * dy
@@ -105,7 +105,7 @@ def _is_near(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _touches_cell(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
+def _touches_cell(x1: float, y1: float, x2: float, y2: float) -> bool:
     """The segment meets the closed unit square round the origin (Liang & Barsky 1984)."""
     half, enter, leave = 0.5 + _TOUCH, 0.0, 1.0
     for start, step in ((x1, x2 - x1), (y1, y2 - y1)):

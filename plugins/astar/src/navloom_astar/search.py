@@ -34,6 +34,8 @@ __all__ = ["EXTRA_UNIT", "Cell", "Closed", "DijkstraSearch", "Ends", "GridSearch
 Bools = NDArray[np.bool_]
 Cell = tuple[int, int]
 """Row and column."""
+Index = int | np.int64
+"""Of a cell or a direction, as kernels mix them."""
 Ends = tuple[tuple[float, float], tuple[float, float]]
 """x, y of start and goal, cells: the cell (row, column) is column..column + 1, row..row + 1."""
 
@@ -222,10 +224,11 @@ def _cost_of(cells: NDArray[np.int64], extra: NDArray[np.uint8]) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _search(  # type: ignore[no-untyped-def]
-    wall, extra, cost, arrival, before, after, buckets, start, goal, base, top, straight, diagonal, q, p, ahead_long,
-    ahead_short, shift,
-):  # fmt: skip
+def _search(
+    wall: Bools, extra: NDArray[np.uint8] | None, cost: NDArray[np.int64], arrival: NDArray[np.uint8],
+    before: NDArray[np.int32], after: NDArray[np.int32], buckets: int, start: Index, goal: int, base: int, top: int,
+    straight: int, diagonal: int, q: int, p: int, ahead_long: int, ahead_short: int, shift: int,
+) -> bool:  # fmt: skip
     """Fill `cost` and `arrival` from the start until the goal's are final. Whether it was reached.
 
     The heuristic is `ahead_long` a cell of the longer side to the goal and `ahead_short` one of the shorter: octile
@@ -237,8 +240,8 @@ def _search(  # type: ignore[no-untyped-def]
     mask, stride, size, walls = buckets - 1, wall.shape[1], wall.size, wall.reshape(-1)
     offsets = _ROW_STEP * stride + _COLUMN_STEP
     beside, beyond = offsets.copy(), offsets.copy()  # the cells beside a diagonal step
-    for k in range(1, 8, 2):
-        beside[k], beyond[k] = offsets[k - 1], offsets[(k + 1) & 7]
+    for n in range(1, 8, 2):
+        beside[n], beyond[n] = offsets[n - 1], offsets[(n + 1) & 7]
     goal_row, goal_column = goal // stride, goal % stride
     down, across = abs(start // stride - goal_row), abs(start % stride - goal_column)
     bottom = base + ahead_long * max(down, across) + ahead_short * min(down, across)
@@ -258,7 +261,8 @@ def _search(  # type: ignore[no-untyped-def]
             empty, second = 0, after[cell]
             after[head], before[second], before[cell] = second, head, _CLOSED
         row = np.int64(np.uint32(cell) // np.uint32(stride))
-        column, case, sofar = cell - row * stride, 4 * _START, cost[cell]
+        case: Index = 4 * _START
+        column, sofar = cell - row * stride, cost[cell]
         if extra is None and arrival[cell] != _START:
             k = np.int64(arrival[cell])
             case = 4 * k
@@ -287,11 +291,12 @@ def _search(  # type: ignore[no-untyped-def]
             head = size + (place & mask)
             second = after[head]
             before[other], after[other], before[second], after[head] = head, second, other, other
-    return cost[goal] < top
+    is_reached: bool = cost[goal] < top
+    return is_reached
 
 
 @njit(cache=True, nogil=True)
-def _trace(arrival, stride, start, goal):  # type: ignore[no-untyped-def]
+def _trace(arrival: NDArray[np.uint8], stride: int, start: int, goal: int) -> tuple[NDArray[np.int64], int]:
     """(n, 2) rows and columns of the way without the border, from the start, and its number of diagonal steps."""
     count, diagonal, cell = 1, 0, goal
     while cell != start:

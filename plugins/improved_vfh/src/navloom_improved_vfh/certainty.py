@@ -15,6 +15,8 @@ from navloom_improved_vfh.support import age_record, has_support
 
 AXIS_CERTAINTY = 3
 ARC_CERTAINTY = 2
+Cells = NDArray[np.uint8] | NDArray[np.int64]
+"""(size, size) window of certainties, or of what a record heard."""
 THIN_BEAM = 0.02  # rad: narrower beams are lines, their cone would slip between the cell centres
 
 
@@ -29,7 +31,7 @@ def new_window(size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
 
 
 @njit(cache=True, nogil=True)
-def scroll_window(grid: NDArray[np.uint8], origin: NDArray[np.int64], x: float, y: float, cell: float) -> None:
+def scroll_window(grid: Cells, origin: NDArray[np.int64], x: float, y: float, cell: float) -> None:
     """Move the window, in place and by whole cells, until the robot is in its middle cell; new cells are 0.
 
     Args:
@@ -57,7 +59,7 @@ def scroll_window(grid: NDArray[np.uint8], origin: NDArray[np.int64], x: float, 
 
 @njit(cache=True, nogil=True)
 def clear_cone(
-    grid: NDArray[np.uint8],
+    grid: Cells,
     origin: NDArray[np.int64],
     cell: float,
     apex: tuple[float, float],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import ClassVar
 
 from navloom import Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, Sweep
 
@@ -23,7 +24,7 @@ class Ipabd(Mapper):
 
     name = "ipabd"
     accepts = (Sweep,)
-    Params = IpabdParams
+    Params: ClassVar[type[IpabdParams | UnionParams]] = IpabdParams
 
     def __init__(self, params: IpabdParams | UnionParams, context: Context) -> None:
         super().__init__(params, context)

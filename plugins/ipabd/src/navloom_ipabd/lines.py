@@ -81,7 +81,7 @@ def _are_contained(inner: Floats, outer: Floats, tolerance: float) -> NDArray[np
 
 
 @njit(cache=True, nogil=True)
-def _extract(points, starts, tolerance):  # type: ignore[no-untyped-def]
+def _extract(points: Floats, starts: NDArray[np.int64], tolerance: float) -> Floats:
     """Split and merge of each object; at most one segment a point."""
     segments = np.empty((max(points.shape[0], 1), 4))
     count = 0
@@ -102,7 +102,7 @@ def _extract(points, starts, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _split(points, first, last, tolerance):  # type: ignore[no-untyped-def]
+def _split(points: Floats, first: int, last: int, tolerance: float) -> NDArray[np.int64]:
     """Indices of the corners, both ends included, rising."""
     is_corner = np.zeros(last - first + 1, dtype=np.bool_)
     is_corner[0] = is_corner[last - first] = True
@@ -123,7 +123,7 @@ def _split(points, first, last, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _distance_to_chord(a, b, p):  # type: ignore[no-untyped-def]
+def _distance_to_chord(a: Floats, b: Floats, p: Floats) -> float:
     """Distance of p to the piece from a to b."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     length2 = dx * dx + dy * dy
@@ -134,7 +134,7 @@ def _distance_to_chord(a, b, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _total_least_squares(points, first, last):  # type: ignore[no-untyped-def]
+def _total_least_squares(points: Floats, first: int, last: int) -> tuple[float, tuple[float, float, float, float]]:
     """Greatest distance to the fitted line of points[first:last + 1], and the segment on it, x1, y1, x2, y2."""
     n = last - first + 1
     mean_x = points[first : last + 1, 0].sum() / n

@@ -147,7 +147,9 @@ def settle(bins: Bins, nearest: Floats, points: Floats, seen: Floats, tally: NDA
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _press_columns(ranges, sin_pitch, cos_pitch, height, limits):  # type: ignore[no-untyped-def]
+def _press_columns(
+    ranges: Floats, sin_pitch: Floats, cos_pitch: Floats, height: float, limits: Floats
+) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:
     """Columns are azimuths: branch-free, so that it runs in vector registers. Limits: range, -floor, floor, z_limit."""
     frames, beams = ranges.shape
     range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
@@ -177,7 +179,7 @@ def _press_columns(ranges, sin_pitch, cos_pitch, height, limits):  # type: ignor
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _tally(total, none, far, near, under, floor, over):  # type: ignore[no-untyped-def]
+def _tally(total: int, none: int, far: int, near: int, under: int, floor: int, over: int) -> NDArray[np.int64]:
     """Counts by rule: `far` holds the missing returns too, and `floor` what lies under it."""
     far_only, floor_only = far - none, floor - under
     passed = total - far - near - floor - over
@@ -185,7 +187,10 @@ def _tally(total, none, far, near, under, floor, over):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _press_bins(ranges, frames, sin_b, cos_b, height, limits, is_rigid, circle, size):  # type: ignore[no-untyped-def]
+def _press_bins(
+    ranges: Floats, frames: Floats, sin_b: Floats, cos_b: Floats, height: float, limits: Floats, is_rigid: bool,
+    circle: Floats, size: int,
+) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:  # fmt: skip
     """Any geometry, any movement. Frames: sin and cos of the pitch, shift x, y, sin and cos of the turn."""
     range_min, range_cut, below, low, high = limits[0], limits[1], limits[2], limits[3], limits[4]
     nearest = np.full(size, np.inf)

@@ -171,7 +171,7 @@ def merge_cells(old: Cells, new: Cells) -> Cells:
 
 
 @njit(cache=True, nogil=True)
-def _stamp_segments(cells, segments, is_supercover):  # type: ignore[no-untyped-def]
+def _stamp_segments(cells: Cells, segments: Floats, is_supercover: bool) -> None:
     """Segments in units of cells, with centres at whole numbers."""
     rows, columns = cells.shape
     for i in range(segments.shape[0]):
@@ -190,7 +190,7 @@ def _stamp_segments(cells, segments, is_supercover):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def _is_within(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
+def _is_within(x1: float, y1: float, x2: float, y2: float) -> bool:
     """The segment comes within 0.5 of the origin."""
     dx, dy = x2 - x1, y2 - y1
     length2 = dx * dx + dy * dy
@@ -199,7 +199,7 @@ def _is_within(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _touches_square(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
+def _touches_square(x1: float, y1: float, x2: float, y2: float) -> bool:
     """The segment meets the square of half edge 0.5 round the origin (Liang-Barsky)."""
     enter, leave = 0.0, 1.0
     for start, step in ((x1, x2 - x1), (y1, y2 - y1)):
@@ -215,7 +215,7 @@ def _touches_square(x1, y1, x2, y2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _stamp_seen(cells, x, y, heading, first, step, seen):  # type: ignore[no-untyped-def]
+def _stamp_seen(cells: Cells, x: float, y: float, heading: float, first: float, step: float, seen: Floats) -> None:
     """All lengths in units of cells; a centre is looked up on the azimuth bin it lies in, so no cell is skipped."""
     for row in range(cells.shape[0]):
         for column in range(cells.shape[1]):

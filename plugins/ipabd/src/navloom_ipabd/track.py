@@ -86,7 +86,7 @@ def check_track(first: float, last: float, track_offsets: Floats, track_poses: F
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def interpolate(offsets, track_offsets, track_poses):  # type: ignore[no-untyped-def]
+def interpolate(offsets: Floats, track_offsets: Floats, track_poses: Floats) -> Floats:
     """`poses_at` for kernels, without its checks: to the bit what `np.interp` and `np.unwrap` give."""
     last = track_offsets.size - 1
     headings = _unwrapped(track_poses[:, 2])
@@ -109,7 +109,7 @@ def interpolate(offsets, track_offsets, track_poses):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _unwrapped(angles):  # type: ignore[no-untyped-def]
+def _unwrapped(angles: Floats) -> Floats:
     """Angles, rad, each the short way round from the one before; half a turn keeps its sense."""
     unwrapped, correction = angles.copy(), 0.0
     for i in range(1, angles.size):

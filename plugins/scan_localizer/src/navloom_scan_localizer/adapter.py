@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from navloom import (
@@ -119,7 +119,7 @@ class ScanOdometry(Localizer):
         limit, is_lost = self.params.lost_sigma, sigma > self.params.lost_sigma
         why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
         pose = Pose2D(*tracker.pose.tolist())
-        state = "lost" if is_lost else "tracking"
+        state: Literal["tracking", "lost"] = "lost" if is_lost else "tracking"
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, covariance, state, why)
 
     def _learn(self, points: NDArray[np.float64]) -> None:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch
+from navloom_astar.search import EXTRA_UNIT, Cell, Closed, Ends, GridSearch, Index
 from numba import njit
 from numpy.typing import NDArray
 
@@ -115,7 +115,7 @@ class LazyThetaSearch(ThetaSearch):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _place(cell, stride, start, goal, places):  # type: ignore[no-untyped-def]
+def _place(cell: Index, stride: Index, start: Index, goal: Index, places: Floats) -> tuple[float, float]:
     """x, y of a cell: its centre, or the end that lies in it."""
     if cell == start:
         return places[0, 0], places[0, 1]
@@ -126,7 +126,7 @@ def _place(cell, stride, start, goal, places):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _along(extra, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def _along(extra: NDArray[np.uint8] | None, x0: float, y0: float, x1: float, y1: float) -> float:
     """Cost of a segment, cells."""
     if extra is None:
         return math.hypot(x1 - x0, y1 - y0)
@@ -134,13 +134,16 @@ def _along(extra, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _at_least(x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def _at_least(x0: float, y0: float, x1: float, y1: float) -> float:
     """What `_along` is not below on any ground. `math.hypot` takes five times as long, and most offers are poor."""
     return _NOT_ABOVE * math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _take_neighbour(cell, walls, extra, cost, parent, state, stride, start, goal, places):  # type: ignore[no-untyped-def]
+def _take_neighbour(
+    cell: Index, walls: Bools, extra: NDArray[np.uint8] | None, cost: Floats, parent: NDArray[np.int32],
+    state: NDArray[np.uint8], stride: Index, start: Index, goal: Index, places: Floats,
+) -> None:  # fmt: skip
     """Make the best neighbour whose cost is sure the parent of a cell, and the cell's own cost sure."""
     x, y = _place(cell, stride, start, goal, places)
     cost[cell], state[cell] = np.inf, _SURE
@@ -155,9 +158,10 @@ def _take_neighbour(cell, walls, extra, cost, parent, state, stride, start, goal
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _search(  # type: ignore[no-untyped-def]
-    wall, extra, cost, parent, state, reached_cells, start, goal, places, is_lazy
-):  # fmt: skip
+def _search(
+    wall: Bools, extra: NDArray[np.uint8] | None, cost: Floats, parent: NDArray[np.int32], state: NDArray[np.uint8],
+    reached_cells: NDArray[np.int32], start: int, goal: int, places: Floats, is_lazy: bool,
+) -> tuple[NDArray[np.int64], int]:  # fmt: skip
     """(n, 2) rows and columns of the way, without the border, to a goal that can be reached; number of cells expanded.
 
     `state` is `_NEW` everywhere, before and after; `cost` and `parent` count where it is not. `reached_cells` lists
@@ -221,7 +225,7 @@ def _search(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _trace(parent, stride, start, goal):  # type: ignore[no-untyped-def]
+def _trace(parent: NDArray[np.int32], stride: Index, start: Index, goal: Index) -> NDArray[np.int64]:
     """(n, 2) rows and columns of the turns of the way without the border, with its ends."""
     count, cell = 1, goal
     while cell != start:

@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 __all__ = ["ground_cost", "is_in_sight"]
+
+Bools = NDArray[np.bool_]
 
 _TOUCH = 1e-6
 """A segment this near to a cell touches it, in cells: the answer must not hang on rounding."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def is_in_sight(wall, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def is_in_sight(wall: Bools, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Whether a segment touches no wall, be it at a corner only (closed supercover).
 
     A segment through the shared corner of four cells touches all four, so corners are not cut, and between obstacles
@@ -33,7 +37,7 @@ def is_in_sight(wall, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _is_free(walls, lane, step, u0, v0, u1, v1):  # type: ignore[no-untyped-def]
+def _is_free(walls: Bools, lane: int, step: int, u0: float, v0: float, u1: float, v1: float) -> bool:
     """The same lane by lane. Lanes are rows or columns, whichever are fewer: the cells touched are the same.
 
     Args:
@@ -60,7 +64,7 @@ def _is_free(walls, lane, step, u0, v0, u1, v1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def ground_cost(extra, unit, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def ground_cost(extra: NDArray[np.uint8], unit: int, x0: float, y0: float, x1: float, y1: float) -> float:
     """Integral of 1 + extra / unit along a segment, cells.
 
     Between the centres of neighbouring cells that is the cost of a step of A*.

@@ -1,0 +1,77 @@
+"""What a run came to, for people: its numbers, its faults, and whether it reached its goal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import typer
+
+from navloom.cli.output import print_table, say_so
+
+__all__ = ["is_reached", "print_summary", "tell_faults"]
+
+LABELS = {
+    "plan_length_m": "plan, before pruning, m",
+    "path_length_m": "driven, m",
+    "optimal_to_tolerance_m": "shortest possible, to within the goal's tolerance, m",
+    "goal_error_m": "from the goal, in truth, m",
+    "min_clearance_m": "least clearance, m",
+    "cross_track_rms_m": "cross-track rms, m",
+    "cross_track_max_m": "cross-track max, m",
+    "collisions": "collisions",
+    "recoveries": "recoveries",
+    "gate_limits": "slowed by the gate's monitor",
+    "sim_time_s": "robot time, s",
+    "wall_s": "computed in, s",
+    "trace_sha256": "trace",
+}
+
+
+def is_reached(summary: Mapping[str, Any]) -> bool:
+    """The goal was reached: the robot says so, and so does the ground truth where there is one."""
+    return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
+
+
+def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
+    """What plugins broke, and which are slower than the robot that they drive."""
+    for fault in episode.log.faults:
+        say_so(fault)
+    for one in summary["slow"]:
+        say_so(
+            f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "
+            f"{one['limit_ms']:g} ms to the next one, p99 {one['p99_ms']:.3g} ms; a live robot would stop for it: give "
+            "it a lower rate_hz, or run.period more time"
+        )
+
+
+def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
+    """A run's result for people."""
+    rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items() if summary[key] is not None]
+    if summary["pose_error_m"] is not None:
+        error = summary["pose_error_m"]
+        rows.append(("pose error rms, p95, max, m", f"{error['rms']:.3g}, {error['p95']:.3g}, {error['max']:.3g}"))
+    end = episode.result.place
+    told = f"{summary['outcome']}: {summary['reason']}"
+    if summary["outcome"] == "succeeded" and summary["truly_reached"] is False:
+        told = episode.trail.reason
+    typer.echo(f"{told}, at ({end.x:.2f}, {end.y:.2f})")
+    if summary["truly_reached"] is None:
+        typer.echo("no ground truth: whether the robot is where it says is not known")
+    print_table(("", ""), rows)
+    if summary["shadows"]:
+        _print_shadows(summary["shadows"])
+
+
+def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
+    """What alternatives in shadow would have said, for people."""
+    from navloom.engine.differences import UNITS
+
+    lines = []
+    for one in shadows:
+        sizes = one["differences"].items()
+        worst = ", ".join(f"{name} {size['rms']:.3g}/{size['max']:.3g} {UNITS[name]}" for name, size in sizes)
+        share = one["differing_share"]
+        told = "-" if share is None else f"{100.0 * share:.1f} %"
+        lines.append((f"{one['role']} {one['instance']}", one["ticks"], told, one["first_differing_s"], worst or None))
+    print_table(("in shadow", "ticks", "differing", "first at, s", "difference, rms/max"), lines)

@@ -22,7 +22,7 @@ from navloom.dataflow.table import node_table
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
-from navloom.navigation import blocking, echoes, monitor, projection, trajectory
+from navloom.navigation import blocking, handover, monitor, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
@@ -197,7 +197,7 @@ def make_plugins(
         ConfigError: A plugin refuses its world, sensors or map.
     """
     progress("preparing the framework")
-    for warm_up in (blocking.warm_up, echoes.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
+    for warm_up in (blocking.warm_up, handover.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():

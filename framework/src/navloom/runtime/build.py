@@ -31,6 +31,8 @@ from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
 __all__ = ["System", "assemble", "make_plugins", "robot_spec", "try_plugins"]
 
 Progress = Callable[[str], None]
+DIAGNOSTICS_RATE_HZ = 2.0
+"""How often an avoider says why, unless its table says otherwise, Hz."""
 
 
 @dataclass(eq=False)
@@ -149,6 +151,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     for place, table in config.role_tables():
         with problems.gather():
             _stride(table, config.run.period, place)
+            _explains(table, place)
     if platform_part is not None and len(sensors) == len(config.sensor):
         for part in parts.values():
             with problems.gather():
@@ -239,6 +242,7 @@ def _made(system: System, part: Part) -> Role:
         sensors=system.sensors if role == "platform" else (),
         world=system.world if role == "platform" else None,
         map=system.map if role in ("mapper", "localizer") else None,
+        diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
     )
     with _blamed(part, "__init__"):
         plugin = part.cls(part.params, context)
@@ -409,6 +413,12 @@ def _stride(table: RoleTable, period: float, place: str) -> None:
                 f"{place}.rate_hz: {table.rate_hz:g} does not divide the tick rate of {tick_rate:g} Hz; "
                 f"the nearest that does is {near:g}"
             )
+
+
+def _explains(table: RoleTable, place: str) -> None:
+    role = getattr(table, "role", place)
+    if table.diagnostics_rate_hz is not None and role != "avoider":
+        raise ConfigError(f"{place}.diagnostics_rate_hz: only an avoider gives diagnostics, this is a {role}")
 
 
 def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | None, float]:

@@ -48,7 +48,8 @@ class Dwa(Avoider):
             (given.target.x, given.target.y), given.remaining, given.share,
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
-        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision, now))
+        why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
+        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision, now: Given) -> AvoiderDiagnostics:
         """The costs by the direction their arcs lead in stand for the histogram; 1 is what cannot be driven."""

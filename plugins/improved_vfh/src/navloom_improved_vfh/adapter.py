@@ -46,7 +46,8 @@ class ImprovedVfh(Avoider):
         place = (pose.x, pose.y, pose.heading)
         twist = given.estimate.twist
         decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
-        return Answer(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
+        why = self._diagnostics(decision) if self.is_to_explain(given.stamp_ns, decision.status) else None
+        return Answer(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
         """All beams of this tick in one set; what does not change from scan to scan is made once."""

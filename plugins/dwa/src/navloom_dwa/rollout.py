@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from navloom_improved_vfh.clearance import outside_distance
 from numba import njit
 from numpy.typing import NDArray
 
@@ -21,6 +20,15 @@ def ramp(now: float, wanted: float, up: float, down: float, time: float) -> floa
     """Speed after a time, s, on the way to the wanted one: `up` away from 0, `down` towards it, as the gate does it."""
     rate = up if abs(wanted) > abs(now) and wanted * now >= 0.0 else down
     return min(max(wanted, now - rate * time), now + rate * time)
+
+
+@njit(cache=True, nogil=True)
+def is_nearer(edges: Floats, x: float, y: float, distance: float) -> bool:
+    """Whether clearance.outside_distance() of a point is less than a distance, m: most are told by one side or two."""
+    for k in range(edges.shape[0]):
+        if not edges[k, 0] * x + edges[k, 1] * y - edges[k, 2] < distance:
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -78,7 +86,7 @@ def stays_free(
         c, s = math.cos(heading), math.sin(heading)
         for i in range(count):
             dx, dy = obstacles[i, 0] - x, obstacles[i, 1] - y
-            if outside_distance(edges, dx * c + dy * s, dy * c - dx * s) < obstacles[i, 2] - 1.0e-6:
+            if is_nearer(edges, dx * c + dy * s, dy * c - dx * s, obstacles[i, 2] - 1.0e-6):
                 return False
         if abs(speed) <= (STOPPED if lag > 0.0 else 0.0) and elapsed >= rest - 1.0e-9:
             return True

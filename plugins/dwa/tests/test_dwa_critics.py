@@ -13,8 +13,8 @@ from navloom_dwa.critics import (
     must_rotate,
     obstacle_nearness,
     path_distance,
-    segments_of,
     score_critics,
+    segments_of,
 )
 from navloom_dwa.field import fill_field
 from navloom_dwa.window import sample_arcs

@@ -197,7 +197,8 @@ def score_critics(
     Args:
         arcs, limits, contacts: As for objective.score_1997(). target: m, base frame. horizon: s.
         trend: Sign of the last turn in place, 0 where it does not bind. slow: See is_oscillating().
-        path: (k, 2), pose frame, m. rotation: `within`, m, and `allowed`, rad, of must_rotate(). costs: (m, n), filled; +inf not admissible.
+        path: (k, 2), pose frame, m. rotation: `within`, m, and `allowed`, rad, of must_rotate().
+        costs: (m, n), filled; +inf not admissible.
         The others: As for arc_profile().
     """
     count = costs.shape[1]

@@ -64,7 +64,7 @@ def obstacle_distance(
 
 @njit(cache=True, nogil=True)
 def spread_from(before: Counts, row: Counts) -> None:
-    """Chamfer steps from one row to the next, in place: no cell waits for its neighbour, so several are done at once."""
+    """Chamfer steps from one row to the next, in place. No cell waits for its neighbour, so several go at once."""
     last = row.size - 1
     row[0] = min(row[0], before[0] + 3, before[1] + 4)
     row[last] = min(row[last], before[last] + 3, before[last - 1] + 4)

@@ -9,9 +9,9 @@ from navloom.config import load_config
 from navloom.study.episode import run_episode
 
 TRACES = {
-    "paper": "0a11c854d4c703d2388cd84130d8dd90522336ba2a39c2d743b03c132f4b58f9",
-    "building": "b448e57e8388449112e07790d5615d2e498d2104cf5d1b074df040f2c9fae626",
-    "explore": "635cc53a4ca962221a6989dd188a1968a73452d89ef50b30ca571ba35c72e91d",
+    "paper": "0d3cff2baa2e6c887e1b265521182e5c098ee21ec709d7f9dc7f1b5436178d74",
+    "building": "e77f509737e4814140cc3707a80dd26bc116527c9e1040d686c0482c7c971c43",
+    "explore": "759ba63d9f58a07fce8eb54c0a8e6d35b79425b447057c6e84239c15d03afa1d",
 }
 """SHA-256 of trace.bin by config, with its own seed. A change of one belongs into the changelog."""
 

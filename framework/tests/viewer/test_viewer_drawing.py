@@ -148,6 +148,15 @@ def test_an_obstacle_at_the_left_of_the_robot_is_at_the_left_of_the_chart() -> N
     assert bearings[np.argmax(component(chart, "values")[0]["buffer"])] == pytest.approx(-90.0)
 
 
+def test_a_status_without_diagnostics_leaves_the_last_bars_in_the_picture() -> None:
+    made, memory = drawing()
+    made.take(pose_at(0.0, 0.0))
+    made.take(shown(AvoiderStatus("steering", diagnostics([0.0, 3.0, 0.0, 0.0])), "avoider", "status"))
+    made.take(shown(AvoiderStatus("clear"), "avoider", "status"))
+    assert len(memory.at("/histogram/r1")) == 1
+    assert len(memory.at("/avoider")) >= 2  # the state changes all the same
+
+
 def test_lanes_of_states_have_plain_names() -> None:
     made, memory = drawing(shadows=SHADOW)
     status = AvoiderStatus("clear", diagnostics([]))

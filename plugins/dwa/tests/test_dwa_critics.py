@@ -14,6 +14,7 @@ from navloom_dwa.critics import (
     obstacle_nearness,
     path_distance,
     score_critics,
+    segments_of,
 )
 from navloom_dwa.field import fill_field
 from navloom_dwa.window import sample_arcs
@@ -28,10 +29,10 @@ def test_goal_distance_is_the_cost_to_go_in_metres():
 
 def test_path_distance_is_that_of_the_nearest_piece():
     path = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]])
-    assert path_distance(path, 1.0, 0.5) == pytest.approx(0.5)
-    assert path_distance(path, 2.3, 1.0) == pytest.approx(0.3)
-    assert path_distance(path, -3.0, 4.0) == pytest.approx(5.0)
-    assert path_distance(path[:1], 1.0, 1.0) == 0.0
+    assert path_distance(segments_of(path), 1.0, 0.5) == pytest.approx(0.5)
+    assert path_distance(segments_of(path), 2.3, 1.0) == pytest.approx(0.3)
+    assert path_distance(segments_of(path), -3.0, 4.0) == pytest.approx(5.0)
+    assert path_distance(segments_of(path[:1]), 1.0, 1.0) == 0.0
 
 
 def test_nearness_of_obstacles_and_contacts():

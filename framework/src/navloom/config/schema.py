@@ -120,6 +120,9 @@ class RoleTable(OpenTable):
     sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
     latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
+    diagnostics_rate_hz: float | None = Field(
+        default=None, ge=0.0, description="avoider: how often it says why, 2 where not given, 0 for never"
+    )
 
     @property
     def instance(self) -> str:

@@ -24,7 +24,7 @@ from navloom.engine.streams import sensor_port
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
-from navloom.navigation import blocking, echoes, monitor, projection, trajectory
+from navloom.navigation import blocking, handover, monitor, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
@@ -33,6 +33,8 @@ from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
 __all__ = ["System", "assemble", "make_plugins", "robot_spec", "try_plugins"]
 
 Progress = Callable[[str], None]
+DIAGNOSTICS_RATE_HZ = 2.0
+"""How often an avoider says why, unless its table says otherwise, Hz."""
 
 
 @dataclass(eq=False)
@@ -151,6 +153,7 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     for place, table in config.role_tables():
         with problems.gather():
             _stride(table, config.run.period, place)
+            _explains(table, place)
     if platform_part is not None and len(sensors) == len(config.sensor):
         for part in parts.values():
             with problems.gather():
@@ -201,7 +204,7 @@ def make_plugins(
         ConfigError: A plugin refuses its world, sensors or map.
     """
     progress("preparing the framework")
-    for warm_up in (blocking.warm_up, echoes.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
+    for warm_up in (blocking.warm_up, handover.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
@@ -243,6 +246,7 @@ def _made(system: System, part: Part) -> Role:
         sensors=system.sensors if role == "platform" else (),
         world=system.world if role == "platform" else None,
         map=system.map if role in ("mapper", "localizer") else None,
+        diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
     )
     with _blamed(part, "__init__"):
         plugin = part.cls(part.params, context)
@@ -413,6 +417,12 @@ def _stride(table: RoleTable, period: float, place: str) -> None:
                 f"{place}.rate_hz: {table.rate_hz:g} does not divide the tick rate of {tick_rate:g} Hz; "
                 f"the nearest that does is {near:g}"
             )
+
+
+def _explains(table: RoleTable, place: str) -> None:
+    role = getattr(table, "role", place)
+    if table.diagnostics_rate_hz is not None and role != "avoider":
+        raise ConfigError(f"{place}.diagnostics_rate_hz: only an avoider gives diagnostics, this is a {role}")
 
 
 def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | None, float]:

@@ -43,19 +43,19 @@ class AvoiderDiagnostics(Message):
 
 @message()
 class Avoidance(Message):
-    """An avoider's answer: a velocity, how things stand, and why."""
+    """An avoider's answer: a velocity, how things stand, and why, which may be left out."""
 
     twist: Twist2D
     status: Literal["clear", "steering", "trapped"]
-    diagnostics: AvoiderDiagnostics
+    diagnostics: AvoiderDiagnostics | None = None
 
 
 @message()
 class AvoiderStatus(Message):
-    """How things stand, published beside the command."""
+    """How things stand, published beside the command; why is left out of most ticks."""
 
     status: Literal["clear", "steering", "trapped"]
-    diagnostics: AvoiderDiagnostics
+    diagnostics: AvoiderDiagnostics | None = None
 
 
 @message()

@@ -7,12 +7,14 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from navloom.messages import HandOver, Pose2D, RangeScan, Twist2D
+from navloom.navigation import echoes
 from navloom.navigation.echoes import EchoMemory
 
-__all__ = ["HandOverRule", "own_way"]
+__all__ = ["HandOverRule", "own_way", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -37,15 +39,37 @@ def own_way(base: Pose2D, twist: Twist2D, reach: float) -> Floats:
         (k, 2) m, map frame, from the robot on; k = 0 where it does not drive forward.
     """
     if twist.vx <= 0.0:
-        return np.empty((0, 2))
-    length = min(reach, twist.vx * HORIZON)
-    if abs(twist.wz) * length > MOST_TURN * twist.vx:
-        length = MOST_TURN * twist.vx / abs(twist.wz)
-    along = np.linspace(0.0, length, max(2, math.ceil(length / OWN_STEP) + 1))
-    turn = along * (twist.wz / twist.vx)
-    chord = along * np.sinc(0.5 * turn / math.pi)
-    heading = base.heading + 0.5 * turn
-    return np.stack([base.x + chord * np.cos(heading), base.y + chord * np.sin(heading)], axis=1)
+        return NOWHERE
+    way: Floats = _arc(base.x, base.y, base.heading, twist.vx, twist.wz, reach)
+    return way
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _arc(x, y, heading, v, w, reach):  # type: ignore[no-untyped-def]
+    length = min(reach, v * HORIZON)
+    if abs(w) * length > MOST_TURN * v:
+        length = MOST_TURN * v / abs(w)
+    last = max(2, math.ceil(length / OWN_STEP) + 1) - 1
+    way = np.empty((last + 1, 2))
+    for k in range(last + 1):
+        along = length if k == last else k * (length / last)
+        half = 0.5 * (along * (w / v))
+        chord = along * _sinc(half / math.pi)
+        way[k, 0], way[k, 1] = x + chord * math.cos(heading + half), y + chord * math.sin(heading + half)
+    return way
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sinc(turns):  # type: ignore[no-untyped-def]
+    """sin(π t) / (π t), as numpy.sinc."""
+    angle = math.pi * (turns if turns != 0.0 else 1e-20)
+    return math.sin(angle) / angle
+
+
+def warm_up() -> None:
+    """Compile the kernels, those of the echoes' memory too."""
+    echoes.warm_up()
+    own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
 
 
 class HandOverRule:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
 
@@ -41,7 +42,26 @@ class Avoider(Role):
 
     role = "avoider"
     needs_sensor = True
+    _interval, _last_status = -1, ""
 
     @abstractmethod
     def avoid(self, given: AvoiderInput) -> Avoidance:
-        """Velocity for this tick, the status, and why."""
+        """Velocity for this tick, the status, and why, which may be left out: see `is_to_explain`."""
+
+    def is_to_explain(self, stamp_ns: int, status: str) -> bool:
+        """Whether the answer of this step is to hold diagnostics. Ask once a step.
+
+        They are due in the first step of each interval of the declared rate, and where the robot becomes trapped. Both
+        depend on the run alone, never on who reads them, so that a trace is the same whatever is recorded beside it.
+
+        Args:
+            stamp_ns: Run clock.
+            status: Of the answer.
+        """
+        rate = self.context.diagnostics_rate_hz
+        if math.isinf(rate):
+            return True
+        before, self._last_status = self._last_status, status
+        interval = stamp_ns // max(1, round(1e9 / rate)) if rate > 0.0 else self._interval
+        is_due, self._interval = interval != self._interval, interval
+        return is_due or (status == "trapped" and before != "trapped")

@@ -17,7 +17,7 @@ from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 
 __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
 
-RESERVED_KEYS = ("plugin", "name", "sensors", "rate_hz", "latency", "role", "shadow")
+RESERVED_KEYS = ("plugin", "name", "sensors", "rate_hz", "latency", "diagnostics_rate_hz", "role", "shadow")
 """Keys of a role's table that the framework reads itself: no plugin can have a parameter of such a name."""
 
 
@@ -117,6 +117,7 @@ class Context:
         sensors: For a Platform: the sensors to provide.
         world: For a Platform: the ground truth, where there is one.
         map: For a Mapper or Localizer: the map the framework was given, where there is one.
+        diagnostics_rate_hz: For an Avoider: how often its answers say why; infinite for each, 0 for none.
     """
 
     instance: str
@@ -127,6 +128,7 @@ class Context:
     sensors: tuple[SensorSpec, ...] = ()
     world: World | None = None
     map: OccupancyGrid | None = None
+    diagnostics_rate_hz: float = math.inf
 
 
 class Role(ABC):

@@ -36,6 +36,8 @@ __all__ = ["PLANNED", "QUIET", "START", "Choice", "Drive", "Gate", "box", "cross
 Floats = NDArray[np.float64]
 QUIET = ("platform.noise=false", "sensor.laser.noise=false", "sensor.sonars.noise=false")
 """Settings of a run without noise of the sensors and of the wheels."""
+EVERY_TICK = "avoider.diagnostics_rate_hz=20.0"
+"""The figures show the very tick in which the avoider turns away."""
 PLANNED = "run.stop_after=2.0"
 """Ends a run when the plan is there: the sweep takes 1.24 s."""
 GATE_LINE = 5.3
@@ -115,6 +117,7 @@ class _Onlooker:
         elif isinstance(message, GateStatus):
             self.sources.append((time, message.source))
         elif isinstance(message, AvoiderStatus) and self.choice is None and self.sources[-1][1] == "avoider":
+            assert message.diagnostics is not None  # EVERY_TICK
             self._look(time, message.diagnostics)
 
     def on_step(self, record: StepRecord) -> None:
@@ -178,7 +181,8 @@ def drive(*overrides: str, seed: int | None = None) -> Drive:
         ConfigError, PluginError: A plugin of the experiment is missing, or a change does not fit.
     """
     onlooker = _Onlooker()
-    episode = run_episode(load_config("paper", overrides, seed), observers=[onlooker])
+    loaded = load_config("paper", [EVERY_TICK, *overrides], seed)
+    episode = run_episode(loaded, observers=[onlooker])
     kept = onlooker.newest
     sweep, update, path, trajectory = (kept.get(kind) for kind in (Sweep, MapUpdate, Path, Trajectory))
     assert isinstance(sweep, Sweep)

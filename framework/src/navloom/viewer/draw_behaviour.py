@@ -32,11 +32,18 @@ LEVELS = {"succeeded": "INFO", "cancelled": "INFO"}
 
 
 def avoider_status(message: AvoiderStatus, seen: Seen) -> Drawn:
-    """What an avoider decided on. Of a shadow state and bars; of robots side by side the choice as well; else all."""
+    """What an avoider decided on. Of a shadow state and bars; of robots side by side the choice as well; else all.
+
+    In ticks without diagnostics the last ones stay in the picture.
+    """
     import rerun as rr
 
     name, what = seen.actor.name, message.diagnostics
     yield seen.lane("avoider"), Change(message.status, rr.StateChange(state=message.status))
+    if what is None:
+        if message.status != "trapped":
+            yield f"/log/{name}/avoider", Change("", None)
+        return
     if message.status == "trapped":
         text = f"{name}: {what.why}"
         yield f"/log/{name}/avoider", Change(text, rr.TextLog(text, level="WARN"))

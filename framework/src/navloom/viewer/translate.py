@@ -31,7 +31,7 @@ __all__ = ["BUILT_IN"]
 
 ALL = math.inf
 BUILT_IN: tuple[Panel, ...] = (
-    Panel("avoider", AvoiderStatus, draw_behaviour.avoider_status, 5.0),
+    Panel("avoider", AvoiderStatus, draw_behaviour.avoider_status, ALL),
     Panel("command", Command, draw_motion.command, 10.0),
     Panel("tracking", TrackingCommand, draw_motion.tracking_command, 10.0),
     Panel("goal", Feedback, draw_behaviour.feedback, ALL),

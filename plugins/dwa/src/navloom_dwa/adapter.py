@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
 from navloom_improved_vfh.avoidance import Beams
 from navloom_improved_vfh.certainty import THIN_BEAM
+from numpy.typing import NDArray
 
 from navloom_dwa import warming
 from navloom_dwa.avoidance import Decision, DynamicWindow, Given, Robot
@@ -48,7 +50,8 @@ class Dwa(Avoider):
             (given.target.x, given.target.y), given.remaining, given.share,
         )  # fmt: skip
         decision = self._method.step(lasers, cones, now)
-        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision, now))
+        why = self._diagnostics(decision, now) if self.is_to_explain(given.stamp_ns, decision.status) else None
+        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision, now: Given) -> AvoiderDiagnostics:
         """The costs by the direction their arcs lead in stand for the histogram; 1 is what cannot be driven."""
@@ -59,7 +62,7 @@ class Dwa(Avoider):
         chosen = math.remainder(directions[decision.arc], math.tau) if decision.arc >= 0 else None
         return AvoiderDiagnostics(
             occupied_picture(method.distance), cell, float(method.origin[0]) * cell,
-            float(method.origin[1]) * cell, histogram, 1.0, slots, chosen, decision.why,
+            float(method.origin[1]) * cell, histogram, 1.0, slots, chosen, method.why(decision),
         )  # fmt: skip
 
 
@@ -70,8 +73,14 @@ def is_laser(scan: RangeScan) -> bool:
 
 def beams_of(scan: RangeScan, sensor: int) -> Beams:
     """One scan as beams; `sensor` is its number."""
-    limits = np.broadcast_to(np.array([scan.range_min, scan.range_max]), (scan.ranges.size, 2)).copy()
-    return Beams(scan.origins, scan.bearings, scan.half_angles, scan.ranges, limits, np.full(scan.ranges.size, sensor))
+    limits, sensors = _fixed(scan.ranges.size, scan.range_min, scan.range_max, sensor)
+    return Beams(scan.origins, scan.bearings, scan.half_angles, scan.ranges, limits, sensors)
+
+
+@lru_cache(maxsize=32)
+def _fixed(count: int, low: float, high: float, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """What does not change from scan to scan of a sensor: the limits of its beams, m, and its number for each."""
+    return np.tile([low, high], (count, 1)), np.full(count, sensor)
 
 
 def split_scans(scans: Sequence[RangeScan]) -> tuple[list[Beams], Beams | None]:

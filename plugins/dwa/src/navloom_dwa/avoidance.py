@@ -77,15 +77,16 @@ class Decision:
 
     Attributes:
         speed: m/s. turn: rad/s. status: As the Avoider role names it.
-        arc: Index of the arc chosen, -1 where none is.
-        why: One phrase.
+        arc, pace: Indices of the arc chosen and of the speed on it, -1 where none is.
+        why: One phrase; empty where an arc was chosen, see DynamicWindow.why().
     """
 
     speed: float
     turn: float
     status: Literal["clear", "steering", "trapped"]
     arc: int
-    why: str
+    why: str = ""
+    pace: int = -1
 
 
 def is_standing(v: float, w: float) -> bool:
@@ -234,9 +235,10 @@ class DynamicWindow:
         if arc < 0 or self.progress.stalled > p.patience:
             # Braking on the arc that was found free a tick ago keeps it free, whatever the noise says now.
             turn = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STANDING[0] else 0.0
-            return self._send(0.0, turn, "steering", -1, "nothing of the window is free: braking")
+            return self._send(0.0, turn, "nothing of the window is free: braking")
         self.trend.note(v, w, p.slow, given.pose)
-        return self._send(v, w, "clear" if is_clear else "steering", arc, self._reason(arc, speed))
+        self._sent = (v, w)
+        return Decision(v, w, "clear" if is_clear else "steering", arc, pace=speed)
 
     def _look(self, given: Given, obstacles: Floats, gaps: Floats) -> None:
         """Fill window, arcs, contacts, field and costs."""
@@ -295,27 +297,30 @@ class DynamicWindow:
             obstacles, gaps, self.edges, given.twist, command, self.period, r.max_acceleration, r.max_deceleration,
             self.turn_acceleration, self.margin, self.in_flight, r.motor_lag, r.dead_time,
         ):  # fmt: skip
-            return self._send(*command, "steering", -1, f"blocked: backing up, {way:.2f} of {p.back_up:g} m")
+            return self._send(*command, f"blocked: backing up, {way:.2f} of {p.back_up:g} m")
         self._backing = None
         if way < STANDING[0]:
             return self._give_up(given, "blocked, and no room to back up")
-        return self._send(0.0, 0.0, "steering", -1, f"backed up {way:.2f} m")
+        return self._send(0.0, 0.0, f"backed up {way:.2f} m")
 
-    def _send(self, v: float, w: float, status: Literal["clear", "steering"], arc: int, why: str) -> Decision:
+    def _send(self, v: float, w: float, why: str) -> Decision:
+        """Drive what is on no arc of the window."""
         self._sent = (v, w)
-        return Decision(v, w, status, arc, why)
+        return Decision(v, w, "steering", -1, why)
 
     def _give_up(self, given: Given, why: str) -> Decision:
         self.trap.place, self.trap.target = given.pose, given.target
         self._sent, self._backing = (0.0, 0.0), None
         return Decision(0.0, 0.0, "trapped", -1, "trapped: " + why)
 
-    def _reason(self, arc: int, speed: int) -> str:
-        """The window, how much of it may be driven, and what was chosen."""
-        low, high, right, left = self.window
+    def why(self, decision: Decision) -> str:
+        """One phrase for the decision of the last tick: the window, how much of it may be driven, what was chosen."""
+        if decision.arc < 0:
+            return decision.why
+        arc, (low, high, right, left) = decision.arc, self.window
         free = int(np.isfinite(self.costs).sum())
         ahead = "nothing" if math.isinf(self.contacts[arc]) else f"contact in {self.contacts[arc]:.2f} m"
         return (
             f"window {low:.2f}..{high:.2f} m/s, {math.degrees(right):+.0f}..{math.degrees(left):+.0f} deg/s: "
-            f"{free} of {self.costs.size} admissible, cost {self.costs[arc, speed]:.2f}, {ahead} on the arc"
+            f"{free} of {self.costs.size} admissible, cost {self.costs[arc, decision.pace]:.2f}, {ahead} on the arc"
         )

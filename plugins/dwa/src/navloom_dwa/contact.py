@@ -65,7 +65,9 @@ def polygon_contact(x: float, y: float, edges: NDArray[np.float64], margin: floa
         for j in range(edges.shape[0]):
             if j != i:
                 beyond = rho * (edges[j, 0] * ux + edges[j, 1] * uy) + edges[j, 1] * centre - edges[j, 2] - margin
-                inside = inside and beyond <= 1.0e-9
+                if beyond > 1.0e-9:
+                    inside = False
+                    break
         if inside:
             angle = (-sign * math.atan2(qx * uy - qy * ux, qx * ux + qy * uy)) % TURN
             best = min(best, 0.0 if angle > TURN - 1.0e-9 else angle)

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 Counts = NDArray[np.int32]
 Cells = NDArray[np.int64]
 SAMPLES = 24  # of the critics along an arc
+A_LITTLE_MORE = 1.0 + 1.0e-9  # so that rounding of squares decides nothing
 GOAL_DISTANCE, GOAL_ALIGN, PATH_DISTANCE, PATH_ALIGN, OBSTACLE, CONTACT, TURNING = range(7)
 
 
@@ -27,16 +28,38 @@ def goal_distance(cost_to_go: Counts, origin: Cells, cell: float, x: float, y: f
 
 
 @njit(cache=True, nogil=True)
-def path_distance(path: Floats, x: float, y: float) -> float:
-    """Distance of a place from a polyline (k, 2), m, one frame. At the nose it is the path align critic."""
-    least = np.inf
-    for k in range(path.shape[0] - 1):
-        ax, ay = path[k, 0], path[k, 1]
-        dx, dy = path[k + 1, 0] - ax, path[k + 1, 1] - ay
-        square = dx * dx + dy * dy
-        share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square)) if square > 0.0 else 0.0
-        least = min(least, math.hypot(x - ax - share * dx, y - ay - share * dy))
-    return least if path.shape[0] > 1 else 0.0
+def segments_of(path: Floats) -> Floats:
+    """(k - 1, 5) start x, y, and vector x, y, m, and its square, m², of the segments of a polyline (k, 2), m."""
+    segments = np.empty((max(0, path.shape[0] - 1), 5))
+    for k in range(segments.shape[0]):
+        dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3] = path[k, 0], path[k, 1], dx, dy
+        segments[k, 4] = dx * dx + dy * dy
+    return segments
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def path_distance(segments: Floats, x: float, y: float) -> float:
+    """Distance of a place from a polyline of segments_of(), m, one frame. At the nose it is the path align critic.
+
+    Squares tell the nearest segment. Of those whose squares rounding could confuse, the distances are compared.
+    """
+    if segments.shape[0] == 0:
+        return 0.0
+    least, square, near_x, near_y = np.inf, np.inf, np.inf, np.inf
+    for k in range(segments.shape[0]):
+        dx, dy = x - segments[k, 0], y - segments[k, 1]
+        along = dx * segments[k, 2] + dy * segments[k, 3]
+        if along > 0.0:
+            share = along / segments[k, 4] if along < segments[k, 4] else 1.0
+            dx, dy = dx - share * segments[k, 2], dy - share * segments[k, 3]
+        found = dx * dx + dy * dy
+        if A_LITTLE_MORE * found < square:
+            least, square, near_x, near_y = np.inf, found, dx, dy
+        elif found <= A_LITTLE_MORE * square:
+            least = min(least, math.hypot(dx, dy), math.hypot(near_x, near_y))
+            square = min(square, found)
+    return min(least, math.hypot(near_x, near_y))
 
 
 @njit(cache=True, nogil=True)
@@ -80,7 +103,7 @@ def arc_profile(
     nose: float,
     remaining: float,
     capture: float,
-    path: Floats,
+    segments: Floats,
     cost_to_go: Counts,
     distance: Counts,
     origin: Cells,
@@ -97,7 +120,7 @@ def arc_profile(
         pose: Of the base in the pose frame. target: m, base frame.
         nose: The align critics score this far ahead of the base, m, or as far as the target where that is nearer.
         remaining: Way after the target, m. capture: The target is passed when nearer than this, m.
-        path: (k, 2), pose frame, m. cost_to_go, distance, origin, cell: Of field.fill_field().
+        segments: Of segments_of(), pose frame. cost_to_go, distance, origin, cell: Of field.fill_field().
         inner, soft: As for obstacle_nearness(). weights: (7,). sums: (k,), filled: sums[i] over samples 0 .. i.
     """
     heading = pose[2]
@@ -125,9 +148,9 @@ def arc_profile(
             ahead = goal_distance(cost_to_go, origin, cell, ahead_x, ahead_y)
         value = weights[GOAL_DISTANCE] * to_go + weights[GOAL_ALIGN] * ahead
         if weights[PATH_DISTANCE] > 0.0:
-            value += weights[PATH_DISTANCE] * path_distance(path, x, y)
+            value += weights[PATH_DISTANCE] * path_distance(segments, x, y)
         if weights[PATH_ALIGN] > 0.0:
-            value += weights[PATH_ALIGN] * path_distance(path, ahead_x, ahead_y)
+            value += weights[PATH_ALIGN] * path_distance(segments, ahead_x, ahead_y)
         clearance = field_value(distance, origin, cell, x, y) * cell / CHAMFER
         value += weights[OBSTACLE] * obstacle_nearness(clearance, inner, soft)
         total += value
@@ -174,14 +197,15 @@ def score_critics(
     Args:
         arcs, limits, contacts: As for objective.score_1997(). target: m, base frame. horizon: s.
         trend: Sign of the last turn in place, 0 where it does not bind. slow: See is_oscillating().
-        rotation: `within`, m, and `allowed`, rad, of must_rotate(). costs: (m, n), filled; +inf not admissible.
+        path: (k, 2), pose frame, m. rotation: `within`, m, and `allowed`, rad, of must_rotate().
+        costs: (m, n), filled; +inf not admissible.
         The others: As for arc_profile().
     """
     count = costs.shape[1]
     fastest = 1.0e-6
     for j in range(arcs.shape[0]):
         fastest = max(fastest, arcs[j, 3])
-    sums = np.empty(SAMPLES)
+    sums, segments = np.empty(SAMPLES), segments_of(path)
     step = fastest * horizon / (sums.size - 1)
     bearing = math.atan2(target[1], target[0])
     rotates = must_rotate(math.hypot(target[0], target[1]), bearing, rotation[0], rotation[1])
@@ -190,9 +214,11 @@ def score_critics(
         v, w, low, high = arcs[j, 0], arcs[j, 1], arcs[j, 2], arcs[j, 3]
         if low > high or low > limits[j]:
             continue
+        # No speed of the arc reads a sum beyond that of its highest.
+        read = min(sums.size, int(min(high, limits[j]) * horizon / step) + 2)
         arc_profile(
-            v, w, contacts[j], step, pose, target, nose, remaining, capture, path,
-            cost_to_go, distance, origin, cell, inner, soft, weights, sums,
+            v, w, contacts[j], step, pose, target, nose, remaining, capture, segments,
+            cost_to_go, distance, origin, cell, inner, soft, weights, sums[:read],
         )  # fmt: skip
         for i in range(count):
             u = low + (high - low) * i / (count - 1)

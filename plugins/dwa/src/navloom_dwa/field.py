@@ -47,23 +47,30 @@ def obstacle_distance(
         if 0 <= row < rows and 0 <= column < cols:
             distance[row, column] = 0
     for r in range(rows):
+        if r > 0:
+            spread_from(distance[r - 1], distance[r])
+        best = FARTHEST
         for k in range(cols):
-            best = distance[r, k]
-            if k > 0:
-                best = min(best, distance[r, k - 1] + 3)
-            if r > 0:
-                best = min(best, distance[r - 1, k] + 3)
-                best = min(best, distance[r - 1, max(k - 1, 0)] + 4, distance[r - 1, min(k + 1, cols - 1)] + 4)
+            best = min(best + 3, distance[r, k])
             distance[r, k] = best
     for r in range(rows - 1, -1, -1):
+        if r < rows - 1:
+            spread_from(distance[r + 1], distance[r])
+        best = FARTHEST
         for k in range(cols - 1, -1, -1):
-            best = distance[r, k]
-            if k < cols - 1:
-                best = min(best, distance[r, k + 1] + 3)
-            if r < rows - 1:
-                best = min(best, distance[r + 1, k] + 3)
-                best = min(best, distance[r + 1, max(k - 1, 0)] + 4, distance[r + 1, min(k + 1, cols - 1)] + 4)
+            best = min(best + 3, distance[r, k])
             distance[r, k] = best
+
+
+@njit(cache=True, nogil=True)
+def spread_from(before: Counts, row: Counts) -> None:
+    """Chamfer steps from one row to the next, in place. No cell waits for its neighbour, so several go at once."""
+    last = row.size - 1
+    row[0] = min(row[0], before[0] + 3, before[1] + 4)
+    row[last] = min(row[last], before[last] + 3, before[last - 1] + 4)
+    left, above, right, inner = before[:-2], before[1:-1], before[2:], row[1:-1]
+    for k in range(inner.size):
+        inner[k] = min(inner[k], above[k] + 3, min(left[k], right[k]) + 4)
 
 
 @njit(cache=True, nogil=True)
@@ -98,15 +105,12 @@ def spread(costs: NDArray[np.uint8], seeds: Counts, cost_to_go: Counts) -> None:
     """
     rows, cols = costs.shape
     wide = cols + 2  # with a rim that the wave has already passed, no cell has to ask whether it is at the border
-    along, across = np.zeros((rows + 2) * wide, np.int32), np.zeros((rows + 2) * wide, np.int32)
+    along, across = np.zeros((rows + 2) * wide, np.uint8), np.array([14 * cost // 10 for cost in range(256)])
     reached = np.full((rows + 2) * wide, -1, np.int32)
-    count = 0
     for r in range(rows):
-        for k in range(cols):
-            place = (r + 1) * wide + k + 1
-            along[place], across[place] = costs[r, k], 14 * costs[r, k] // 10
-            reached[place] = FARTHEST
-            count += seeds[r, k] >= 0
+        inner = slice((r + 1) * wide + 1, (r + 1) * wide + 1 + cols)
+        along[inner], reached[inner] = costs[r], FARTHEST
+    count = np.count_nonzero(seeds >= 0)
     seed_place, seed_cost = np.empty(count, np.int32), np.empty(count, np.int32)
     count = 0
     for r in range(rows):
@@ -137,14 +141,13 @@ def spread(costs: NDArray[np.uint8], seeds: Counts, cost_to_go: Counts) -> None:
                 continue
             for turn in range(8):
                 near = place + steps[turn]
-                value = level + (along[near] if turn < 4 else across[near])
+                value = level + (along[near] if turn < 4 else across[along[near]])
                 if value < reached[near]:
                     reached[near] = value
                     used = enter(value % BUCKETS, near, first, following, held, used)
         level += 1
     for r in range(rows):
-        for k in range(cols):
-            cost_to_go[r, k] = reached[(r + 1) * wide + k + 1]
+        cost_to_go[r] = reached[(r + 1) * wide + 1 : (r + 1) * wide + 1 + cols]
 
 
 @njit(cache=True, nogil=True)

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from navloom_improved_vfh.clearance import outside_distance
 from numba import njit
 from numpy.typing import NDArray
 
@@ -21,6 +20,29 @@ def ramp(now: float, wanted: float, up: float, down: float, time: float) -> floa
     """Speed after a time, s, on the way to the wanted one: `up` away from 0, `down` towards it, as the gate does it."""
     rate = up if abs(wanted) > abs(now) and wanted * now >= 0.0 else down
     return min(max(wanted, now - rate * time), now + rate * time)
+
+
+@njit(cache=True, nogil=True)
+def is_nearer(edges: Floats, x: float, y: float, distance: float) -> bool:
+    """Whether clearance.outside_distance() of a point is less than a distance, m: most are told by one side or two."""
+    is_beyond = False
+    for k in range(edges.shape[0]):
+        is_beyond = edges[k, 0] * x + edges[k, 1] * y - edges[k, 2] >= distance
+        if is_beyond:
+            break
+    return not is_beyond
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def reach_of(edges: Floats, margin: float) -> float:
+    """Distance from the base, m, of the farthest corner of a footprint whose sides are moved out by a margin, m."""
+    reach = 0.0
+    for k in range(edges.shape[0]):
+        nx, ny, offset = edges[k - 1, 0], edges[k - 1, 1], edges[k - 1, 2] + margin
+        across, other = nx * edges[k, 1] - ny * edges[k, 0], edges[k, 2] + margin
+        x, y = (offset * edges[k, 1] - other * ny) / across, (other * nx - offset * edges[k, 0]) / across
+        reach = max(reach, math.hypot(x, y) if across != 0.0 else np.inf)
+    return reach
 
 
 @njit(cache=True, nogil=True)
@@ -59,6 +81,7 @@ def stays_free(
     keeps = math.exp(-step / lag) if lag > 0.0 else 0.0
     x, y, heading, elapsed = 0.0, 0.0, 0.0, 0.0
     rest = period + delay + 0.5 * abs(w) / turn_down
+    rim = reach_of(edges, margin)
     for _ in range(LONGEST + 4):
         driven = elapsed - dead_time
         if driven < -1.0e-9:
@@ -76,9 +99,13 @@ def stays_free(
         speed = faster
         elapsed += step
         c, s = math.cos(heading), math.sin(heading)
+        # No point of the footprint has moved by more: what is farther from where it was is not met yet.
+        met = margin + math.hypot(x, y) + abs(heading) * rim + 1.0e-6
         for i in range(count):
+            if gaps[i] > met:
+                break
             dx, dy = obstacles[i, 0] - x, obstacles[i, 1] - y
-            if outside_distance(edges, dx * c + dy * s, dy * c - dx * s) < obstacles[i, 2] - 1.0e-6:
+            if is_nearer(edges, dx * c + dy * s, dy * c - dx * s, obstacles[i, 2] - 1.0e-6):
                 return False
         if abs(speed) <= (STOPPED if lag > 0.0 else 0.0) and elapsed >= rest - 1.0e-9:
             return True

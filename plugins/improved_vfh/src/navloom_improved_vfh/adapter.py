@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 from navloom import Avoidance as Answer
-from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
 
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.avoidance import Avoidance, Beams, Decision, Robot
-from navloom_improved_vfh.certainty import THIN_BEAM
+from navloom_improved_vfh.joining import Joiner
 from navloom_improved_vfh.params import ImprovedVfhParams
-from navloom_improved_vfh.smoothing import smoothed, warm_up_smoothing
+from navloom_improved_vfh.smoothing import warm_up_smoothing
 
-__all__ = ["ImprovedVfh", "less_noisy"]
+__all__ = ["ImprovedVfh"]
 
 
 class ImprovedVfh(Avoider):
@@ -30,7 +30,7 @@ class ImprovedVfh(Avoider):
             r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
         )  # fmt: skip
         self._method = Avoidance(params, robot, context.period)
-        self._fixed: dict[tuple[tuple[int, float, float], ...], tuple[np.ndarray, np.ndarray]] = {}
+        self._joiner = Joiner(Beams, params.agreement)
 
     def reset(self) -> None:
         self._method.reset()
@@ -42,28 +42,12 @@ class ImprovedVfh(Avoider):
 
     def avoid(self, given: AvoiderInput) -> Answer:
         pose, target = given.estimate.pose, given.target
-        beams = self._beams(given.scans) if given.scans else None
+        beams = self._joiner.join(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
         twist = given.estimate.twist
         decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
-        return Answer(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
-
-    def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
-        """All beams of this tick in one set; what does not change from scan to scan is made once."""
-        key = tuple((len(scan.ranges), scan.range_min, scan.range_max) for scan in scans)
-        if key not in self._fixed:
-            limits = np.array([(low, high) for n, low, high in key for _ in range(n)]).reshape(-1, 2)
-            self._fixed[key] = limits, np.repeat(np.arange(len(key)), [n for n, _, _ in key])
-        limits, sensors = self._fixed[key]
-        # Copies even of a single scan: numba would compile once more for read-only arrays, in the first tick.
-        return Beams(
-            np.concatenate([scan.origins for scan in scans]),
-            np.concatenate([scan.bearings for scan in scans]),
-            np.concatenate([scan.half_angles for scan in scans]),
-            np.concatenate([less_noisy(scan, self.params.agreement) for scan in scans]),
-            limits,
-            sensors,
-        )
+        why = self._diagnostics(decision) if self.is_to_explain(given.stamp_ns, decision.status) else None
+        return Answer(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision) -> AvoiderDiagnostics:
         p, method = self.params, self._method
@@ -76,10 +60,3 @@ class ImprovedVfh(Avoider):
             method.grid, method.cell, float(corner[0]), float(corner[1]), method.density, p.threshold,
             slots, decision.direction, decision.why,
         )  # fmt: skip
-
-
-def less_noisy(scan: RangeScan, agreement: float) -> np.ndarray:
-    """Ranges of a scan, m; those of a laser averaged as in smoothing.smoothed() where `agreement`, m, is not 0."""
-    if agreement == 0.0 or not (scan.half_angles < THIN_BEAM).all():
-        return scan.ranges
-    return smoothed(scan.ranges, scan.range_max, agreement)

@@ -187,6 +187,7 @@ class Avoidance:
         self.slots = np.zeros((n // 2 + 1, 2), np.int64)
         self._directions = np.zeros(3 * (n // 2 + 1))
         self._is_laser = False
+        self._beams: Beams | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -256,14 +257,16 @@ class Avoidance:
     def sense(self, beams: Beams, pose: Pose) -> None:
         """Enter the readings of one tick into the window."""
         p = self.params
-        is_laser = bool((beams.half_angles < THIN_BEAM).all())
-        if is_laser != self._is_laser:
-            self._is_laser = is_laser
-            self._open_window()
-        sensors = beams.sensors if p.conflict == "seen_through" else np.full_like(beams.sensors, -1)
+        if beams is not self._beams:  # else only the ranges are others
+            is_laser = bool((beams.half_angles < THIN_BEAM).all())
+            if is_laser != self._is_laser:
+                self._is_laser = is_laser
+                self._open_window()
+            self._beams = beams
+            self._sensors = beams.sensors if p.conflict == "seen_through" else np.full_like(beams.sensors, -1)
         insert_beams(
             self.grid, self.origin, self.cell, pose, beams.origins, beams.bearings, beams.half_angles,
-            beams.ranges, beams.limits, sensors, p.clear_margin,
+            beams.ranges, beams.limits, self._sensors, p.clear_margin,
             p.blind_depth, p.clears_blind_zone, p.reset_scope == "window",
             self.heard, p.consistency,
         )  # fmt: skip

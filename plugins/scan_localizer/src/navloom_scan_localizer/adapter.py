@@ -18,7 +18,7 @@ from navloom import (
 from numpy.typing import NDArray
 
 from navloom_scan_localizer import beams, matching, search, surface
-from navloom_scan_localizer.judging import Judge
+from navloom_scan_localizer.judging import Judge, position_sigma
 from navloom_scan_localizer.maps import field_of_map
 from navloom_scan_localizer.params import ScanMatchingParams, ScanOdometryParams
 from navloom_scan_localizer.surface import LocalSurface
@@ -108,15 +108,15 @@ class ScanOdometry(Localizer):
         tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
         self._stamp_ns = odometry.stamp_ns
         points = [_points(scan, odometry, self.params) for scan in given.scans if isinstance(scan, RangeScan)]
-        joined = np.concatenate(points) if points else np.empty((0, 4))
-        joined = joined[np.hypot(joined[:, 0], joined[:, 1]) <= self.params.max_range]
+        joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
+        joined = joined[: beams.keep_near(joined, self.params.max_range)]
         if len(joined):
             if self._scans:
                 tracker.correct(joined)
             self._learn(joined)
         covariance = tracker.covariance + self._drift
-        sigma = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-        limit, is_lost = self.params.lost_sigma, sigma > self.params.lost_sigma
+        sigma, limit = position_sigma(covariance, self.params.lost_sigma), self.params.lost_sigma
+        is_lost = sigma > limit
         why = f"the position has a standard deviation of {sigma:.2f} m, more than {limit:g} m" if is_lost else ""
         pose = Pose2D(*tracker.pose.tolist())
         state: Literal["tracking", "lost"] = "lost" if is_lost else "tracking"

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["beam_points", "warm_up"]
+__all__ = ["beam_points", "keep_near", "warm_up"]
 
 Floats = NDArray[np.float64]
 
@@ -52,8 +52,20 @@ def beam_points(origins, bearings, half_angles, time_offsets, ranges, limits, mo
     return count
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def keep_near(beams, reach):  # type: ignore[no-untyped-def]
+    """Move those rows of `beam_points` to the front, in place, that end within a reach, m; gives how many they are."""
+    count = 0
+    for i in range(beams.shape[0]):
+        if math.hypot(beams[i, 0], beams[i, 1]) <= reach:
+            beams[count] = beams[i]
+            count += 1
+    return count
+
+
 def warm_up() -> None:
-    """Compile the kernel for arrays of messages, which are read-only, and for writable ones."""
+    """Compile the kernels, for arrays of messages, which are read-only, and for writable ones."""
+    keep_near(np.zeros((1, 4)), 1.0)
     for is_writable in (True, False):
         one, place = np.ones(1), np.zeros((1, 2))
         one.flags.writeable = place.flags.writeable = is_writable

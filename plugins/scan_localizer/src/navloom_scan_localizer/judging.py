@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from navloom_scan_localizer.search import candidates
 from navloom_scan_localizer.tracking import PoseTracker
 
-__all__ = ["Judge"]
+__all__ = ["Judge", "position_sigma"]
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +23,16 @@ _BETTER = 0.1
 """Share of the echoes that another place must fit more than the pose to be taken."""
 _ALIKE = 0.02
 """Shares that differ by less are alike: then the place nearest to the pose is taken."""
+
+
+def position_sigma(covariance: Floats, limit: float) -> float:
+    """Largest standard deviation of the position in any direction, m; 0 where it is clearly below a limit, m.
+
+    The trace, which is never less than the largest eigenvalue, spares most scans the decomposition.
+    """
+    if 1.01 * (covariance[0, 0] + covariance[1, 1]) < limit * limit:
+        return 0.0
+    return math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
 
 
 class Judge:
@@ -80,7 +90,7 @@ class Judge:
         s, share = self._tracker.settings, self._tracker.share
         if share is not None and share < s.trusted_share:
             return f"{share:.0%} of the echoes fit the map, less than {s.trusted_share:.0%}"
-        sigma = math.sqrt(float(np.linalg.eigvalsh(self._tracker.covariance[:2, :2])[-1]))
+        sigma = position_sigma(self._tracker.covariance, s.lost_sigma)
         if sigma > s.lost_sigma:
             return f"the position has a standard deviation of {sigma:.2f} m, more than {s.lost_sigma:g} m"
         return ""

@@ -98,7 +98,8 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
     along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
     turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(step[2]) + s.rest_turn_noise**2 * time
     axes = np.array([[c, -sn, 0.0], [sn, c, 0.0], [0.0, 0.0, 1.0]])
-    noise = axes @ np.diag([along, across, turn]) @ axes.T
+    # A diagonal in the middle weighs the columns: a product of matrices that adds nothing but zeros.
+    noise = (axes * np.array([along, across, turn])) @ axes.T
     result: Floats = jacobian @ covariance @ jacobian.T + noise
     return result
 

@@ -93,9 +93,9 @@ def _crossing(window: Floats, gaps: Floats, k: int, distance: float) -> tuple[fl
     """Where the gap reaches the distance, between samples k - 1 and k."""
     if k == 0:
         return float(window[0, 1]), float(window[0, 2])
-    share = (distance - gaps[k - 1]) / (gaps[k] - gaps[k - 1])
-    point = window[k - 1, 1:3] + share * (window[k, 1:3] - window[k - 1, 1:3])
-    return float(point[0]), float(point[1])
+    share = float((distance - gaps[k - 1]) / (gaps[k] - gaps[k - 1]))
+    (x, y), (x_after, y_after) = window[k - 1, 1:3].tolist(), window[k, 1:3].tolist()
+    return x + share * (x_after - x), y + share * (y_after - y)
 
 
 def _beyond(end: Floats, x: float, y: float, distance: float) -> tuple[float, float]:

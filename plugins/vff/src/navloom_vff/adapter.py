@@ -42,7 +42,8 @@ class Vff(Avoider):
         beams = self._beams(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
         decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
-        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
+        why = self._diagnostics(decision) if self.is_to_explain(given.stamp_ns, decision.status) else None
+        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
         """All beams of this tick in one set; their limits do not change from scan to scan and are made once."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
-from navloom_improved_vfh.adapter import less_noisy
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
+from navloom_improved_vfh.joining import Joiner
 from navloom_improved_vfh.smoothing import warm_up_smoothing
 from navloom_vff.avoidance import Beams, Decision, Robot
+from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance
 from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance, VfhStarAvoidance
@@ -16,6 +17,7 @@ from navloom_vfh.params import VfhParams, VfhPlusParams, VfhStarParams
 
 __all__ = ["Vfh", "VfhPlus", "VfhStar"]
 
+Floats = NDArray[np.float64]
 WARM_UP_ROBOT = Robot(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]), 0.5, 0.4, 0.5, 1.0)
 
 
@@ -32,7 +34,7 @@ class _HistogramAvoider(Avoider):
             r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
         )  # fmt: skip
         self._method = self._make(params, robot, context.period)
-        self._limits: dict[tuple[tuple[int, float, float], ...], np.ndarray] = {}
+        self._joiner = Joiner(_beams_of, self._method.common.agreement)
 
     def reset(self) -> None:
         self._method.reset()
@@ -44,26 +46,11 @@ class _HistogramAvoider(Avoider):
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         pose, twist, target = given.estimate.pose, given.estimate.twist, given.target
-        beams = self._beams(given.scans) if given.scans else None
+        beams = self._joiner.join(given.scans) if given.scans else None
         place = (pose.x, pose.y, pose.heading)
         decision = self._method.step(beams, place, (twist.vx, twist.wz), (target.x, target.y), given.share)
-        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, self._diagnostics(decision))
-
-    def _beams(self, scans: tuple[RangeScan, ...]) -> Beams:
-        """All beams of this tick in one set; their limits do not change from scan to scan and are made once."""
-        key = tuple([(len(scan.ranges), scan.range_min, scan.range_max) for scan in scans])
-        limits = self._limits.get(key)
-        if limits is None:
-            limits = np.array([(low, high) for n, low, high in key for _ in range(n)]).reshape(-1, 2)
-            self._limits[key] = limits
-        # Copies even of a single scan: numba would compile once more for read-only arrays, in the first tick.
-        return Beams(
-            np.concatenate([scan.origins for scan in scans]),
-            np.concatenate([scan.bearings for scan in scans]),
-            np.concatenate([scan.half_angles for scan in scans]),
-            np.concatenate([less_noisy(scan, self._method.common.agreement) for scan in scans]),
-            limits,
-        )
+        why = self._diagnostics(decision) if self.is_to_explain(given.stamp_ns, decision.status) else None
+        return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision) -> AvoiderDiagnostics:
         method = self._method
@@ -98,6 +85,13 @@ class VfhStar(_HistogramAvoider):
     name = "vfh_star"
     Params = VfhStarParams
     _make = VfhStarAvoidance
+
+
+def _beams_of(
+    origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats, limits: Floats, sensors: object
+) -> Beams:
+    """Beams, whose sensor no method here asks for."""
+    return Beams(origins, bearings, half_angles, ranges, limits)
 
 
 def warm_up(method: HistogramAvoidance) -> None:

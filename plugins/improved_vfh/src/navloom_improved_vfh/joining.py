@@ -1,0 +1,94 @@
+"""The scans of a tick as one set of beams, in arrays that are kept from tick to tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_improved_vfh.certainty import THIN_BEAM
+from navloom_improved_vfh.smoothing import smoothed
+
+__all__ = ["Joiner", "Scan"]
+
+Floats = NDArray[np.float64]
+B = TypeVar("B")
+
+
+class Scan(Protocol):
+    """One scan, base frame: what of a range scan's fields counts here."""
+
+    @property
+    def origins(self) -> Floats: ...
+    @property
+    def bearings(self) -> Floats: ...
+    @property
+    def half_angles(self) -> Floats: ...
+    @property
+    def ranges(self) -> Floats: ...
+    @property
+    def range_min(self) -> float: ...
+    @property
+    def range_max(self) -> float: ...
+
+
+class Joiner(Generic[B]):
+    """Joins scans; of sensors that stay where they are only the ranges are written anew.
+
+    The arrays are its own: numba would compile once more for those of messages, which are read-only.
+
+    Args:
+        make: Makes the beams, of origins, bearings, half angles, ranges, limits and numbers of the sensors.
+        agreement: Echoes of a laser that differ by no more are averaged, m, see smoothing.smoothed(); 0 for none.
+    """
+
+    def __init__(
+        self, make: Callable[[Floats, Floats, Floats, Floats, Floats, NDArray[np.int64]], B], agreement: float
+    ) -> None:
+        self._make, self._agreement = make, agreement
+        self._known: Sequence[Scan] = ()
+        self._lasers: list[bool] = []
+        self._ranges = np.empty(0)
+
+    def join(self, scans: Sequence[Scan]) -> B:
+        """All beams of a tick, one scan at least. The same object, with other ranges, until a sensor changes."""
+        if not self._is_known(scans):
+            self._open(scans)
+        at = 0
+        for scan, is_laser in zip(scans, self._lasers, strict=True):
+            end = at + scan.ranges.size
+            ranges = smoothed(scan.ranges, scan.range_max, self._agreement) if is_laser else scan.ranges
+            self._ranges[at:end] = ranges
+            at = end
+        return self._beams
+
+    def _is_known(self, scans: Sequence[Scan]) -> bool:
+        if len(scans) != len(self._known):
+            return False
+        for scan, known in zip(scans, self._known, strict=True):
+            if (
+                scan.origins is not known.origins
+                or scan.bearings is not known.bearings
+                or scan.half_angles is not known.half_angles
+                or scan.range_min != known.range_min
+                or scan.range_max != known.range_max
+            ):
+                return False
+        return True
+
+    def _open(self, scans: Sequence[Scan]) -> None:
+        self._known = scans
+        self._lasers = [self._agreement > 0.0 and bool((scan.half_angles < THIN_BEAM).all()) for scan in scans]
+        sizes = [scan.ranges.size for scan in scans]
+        limits = np.array([(scan.range_min, scan.range_max) for scan in scans]).repeat(sizes, axis=0)
+        self._ranges = np.empty(sum(sizes))
+        self._beams = self._make(
+            np.concatenate([scan.origins for scan in scans]),
+            np.concatenate([scan.bearings for scan in scans]),
+            np.concatenate([scan.half_angles for scan in scans]),
+            self._ranges,
+            limits,
+            np.arange(len(scans)).repeat(sizes),
+        )

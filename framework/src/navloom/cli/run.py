@@ -95,9 +95,11 @@ def is_reached(summary: Mapping[str, Any]) -> bool:
 
 
 def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
-    """What plugins broke, and which are slower than the robot that they drive."""
+    """What plugins broke, which ask for far too much, and which are slower than the robot that they drive."""
     for fault in episode.log.faults:
         say_so(fault)
+    for note in summary["notes"]:
+        say_so(note)
     for one in summary["slow"]:
         say_so(
             f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "

@@ -7,18 +7,17 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import PurePath
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from navloom.dataflow.door import LocalizerDoor, MapperDoor, PlannerDoor, PlatformDoor, TwistDoor
 from navloom.messages import (
     Avoidance,
     AvoiderStatus,
     Command,
-    MapUpdate,
     Message,
     Path,
-    PlanFailure,
     PoseEstimate,
     PoseTrack,
     RangeScan,
@@ -27,7 +26,6 @@ from navloom.messages import (
     TrackingCommand,
     Twist2D,
 )
-from navloom.messages.kinds import brief
 from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
 from navloom.roles import (
     Avoider,
@@ -42,15 +40,12 @@ from navloom.roles import (
     PlannerInput,
     Platform,
     PlatformInput,
-    PlatformOutput,
     Recovery,
     RecoveryInput,
     Role,
 )
 
 __all__ = ["Node", "Outputs", "Tick", "fault_text", "role_node"]
-
-A = TypeVar("A")
 
 Inputs = Mapping[str, Any]
 Outputs = list[tuple[str, Message]]
@@ -91,16 +86,13 @@ class PlatformNode:
 
     def __init__(self, plugin: Platform) -> None:
         self.plugin = plugin
-        self._sensors = [sensor.name for sensor in plugin.context.sensors]
+        self.door = PlatformDoor(plugin)
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         command, sweeps = given["command"], given["sweep"]
         twist = command.twist if command is not None else STILL
-        answer = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
-        got = _expect(answer, PlatformOutput, "advance")
-        for name in got.scans:
-            if name not in self._sensors:
-                raise ValueError(f"advance() gave a scan of {name!r}, expected one of {', '.join(self._sensors)}")
+        seen = PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns)
+        got = self.door.check(self.plugin.advance(seen), seen)
         out: Outputs = [("odometry", got.odometry), ("contact", got.contact), *got.scans.items()]
         if got.truth is not None:
             out.append(("truth", got.truth))
@@ -112,12 +104,12 @@ class LocalizerNode:
 
     def __init__(self, plugin: Localizer) -> None:
         self.plugin = plugin
+        self.door = LocalizerDoor(plugin)
         self.scans = _ScanReader()
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
-        scans = self.scans.read(given)
-        answer = self.plugin.localize(LocalizerInput(given["odometry"], scans, given["map"]))
-        return [("pose", _expect(answer, PoseEstimate, "localize"))]
+        seen = LocalizerInput(given["odometry"], self.scans.read(given), given["map"])
+        return [("pose", self.door.check(self.plugin.localize(seen), seen))]
 
 
 class MapperNode:
@@ -125,6 +117,7 @@ class MapperNode:
 
     def __init__(self, plugin: Mapper) -> None:
         self.plugin = plugin
+        self.door = MapperDoor(plugin)
         self.scans = _ScanReader()
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
@@ -132,8 +125,9 @@ class MapperNode:
         sweeps = tuple(message for message in data if isinstance(message, Sweep))
         scans = tuple(message for message in data if isinstance(message, RangeScan))
         track = _covering(given["track"], min((message.stamp_ns for message in data), default=tick.time_ns))
-        update = self.plugin.update(MapperInput(tick.time_ns, sweeps, scans, track, bool(given["clear"])))
-        return [] if update is None else [("map", _expect(update, MapUpdate, "update", " or None"))]
+        seen = MapperInput(tick.time_ns, sweeps, scans, track, bool(given["clear"]))
+        update = self.door.check(self.plugin.update(seen), seen)
+        return [] if update is None else [("map", update)]
 
 
 def _covering(poses: Track, since_ns: int) -> PoseTrack:
@@ -151,18 +145,18 @@ def _covering(poses: Track, since_ns: int) -> PoseTrack:
 
 
 class PlannerNode:
-    """The newest request to a path, or why there is none."""
+    """The newest request to a path, or why there is none. `tolerance` is the goal's, m."""
 
-    def __init__(self, plugin: Planner) -> None:
+    def __init__(self, plugin: Planner, tolerance: float) -> None:
         self.plugin = plugin
+        self.door = PlannerDoor(plugin, tolerance)
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         if given["map"] is None:
             return []
-        answer = self.plugin.plan(PlannerInput(given["plan"][-1], given["map"]))
-        if isinstance(answer, Path):
-            return [("path", answer)]
-        return [("failure", _expect(answer, PlanFailure, "plan", " or Path"))]
+        seen = PlannerInput(given["plan"][-1], given["map"])
+        answer = self.door.check(self.plugin.plan(seen), seen)
+        return [("path" if isinstance(answer, Path) else "failure", answer)]
 
 
 class ControllerNode:
@@ -170,10 +164,11 @@ class ControllerNode:
 
     def __init__(self, plugin: Controller) -> None:
         self.plugin = plugin
+        self.door = TwistDoor(plugin, TrackingCommand)
 
     def step(self, tick: Tick, given: Inputs) -> Outputs:
         seen = ControllerInput(tick.time_ns, given["trajectory"], given["reference"], given["pose"])
-        return [("command", _expect(self.plugin.control(seen), TrackingCommand, "control"))]
+        return [("command", self.door.check(self.plugin.control(seen)))]
 
 
 class AvoiderNode:
@@ -187,6 +182,7 @@ class AvoiderNode:
 
     def __init__(self, plugin: Avoider, rule: HandOverRule, look_ahead: float) -> None:
         self.plugin = plugin
+        self.door = TwistDoor(plugin, Avoidance)
         self.rule = rule
         self.look_ahead = look_ahead
         self.scans = _ScanReader()
@@ -206,7 +202,7 @@ class AvoiderNode:
             ahead,
             1.0 if status is None else status.share,
         )
-        answer = _expect(self.plugin.avoid(seen), Avoidance, "avoid")
+        answer = self.door.check(self.plugin.avoid(seen))
         desired = given["desired"].twist
         own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
         handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor, own)
@@ -222,6 +218,7 @@ class RecoveryNode:
 
     def __init__(self, plugin: Recovery) -> None:
         self.plugin = plugin
+        self.door = TwistDoor(plugin, RecoveryStep)
         self.scans = _ScanReader()
         self._attempt: object = None
         self._is_over = True
@@ -239,8 +236,9 @@ class RecoveryNode:
         if self._is_over:
             return []
         trail = np.array(self._trail).reshape(-1, 3)
+        trail.flags.writeable = False
         seen = RecoveryInput(tick.time_ns, scans, given["pose"], request.attempt, request.reason, starts, trail)
-        answer = _expect(self.plugin.recover(seen), RecoveryStep, "recover")
+        answer = self.door.check(self.plugin.recover(seen))
         self._is_over = answer.state != "running"
         return [("command", Command(answer.twist)), ("status", answer)]
 
@@ -268,13 +266,6 @@ class _ScanReader:
         return tuple(sorted(found, key=lambda message: message.stamp_ns))
 
 
-def _expect(answer: Any, kind: type[A], verb: str, other: str = "") -> A:
-    """A plugin's answer as it is; else others would be blamed for what they cannot read."""
-    if not isinstance(answer, kind):
-        raise TypeError(f"{verb}() returned {brief(answer)}, expected {kind.__name__}{other}")
-    return answer
-
-
 def fault_text(error: BaseException, source: Node | type[Role]) -> str:
     """What a node or a plugin's class raised, with the innermost line of the plugin's own code for its author."""
     cls = source if isinstance(source, type) else type(getattr(source, "plugin", source))
@@ -294,15 +285,22 @@ _NODES: dict[str, Callable[[Any], Node]] = {
     "platform": PlatformNode,
     "localizer": LocalizerNode,
     "mapper": MapperNode,
-    "planner": PlannerNode,
     "controller": ControllerNode,
     "recovery": RecoveryNode,
 }
 
 
-def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0) -> Node:
-    """The node for a plugin; an avoider's needs the hand-over rule and how far that looks along the robot's own way."""
+def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0, tolerance: float = 0.0) -> Node:
+    """The node for a plugin.
+
+    Args:
+        plugin: The plugin.
+        rule, look_ahead: For an avoider: who drives, and how far that looks along the robot's own way, m.
+        tolerance: For a planner: how near to its goal the robot must come, m.
+    """
     if isinstance(plugin, Avoider):
         assert rule is not None
         return AvoiderNode(plugin, rule, look_ahead)
+    if isinstance(plugin, Planner):
+        return PlannerNode(plugin, tolerance)
     return _NODES[plugin.role](plugin)

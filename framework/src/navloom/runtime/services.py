@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from navloom.config import ConfigError
+from navloom.dataflow.door import notes_of
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
 from navloom.plugins.registry import nearest
 from navloom.runtime.build import System, changed_params, configure
@@ -153,6 +154,7 @@ class Services:
             "busy_s": None if since is None else max(0.0, now - since),
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
+            "notes": notes_of(cell.node),
             "wall_ns": time.time_ns(),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},

@@ -113,7 +113,8 @@ class PlatformDoor(_Door):
         if given.sweep_request is not None:
             self._asked = max(self._asked, given.sweep_request.request_id)
         stamp_ns = answer.odometry.stamp_ns
-        self._check_moves("odometry", stamp_ns, self._odometry_ns)
+        if not self._odometry_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
+            self._refuse_stamp("odometry", stamp_ns, self._odometry_ns)
         self._odometry_ns = stamp_ns
         for name, scan in answer.scans.items():
             self._check_scan(name, scan)
@@ -126,15 +127,12 @@ class PlatformDoor(_Door):
             self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) where nothing is felt")
         if answer.truth is not None and not isinstance(answer.truth, Truth):
             self.refuse(f"gave truth={brief(answer.truth)}", "Truth or None")
-        if not isinstance(answer.scans, Mapping):
+        if answer.scans.__class__ is not dict and not isinstance(answer.scans, Mapping):
             self.refuse(f"gave scans={brief(answer.scans)}", "messages by sensor name, as {'laser': scan}")
 
-    def _check_moves(self, name: str, stamp_ns: int, before_ns: int) -> None:
+    def _refuse_stamp(self, name: str, stamp_ns: int, before_ns: int) -> NoReturn:
         self.check_ahead(name, stamp_ns, self._now_ns)
-        if stamp_ns < before_ns:
-            self.refuse(
-                f"gave {name} stamped {_seconds(stamp_ns)}", f"{_seconds(before_ns)} or later, as the one before"
-            )
+        self.refuse(f"gave {name} stamped {_seconds(stamp_ns)}", f"{_seconds(before_ns)} or later, as the one before")
 
     def _check_scan(self, name: str, scan: Message) -> None:
         if name not in self._sensors:
@@ -143,10 +141,12 @@ class PlatformDoor(_Door):
         if not isinstance(scan, wanted):
             given = type(scan).__name__ if isinstance(scan, Message) else brief(scan)
             self.refuse(f"gave {given} for the sensor {name!r}", wanted.__name__)
-        if not isinstance(scan, RangeScan | Sweep):
+        if not isinstance(scan, (RangeScan, Sweep)):
             return
-        self._check_moves(f"a scan of {name!r}", scan.stamp_ns, self._newest[name])
-        self._newest[name] = scan.stamp_ns
+        stamp_ns, before_ns = scan.stamp_ns, self._newest[name]
+        if not before_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
+            self._refuse_stamp(f"a scan of {name!r}", stamp_ns, before_ns)
+        self._newest[name] = stamp_ns
         if scan.range_min > scan.range_max:
             self.refuse(f"gave a scan of {name!r} with range_min {scan.range_min:g}", f"at most {scan.range_max:g} m")
         if isinstance(scan, Sweep) and not 0 <= scan.request_id <= self._asked:
@@ -217,7 +217,7 @@ class PlannerDoor(_Door):
 
     def check(self, answer: object, given: PlannerInput) -> Path | PlanFailure:
         """The answer as it is. Raises AnswerError."""
-        if not isinstance(answer, Path | PlanFailure):
+        if not isinstance(answer, (Path, PlanFailure)):
             self.refuse_type(answer, "Path or PlanFailure")
         request = given.request
         if answer.request_id != request.request_id:

@@ -532,6 +532,11 @@ def test_a_command_is_noted_from_ten_times_a_limit_on(
     assert [wanted in note for wanted, note in zip(notes, told, strict=True)] == [True] * len(notes)
 
 
+def test_a_plugin_that_keeps_no_context_drives_as_before(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(WrongController, "__init__", lambda self, params, context: setattr(self, "params", params))
+    assert drive(tmp_path).result.outcome == "succeeded"
+
+
 def test_a_world_scheme_that_breaks_is_blamed_by_name_and_line() -> None:
     line = inspect.getsourcelines(torn_world)[1] + 5
     with pytest.raises(PluginError) as caught:

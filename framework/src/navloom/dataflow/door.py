@@ -250,12 +250,14 @@ class TwistDoor(_Door, Generic[A]):
 
     def __init__(self, plugin: Role, kind: type[A]) -> None:
         super().__init__(plugin)
-        robot = plugin.context.robot
         self.notes: list[str] = []
         self._kind: type[A] = kind
-        self._who = f"{plugin.role} {plugin.context.instance}"
-        self._speed, self._turn = robot.max_linear, robot.max_angular
-        self._far_speed, self._far_turn = FAR * robot.max_linear, FAR * robot.max_angular
+        self._who, self._speed, self._turn = f"{plugin.role} {plugin.name}", math.inf, math.inf
+        context = getattr(plugin, "context", None)  # a plugin's own __init__ may not keep it
+        if context is not None:
+            self._who = f"{plugin.role} {context.instance}"
+            self._speed, self._turn = context.robot.max_linear, context.robot.max_angular
+        self._far_speed, self._far_turn = FAR * self._speed, FAR * self._turn
 
     def check(self, answer: object) -> A:
         """The answer as it is. Raises AnswerError."""

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import traceback
 from collections import deque
 from collections.abc import Callable, Mapping
-from pathlib import PurePath
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -27,6 +25,7 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
+from navloom.plugins.blame import raised_in
 from navloom.roles import (
     Avoider,
     AvoiderInput,
@@ -269,12 +268,7 @@ class _ScanReader:
 def fault_text(error: BaseException, source: Node | type[Role]) -> str:
     """What a node or a plugin's class raised, with the innermost line of the plugin's own code for its author."""
     cls = source if isinstance(source, type) else type(getattr(source, "plugin", source))
-    home = cls.__module__.partition(".")[0]
-    place = ""
-    for frame, line in traceback.walk_tb(error.__traceback__):
-        if frame.f_globals.get("__name__", "").partition(".")[0] == home:
-            place = f" ({PurePath(frame.f_code.co_filename).name}:{line})"
-    return f"{type(error).__name__}: {error}{place}"
+    return raised_in(error, cls)
 
 
 def _distance(pose: Any, point: Any) -> float:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,7 @@ from navloom import (
     Twist2D,
     hookimpl,
 )
+from navloom.cli.run import tell_faults
 from navloom.geometry.world import Raster, World
 from navloom.messages import Command, Sweep
 from navloom.plugins import Discovery, PluginError
@@ -518,6 +520,11 @@ def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
         f"It gave 20 rad/s of 0.436 ({SOURCE}:{line}); the gate limits it"
     )
     assert episode.log.faults == [] and episode.result.outcome == "timeout"
+
+
+def test_run_says_what_was_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[])), {"notes": ["46 times"], "slow": []})
+    assert "46 times" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -29,12 +29,18 @@ def rows(title: str) -> list[list[str]]:
     return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
+RULES = {"": "", "heading": ", in [-π, π]", "positive": ", > 0", "not_negative": ", >= 0", "stamp": ", >= 0"}
+"""How the page writes what a number is held to."""
+
+
 def written(kind: Kind) -> str:
     """A kind as the page writes it."""
     if kind.array is not None:
         text = f"{kind.array.dtype} ({', '.join(map(str, kind.array.shape))})"
         text += ", +inf allowed" if kind.array.infinite else ""
         text += "" if kind.array.at_least is None else f", >= {kind.array.at_least:g}"
+        text += "" if kind.array.at_most is None else f", <= {kind.array.at_most:g}"
+        text += "" if kind.array.may_be_empty else ", not empty"
     elif kind.message is not None:
         text = kind.message.__name__
     elif kind.item is not None:
@@ -42,7 +48,7 @@ def written(kind: Kind) -> str:
     elif kind.choices:
         text = " / ".join(choice or "empty" for choice in kind.choices)
     else:
-        text = kind.form + (", +inf allowed" if kind.infinite else "")
+        text = kind.form + (", +inf allowed" if kind.infinite else "") + RULES[kind.rule]
     return f"{text} or None" if kind.optional else text
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from navloom import Avoidance, Avoider, AvoiderInput, Context, Pose2D, RobotSpec, Twist2D
 from navloom.config import ConfigError, load_config
-from navloom.runtime.build import assemble
+from navloom.engine.build import assemble
 
 TICK_NS = 50_000_000
 ROBOT = RobotSpec(np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]]), 0.3, 0.05, 0.1, 0.5, 1.0, 0.5, 1.0)

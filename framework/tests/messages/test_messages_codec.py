@@ -26,6 +26,7 @@ from navloom.messages import (
     Pose2D,
     PoseTrack,
     Selection,
+    Trajectory,
     Twist2D,
     message,
 )
@@ -101,8 +102,8 @@ def test_arrays_lie_at_multiples_of_64_in_the_order_of_the_fields() -> None:
 
 
 def test_an_empty_array_takes_no_room() -> None:
-    data = encode(Path(1, np.zeros((0, 2)), 0.0, None), AT)
-    assert header_of(data)["arrays"] == [["<f8", [0, 2], 0]]
+    data = encode(Trajectory(1, np.zeros((0, 6))), AT)
+    assert header_of(data)["arrays"] == [["<f8", [0, 6], 0]]
     assert len(data) == 4 + struct.unpack_from("<I", data)[0]
 
 

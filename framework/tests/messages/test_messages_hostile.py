@@ -98,3 +98,43 @@ def test_error_texts_stay_short_whatever_was_sent(change: dict[str, Any]) -> Non
     header = {"envelope": AT, "fields": {"x": 0.0, "y": 0.0}, "arrays": []}
     assert decode(with_header(header), POINT) == (Point2D(0.0, 0.0), AT)
     assert len(refusal(with_header(header | change), POINT)) < 600
+
+
+# --- decoded messages pass the checks of the constructor, with the same texts -----------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("label", "fields", "text"),
+    [
+        (
+            "Pose2D",
+            {"x": 0.0, "y": 0.0, "heading": 90.0},
+            "Pose2D.heading: got 90.0, expected rad in [-π, π]; degrees?",
+        ),
+        (
+            "Odometry",
+            {"stamp_ns": -1, "pose": {"x": 0.0, "y": 0.0, "heading": 0.0}, "twist": {"vx": 0.0, "vy": 0.0, "wz": 0.0}},
+            "Odometry.stamp_ns: got -1, expected a run clock in ns, at least 0",
+        ),
+        (
+            "OccupancyGrid",
+            {"cells": 0, "resolution": -0.1, "origin": {"x": 0.0, "y": 0.0, "heading": 0.0}},
+            "OccupancyGrid.resolution: got -0.1, expected a number above 0",
+        ),
+        (
+            "OccupancyGrid",
+            {"cells": 1, "resolution": 0.1, "origin": {"x": 0.0, "y": 0.0, "heading": 0.0}},
+            "OccupancyGrid.cells: holds -5, expected values from -1 to 100",
+        ),
+        (
+            "Path",
+            {"request_id": 1, "points": 2, "length": 1.0, "traversable": None},
+            "Path.points: got shape (0, 2), expected at least one element",
+        ),
+    ],
+)
+def test_a_decoded_message_is_held_to_what_its_constructor_checks(label: str, fields: Any, text: str) -> None:
+    arrays = [["|i1", [1, 1], 0], ["|i1", [1, 1], 64], ["<f8", [0, 2], 0]]
+    data = with_header({"envelope": AT, "fields": fields, "arrays": arrays})
+    data += bytes(-len(data) % 64) + bytes(64) + b"\xfb"
+    assert refusal(data, f"navloom.{label}/1").startswith(f"navloom.{label}/1: {text}")

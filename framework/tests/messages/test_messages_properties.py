@@ -23,6 +23,12 @@ CLASSES = sorted(
 EACH = pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
 QUICK = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 WHOLE = st.integers(-(2**63), 2**63 - 1)
+RULED: dict[str, st.SearchStrategy[Any]] = {
+    "heading": st.floats(-math.pi, math.pi),
+    "positive": st.floats(0.0, exclude_min=True, allow_infinity=False),
+    "not_negative": st.floats(0.0, allow_infinity=False),
+    "stamp": st.integers(0, 2**63 - 1),
+}
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 
 
@@ -50,11 +56,11 @@ def values(kind: Kind, sizes: dict[str, int]) -> st.SearchStrategy[Any]:
         assert kind.item is not None
         made = st.lists(values(kind.item, {}), max_size=3).map(tuple)
     elif kind.form == "float":
-        made = floats(kind.infinite, None, 64)
+        made = RULED.get(kind.rule, floats(kind.infinite, None, 64))
     elif kind.form == "str":
         made = st.sampled_from(kind.choices) if kind.choices else TEXT
     else:
-        made = {"int": WHOLE, "bool": st.booleans()}[kind.form]
+        made = {"int": RULED.get(kind.rule, WHOLE), "bool": st.booleans()}[kind.form]
     return st.none() | made if kind.optional else made
 
 
@@ -66,10 +72,13 @@ def floats(infinite: bool, at_least: float | None, width: Any) -> st.SearchStrat
 @st.composite
 def arrays(draw: st.DrawFn, spec: Array, sizes: dict[str, int]) -> np.ndarray:
     shape = tuple(
-        size if isinstance(size, int) else sizes.setdefault(size, draw(st.integers(0, 4))) for size in spec.shape
+        size if isinstance(size, int) else sizes.setdefault(size, draw(st.integers(not spec.may_be_empty, 4)))
+        for size in spec.shape
     )
     dtype = np.dtype(spec.dtype)
     elements = floats(spec.infinite, spec.at_least, 8 * dtype.itemsize) if dtype.kind == "f" else None
+    if spec.at_most is not None:
+        elements = st.integers(int(spec.at_least or 0), int(spec.at_most))
     return draw(hnp.arrays(dtype, shape, elements=elements))
 
 

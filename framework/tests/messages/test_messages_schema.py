@@ -6,6 +6,7 @@ import copy
 import inspect
 import math
 import pickle
+import re
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, dataclass, replace
 from typing import Annotated, Any
@@ -22,6 +23,7 @@ from navloom.messages import (
     HandOver,
     Message,
     MessageError,
+    OccupancyGrid,
     Odometry,
     Path,
     Point2D,
@@ -31,6 +33,7 @@ from navloom.messages import (
     RangeScan,
     Selection,
     SweepRequest,
+    Trajectory,
     Truth,
     Twist2D,
     message,
@@ -301,8 +304,58 @@ def test_an_unbounded_array_without_a_least_value_refuses_minus_infinity_and_nan
             Costs(np.array([bad], np.float32))
 
 
-def test_empty_arrays_are_taken() -> None:
-    assert trajectory_like(np.zeros((0, 2))).points.shape == (0, 2)
+def test_empty_arrays_are_taken_but_for_the_points_of_a_path() -> None:
+    assert Trajectory(1, np.zeros((0, 6))).samples.shape == (0, 6)
+    with pytest.raises(MessageError, match=r"Path\.points: got shape \(0, 2\), expected at least one element"):
+        trajectory_like(np.zeros((0, 2)))
+
+
+@pytest.mark.parametrize(
+    ("given", "held"),
+    [
+        (math.pi, math.pi),
+        (-math.pi, -math.pi),
+        (math.pi + 5e-10, -math.pi + 5e-10),
+        (-math.pi - 5e-10, math.pi - 5e-10),
+        (3, 3.0),
+    ],
+)
+def test_a_heading_is_held_bit_for_bit_and_wrapped_where_rounding_put_it_beyond_pi(given: float, held: float) -> None:
+    assert Pose2D(0.0, 0.0, given).heading == pytest.approx(held, abs=0.0 if given in (3, held) else 1e-15)
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (90.0, "Pose2D.heading: got 90.0, expected rad in [-π, π]; degrees? math.radians(90) is 1.571"),
+        (3.2, "Pose2D.heading: got 3.2, expected rad in [-π, π]; wrap it: math.remainder(heading, math.tau)"),
+        (math.pi + 2e-9, "expected rad in [-π, π]; wrap it"),
+    ],
+)
+def test_a_heading_beyond_pi_is_refused_with_a_hint(given: float, text: str) -> None:
+    with pytest.raises(MessageError, match=re.escape(text)):
+        Pose2D(0.0, 0.0, given)
+
+
+@pytest.mark.parametrize(
+    ("cell", "resolution", "text"),
+    [
+        (-5, 0.1, "OccupancyGrid.cells: holds -5, expected values from -1 to 100"),
+        (101, 0.1, "OccupancyGrid.cells: holds 101, expected values from -1 to 100"),
+        (0, -0.1, "OccupancyGrid.resolution: got -0.1, expected a number above 0"),
+        (0, 0.0, "OccupancyGrid.resolution: got 0.0, expected a number above 0"),
+    ],
+)
+def test_a_grid_holds_costs_and_unknown_in_cells_of_a_size(cell: int, resolution: float, text: str) -> None:
+    with pytest.raises(MessageError, match=re.escape(text)):
+        OccupancyGrid(np.full((2, 2), cell, np.int8), resolution, POSE)
+    assert OccupancyGrid(np.array([[-1, 100]], np.int8), 0.1, POSE).cells.tolist() == [[-1, 100]]
+
+
+def test_a_stamp_is_on_the_run_clock() -> None:
+    assert Odometry(0, POSE, STILL).stamp_ns == 0
+    with pytest.raises(MessageError, match=r"Odometry\.stamp_ns: got -1, expected a run clock in ns, at least 0"):
+        Odometry(-1, POSE, STILL)
 
 
 # The class

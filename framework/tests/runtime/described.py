@@ -57,6 +57,7 @@ def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
         "step_s": 0.004,
         "faulted": 0,
         "fault": "",
+        "notes": [],
         "shared_memory_mb": 900.0,
         "published": dict.fromkeys((*PORTS.get(role, ()), "step"), 7),
         "streams": {},

@@ -83,6 +83,12 @@ def test_a_plugin_slower_than_its_period_is_named_with_both_times_and_what_to_do
     assert failing(everyone(controller={"step_s": 0.05}, mapper={"step_s": 0.4})) == []  # nothing waits for a mapper
 
 
+def test_a_command_far_beyond_the_limits_is_a_note() -> None:
+    note = "avoider vfh asked for 46 times the turn limit: degrees?"
+    found = only(failing(everyone(avoider={"notes": [note]})))
+    assert (found.severity, found.what) == ("note", note) and "rad/s" in found.remedy
+
+
 def test_ticks_that_are_late_for_a_slow_platform_are_told_once() -> None:
     found = only(failing(everyone(platform={"step_s": 0.08, "late_ticks": 90, "ticks": 100})))
     assert found.what.startswith("platform sim takes 80 ms a step")

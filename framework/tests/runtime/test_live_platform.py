@@ -9,7 +9,7 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.build import assemble
 from navloom.engine.role_nodes import PlatformNode
-from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, Twist2D
+from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, RangeScan, Twist2D
 from navloom.roles import PlatformOutput
 from navloom.runtime import live, live_platform
 from navloom.runtime.cells import Hosted, make_cell
@@ -28,8 +28,11 @@ AHEAD, STILL = Twist2D(0.3, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
 class Base:
     """A base whose line to the wheels can break; `told` is what got there."""
 
+    role = "platform"
+    sensor_kinds = {"ring": RangeScan}
+
     def __init__(self) -> None:
-        self.context = SimpleNamespace(sensors=[SimpleNamespace(name="sonars")])
+        self.context = SimpleNamespace(sensors=[SimpleNamespace(name="sonars", kind="ring")])
         self.scans: dict[str, Any] = {}
         self.told: list[Twist2D] = []
         self.broken = 0

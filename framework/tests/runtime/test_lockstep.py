@@ -286,8 +286,8 @@ def test_a_plugin_that_breaks_ends_the_goal_with_its_name(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("answers", "text"),
     [
-        ("none", "TypeError: control() returned None, expected TrackingCommand"),
-        ("twist", "TypeError: control() returned Twist2D(vx=0.1, vy=0.0, wz=0.0), expected TrackingCommand"),
+        ("none", "AnswerError: control() returned None, expected TrackingCommand"),
+        ("twist", "AnswerError: control() returned Twist2D(vx=0.1, vy=0.0, wz=0.0), expected TrackingCommand"),
         ("exit", "SystemExit: 3 (toys.py:"),
     ],
 )

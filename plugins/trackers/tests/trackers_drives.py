@@ -115,7 +115,7 @@ def drive(
         )
     )
     system.world = World("floor", bounds=(-9.0, -9.0, 9.0, 9.0))
-    system.map = OccupancyGrid(np.zeros((90, 90), np.int8), 0.2, Pose2D(-9.0, -9.0, 0.0))
+    system.map = OccupancyGrid(np.zeros((18, 18), np.int8), 1.0, Pose2D(-9.0, -9.0, 0.0))  # paths start beside it
     make_plugins(system)
     planner = system.parts[("planner", system.config.planner.instance)]
     planner.plugin = GivenPath(points)

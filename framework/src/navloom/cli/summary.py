@@ -37,6 +37,8 @@ def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
     """What plugins broke, and which are slower than the robot that they drive."""
     for fault in episode.log.faults:
         say_so(fault)
+    for note in summary["notes"]:
+        say_so(note)
     for one in summary["slow"]:
         say_so(
             f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "

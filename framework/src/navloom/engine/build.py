@@ -288,7 +288,8 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
         rule = None
         if key[0] == "avoider":
             rule = HandOverRule(rules.handover, rules.handover_release, margin=rules.corridor_margin)
-        nodes[key] = role_node(system.plugin(*key), rule, rules.look_ahead if rules.handover_own_way else 0.0)
+        look_ahead = rules.look_ahead if rules.handover_own_way else 0.0
+        nodes[key] = role_node(system.plugin(*key), rule, look_ahead, system.goal_tolerance)
     return nodes
 
 

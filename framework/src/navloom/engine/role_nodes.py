@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
+from navloom.engine.door import LocalizerDoor, MapperDoor, PlannerDoor, PlatformDoor, TwistDoor
 from navloom.engine.node import Node, Tick
 from navloom.engine.ports import Latest, New, News, Output, SensorOutputs, Sensors, Track
 from navloom.engine.streams import (
@@ -27,9 +28,7 @@ from navloom.messages import (
     Avoidance,
     AvoiderStatus,
     Command,
-    MapUpdate,
     Path,
-    PlanFailure,
     PoseEstimate,
     PoseTrack,
     RangeScan,
@@ -38,7 +37,6 @@ from navloom.messages import (
     TrackingCommand,
     Twist2D,
 )
-from navloom.messages.kinds import brief
 from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
 from navloom.roles import (
     Avoider,
@@ -53,7 +51,6 @@ from navloom.roles import (
     PlannerInput,
     Platform,
     PlatformInput,
-    PlatformOutput,
     Recovery,
     RecoveryInput,
     Role,
@@ -61,8 +58,6 @@ from navloom.roles import (
 
 __all__ = ["AvoiderNode", "ControllerNode", "LocalizerNode", "MapperNode", "PlannerNode", "PlatformNode",
            "RecoveryNode", "role_node"]  # fmt: skip
-
-A = TypeVar("A")
 
 STILL = Twist2D(0.0, 0.0, 0.0)
 BEFORE_DATA_NS = 500_000_000
@@ -87,17 +82,15 @@ class PlatformNode(Node):
 
     def __init__(self, plugin: Platform) -> None:
         self.plugin = plugin
+        self.door = PlatformDoor(plugin)
         self.driven: Command | None = None
 
     def step(self, tick: Tick) -> None:
         command = self.driven or self.command.value
         sweeps = self.sweep.values
         twist = command.twist if command is not None else STILL
-        answer = self.plugin.advance(PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns))
-        got = _expect(answer, PlatformOutput, "advance")
-        for name in got.scans:
-            if name not in self.scans:
-                raise ValueError(f"advance() gave a scan of {name!r}, expected one of {', '.join(self.scans)}")
+        seen = PlatformInput(twist, sweeps[-1] if sweeps else None, tick.time_ns)
+        got = self.door.check(self.plugin.advance(seen), seen)
         self.odometry.put(got.odometry)
         self.contact.put(got.contact)
         for name, scan in got.scans.items():
@@ -119,12 +112,13 @@ class LocalizerNode(Node):
 
     def __init__(self, plugin: Localizer) -> None:
         self.plugin = plugin
+        self.door = LocalizerDoor(plugin)
 
     def step(self, tick: Tick) -> None:
         odometry = self.odometry.value
         assert odometry is not None
-        answer = self.plugin.localize(LocalizerInput(odometry, in_order(self.scans), self.map.value))
-        self.pose.put(_expect(answer, PoseEstimate, "localize"))
+        seen = LocalizerInput(odometry, in_order(self.scans), self.map.value)
+        self.pose.put(self.door.check(self.plugin.localize(seen), seen))
 
 
 class MapperNode(Node):
@@ -140,19 +134,21 @@ class MapperNode(Node):
 
     def __init__(self, plugin: Mapper) -> None:
         self.plugin = plugin
+        self.door = MapperDoor(plugin)
 
     def step(self, tick: Tick) -> None:
         data = in_order(self.scans)
         sweeps = tuple(message for message in data if isinstance(message, Sweep))
         scans = tuple(message for message in data if isinstance(message, RangeScan))
         track = _covering(self.track.values, min((message.stamp_ns for message in data), default=tick.time_ns))
-        update = self.plugin.update(MapperInput(tick.time_ns, sweeps, scans, track, bool(self.clear.values)))
+        seen = MapperInput(tick.time_ns, sweeps, scans, track, bool(self.clear.values))
+        update = self.door.check(self.plugin.update(seen), seen)
         if update is not None:
-            self.map.put(_expect(update, MapUpdate, "update", " or None"))
+            self.map.put(update)
 
 
 class PlannerNode(Node):
-    """The newest request to a path, or why there is none."""
+    """The newest request to a path, or why there is none. `tolerance` is the goal's, m."""
 
     role = "planner"
     plan = New(GoalPorts.plan, triggers=True)
@@ -161,18 +157,20 @@ class PlannerNode(Node):
     failure = Output(PlannerPorts.failure)
     cause = plan
 
-    def __init__(self, plugin: Planner) -> None:
+    def __init__(self, plugin: Planner, tolerance: float) -> None:
         self.plugin = plugin
+        self.door = PlannerDoor(plugin, tolerance)
 
     def step(self, tick: Tick) -> None:
         known = self.map.value
         if known is None:
             return
-        answer = self.plugin.plan(PlannerInput(self.plan.values[-1], known))
+        seen = PlannerInput(self.plan.values[-1], known)
+        answer = self.door.check(self.plugin.plan(seen), seen)
         if isinstance(answer, Path):
             self.path.put(answer)
         else:
-            self.failure.put(_expect(answer, PlanFailure, "plan", " or Path"))
+            self.failure.put(answer)
 
 
 class ControllerNode(Node):
@@ -188,12 +186,13 @@ class ControllerNode(Node):
 
     def __init__(self, plugin: Controller) -> None:
         self.plugin = plugin
+        self.door = TwistDoor(plugin, TrackingCommand)
 
     def step(self, tick: Tick) -> None:
         trajectory, reference, pose = self.trajectory.value, self.reference.value, self.pose.value
         assert trajectory is not None and reference is not None and pose is not None
         seen = ControllerInput(tick.time_ns, trajectory, reference, pose)
-        self.command.put(_expect(self.plugin.control(seen), TrackingCommand, "control"))
+        self.command.put(self.door.check(self.plugin.control(seen)))
 
 
 class AvoiderNode(Node):
@@ -219,6 +218,7 @@ class AvoiderNode(Node):
 
     def __init__(self, plugin: Avoider, rule: HandOverRule, look_ahead: float) -> None:
         self.plugin = plugin
+        self.door = TwistDoor(plugin, Avoidance)
         self.rule = rule
         self.look_ahead = look_ahead
 
@@ -238,7 +238,7 @@ class AvoiderNode(Node):
             ahead,
             1.0 if limit is None else limit.share,
         )
-        answer = _expect(self.plugin.avoid(seen), Avoidance, "avoid")
+        answer = self.door.check(self.plugin.avoid(seen))
         own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
         handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor, own)
         self.command.put(Command(answer.twist))
@@ -261,6 +261,7 @@ class RecoveryNode(Node):
 
     def __init__(self, plugin: Recovery) -> None:
         self.plugin = plugin
+        self.door = TwistDoor(plugin, RecoveryStep)
         self._attempt: object = None
         self._is_over = True
         self._trail: deque[tuple[float, float, float]] = deque(maxlen=TRAIL_LENGTH)
@@ -276,9 +277,10 @@ class RecoveryNode(Node):
         if self._is_over:
             return
         trail = np.array(self._trail).reshape(-1, 3)
+        trail.flags.writeable = False
         scans = in_order(self.scans)
         seen = RecoveryInput(tick.time_ns, scans, estimate, request.attempt, request.reason, starts, trail)
-        answer = _expect(self.plugin.recover(seen), RecoveryStep, "recover")
+        answer = self.door.check(self.plugin.recover(seen))
         self._is_over = answer.state != "running"
         self.command.put(Command(answer.twist))
         self.status.put(answer)
@@ -318,24 +320,25 @@ def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
     )
 
 
-def _expect(answer: Any, kind: type[A], verb: str, other: str = "") -> A:
-    """A plugin's answer as it is; else others would be blamed for what they cannot read."""
-    if not isinstance(answer, kind):
-        raise TypeError(f"{verb}() returned {brief(answer)}, expected {kind.__name__}{other}")
-    return answer
-
-
 def _distance(pose: Any, point: Any) -> float:
     return float(((point.x - pose.x) ** 2 + (point.y - pose.y) ** 2) ** 0.5)
 
 
 NODES: dict[str, Any] = {
-    node.role: node for node in (PlatformNode, LocalizerNode, MapperNode, PlannerNode, ControllerNode, RecoveryNode)
+    node.role: node for node in (PlatformNode, LocalizerNode, MapperNode, ControllerNode, RecoveryNode)
 }
 
 
-def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0) -> Node:
-    """The node for a plugin; an avoider's needs the hand-over rule and how far that looks along the robot's own way."""
+def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0, tolerance: float = 0.0) -> Node:
+    """The node for a plugin.
+
+    Args:
+        plugin: The plugin.
+        rule, look_ahead: For an avoider: who drives, and how far that looks along the robot's own way, m.
+        tolerance: For a planner: how near to its goal the robot must come, m.
+    """
+    if isinstance(plugin, Planner):
+        return PlannerNode(plugin, tolerance)
     if isinstance(plugin, Avoider):
         assert rule is not None
         return AvoiderNode(plugin, rule, look_ahead)

@@ -5,15 +5,14 @@ Executors differ in who fills the slots and when a step is made; lockstep, live,
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
-from pathlib import PurePath
 from time import monotonic_ns
 from typing import Any
 
 from navloom.engine.node import Node, Outputs, Tick
 from navloom.engine.ports import NodeSpec
 from navloom.engine.wiring import Slot, Wire
+from navloom.plugins.blame import raised_in
 
 __all__ = ["Read", "Stepper", "fault_text"]
 
@@ -138,9 +137,4 @@ class Stepper:
 def fault_text(error: BaseException, source: Any) -> str:
     """What a node or a plugin's class raised, with the innermost line of the plugin's own code for its author."""
     cls = source if isinstance(source, type) else type(getattr(source, "plugin", source))
-    home = cls.__module__.partition(".")[0]
-    place = ""
-    for frame, line in traceback.walk_tb(error.__traceback__):
-        if frame.f_globals.get("__name__", "").partition(".")[0] == home:
-            place = f" ({PurePath(frame.f_code.co_filename).name}:{line})"
-    return f"{type(error).__name__}: {error}{place}"
+    return raised_in(error, cls)

@@ -23,7 +23,7 @@ def rectangle(length: float, width: float) -> Floats:
         length, width: Extent along x and along y, m, > 0.
 
     Returns:
-        (4, 2) m, base frame, counter-clockwise from the front left corner.
+        (4, 2) m, base frame, counter-clockwise from the front left corner; read-only.
 
     Raises:
         FootprintError: A side is not a positive number.
@@ -32,7 +32,9 @@ def rectangle(length: float, width: float) -> Floats:
         if not (np.isfinite(value) and value > 0.0):
             raise FootprintError(f"footprint {name} = {value}: expected a length > 0 in metres")
     x, y = 0.5 * length, 0.5 * width
-    return np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
+    outline = np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
+    outline.flags.writeable = False
+    return outline
 
 
 def polygon(corners: ArrayLike) -> Floats:

@@ -6,15 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Box", "Cylinder", "Obstacle", "Place", "Raster", "World", "position_at"]
+__all__ = ["Box", "Cylinder", "Obstacle", "Place", "Raster", "World", "position_at", "read_only"]
 
+A = TypeVar("A", bound=np.generic)
 Interval = tuple[float, float]
 Waypoint = tuple[float, float, float]
 """Time, s, and the position x, y, m, of an obstacle's centre at that time, in the map frame."""
+
+
+def read_only(array: NDArray[A]) -> NDArray[A]:
+    """The array as it is where it cannot be written, else a copy that cannot."""
+    if not array.flags.writeable:
+        return array
+    held = array.copy()
+    held.flags.writeable = False
+    return held
 
 
 @dataclass(frozen=True)
@@ -86,7 +97,7 @@ class Raster:
 
     Attributes:
         name: How messages and errors call it.
-        occupied: (rows, cols) bool; row 0 is the lowest y, column 0 the lowest x, in the raster's own frame.
+        occupied: (rows, cols) bool, read-only; row 0 is the lowest y, column 0 the lowest x, in the raster's own frame.
         resolution: Edge of a cell, m.
         origin: Pose of the lower left corner of cell (0, 0) in the map frame.
         z: Height its walls cover, m.
@@ -97,6 +108,9 @@ class Raster:
     resolution: float
     origin: Place = field(default_factory=lambda: Place(0.0, 0.0))
     z: Interval = (0.0, 2.4)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "occupied", read_only(self.occupied))
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,18 @@ from navloom.messages.motion import (
     Truth,
     Twist2D,
 )
-from navloom.messages.schema import SCHEMAS, Array, Message, MessageError, Unbounded, message
+from navloom.messages.schema import (
+    SCHEMAS,
+    Array,
+    Heading,
+    Message,
+    MessageError,
+    NotNegative,
+    Positive,
+    Stamp,
+    Unbounded,
+    message,
+)
 from navloom.messages.sensing import RangeScan, Sweep, SweepRequest
 from navloom.messages.steps import InputRead, Parameters, PortMark, StepReport
 
@@ -57,10 +68,12 @@ __all__ = [
     "Goal",
     "GoalResult",
     "HandOver",
+    "Heading",
     "InputRead",
     "MapUpdate",
     "Message",
     "MessageError",
+    "NotNegative",
     "OccupancyGrid",
     "Odometry",
     "OperatorRequest",
@@ -74,11 +87,13 @@ __all__ = [
     "Pose2D",
     "PoseEstimate",
     "PoseTrack",
+    "Positive",
     "RangeScan",
     "RecoveryRequest",
     "RecoveryStep",
     "Reference",
     "Selection",
+    "Stamp",
     "StepRecord",
     "StepReport",
     "Sweep",

@@ -32,6 +32,7 @@ def checker(cls: str, kind: Kind) -> Check:
 
 def _float_checker(cls: str, kind: Kind) -> Check:
     wanted = "a number or +inf" if kind.infinite else "a finite number"
+    held = _HELD_TO.get(kind.rule)
 
     def check(name: str, value: Any, sizes: dict[str, int]) -> float:
         if not isinstance(value, Real) or isinstance(value, bool):
@@ -42,7 +43,7 @@ def _float_checker(cls: str, kind: Kind) -> Check:
             raise MessageError(f"{cls}.{name}: got {brief(value)}, expected a number below 1.8e308") from None
         if not math.isfinite(number) and not (kind.infinite and number == math.inf):
             raise MessageError(f"{cls}.{name}: got {number}, expected {wanted}")
-        return number
+        return number if held is None else held(f"{cls}.{name}", number)
 
     return check
 
@@ -54,9 +55,41 @@ def _int_checker(cls: str, kind: Kind) -> Check:
         number = int(value)
         if not -(2**63) <= number < 2**63:
             raise MessageError(f"{cls}.{name}: got {brief(number)}, expected a number of 64 bits with sign")
+        if kind.rule == "stamp" and number < 0:
+            raise MessageError(f"{cls}.{name}: got {number}, expected a run clock in ns, at least 0")
         return number
 
     return check
+
+
+def _heading(place: str, angle: float) -> float:
+    """A heading in [-π, π]; what rounding put just beyond is wrapped."""
+    if -math.pi <= angle <= math.pi:
+        return angle
+    if abs(angle) <= math.pi + _ROUNDING:
+        return angle - math.copysign(math.tau, angle)
+    hint = f"degrees? math.radians({angle:g}) is {math.radians(angle):.4g}" if abs(angle) > 2.0 * math.tau else ""
+    raise MessageError(
+        f"{place}: got {angle}, expected rad in [-π, π]; {hint or 'wrap it: math.remainder(heading, math.tau)'}"
+    )
+
+
+def _positive(place: str, number: float) -> float:
+    if not number > 0.0:
+        raise MessageError(f"{place}: got {number}, expected a number above 0")
+    return number
+
+
+def _not_negative(place: str, number: float) -> float:
+    if not number >= 0.0:
+        raise MessageError(f"{place}: got {number}, expected a number of at least 0")
+    return number
+
+
+_ROUNDING = 1e-9
+"""How far beyond ±π a heading may be by rounding alone, rad."""
+
+_HELD_TO = {"heading": _heading, "positive": _positive, "not_negative": _not_negative}
 
 
 def _bool_checker(cls: str, kind: Kind) -> Check:
@@ -115,7 +148,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     assert spec is not None
     dtype = np.dtype(spec.dtype)
     named = tuple(enumerate(spec.shape))
-    is_float = dtype.kind == "f"
+    is_float, is_bounded = dtype.kind == "f", spec.at_least is not None or spec.at_most is not None
     # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
     known: list[NDArray[Any] | None] = [None, None]
 
@@ -126,12 +159,16 @@ def _array_checker(cls: str, kind: Kind) -> Check:
         if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != len(named):
             raise MessageError(f"{cls}.{name}: got {_describe(value)}, expected {spec.dtype} of shape {spec.shape}")
         compare_sizes(name, value.shape, sizes)
+        if not value.size and not spec.may_be_empty:
+            raise MessageError(f"{cls}.{name}: got shape {value.shape}, expected at least one element")
         held: NDArray[Any] = value
         if not _is_frozen(held):
             held = held.copy()
             held.flags.writeable = False
         if is_float and held.size:
             _refuse_bad_numbers(cls, name, held, spec)
+        elif is_bounded and held.size:
+            _refuse_beyond(cls, name, held, spec)
         if held is value and held.size <= _BY_DOT:
             known[1], known[0] = known[0], held
         return held
@@ -175,6 +212,15 @@ def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -
         finite = np.isfinite(flat)
         if not finite.all():
             raise MessageError(f"{cls}.{name}: holds {flat[~finite][0]}, expected finite numbers")
+
+
+def _refuse_beyond(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
+    """Whole numbers below the smallest or above the largest allowed value."""
+    least = -math.inf if spec.at_least is None else spec.at_least
+    most = math.inf if spec.at_most is None else spec.at_most
+    for bad in (value.min(), value.max()):
+        if not least <= bad <= most:
+            raise MessageError(f"{cls}.{name}: holds {bad}, expected values from {least:g} to {most:g}")
 
 
 def _describe(value: Any) -> str:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
 import numpy as np
 
-__all__ = ["DTYPES", "MAX_ITEMS", "Array", "Kind", "Message", "MessageError", "Unbounded", "brief", "holds_array",
-           "kind_of"]  # fmt: skip
+__all__ = ["DTYPES", "MAX_ITEMS", "RULES", "Array", "Heading", "Kind", "Message", "MessageError", "NotNegative",
+           "Positive", "Stamp", "Unbounded", "brief", "holds_array", "kind_of"]  # fmt: skip
 
 DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")}
 """Element types of arrays, by the name they have in the bytes."""
@@ -32,17 +32,35 @@ class Array:
         dtype: Element type by numpy name.
         shape: Sizes; a name stands for any size, the same one for every field of the message that uses it.
         infinite: `+inf` is a value (no echo). NaN and `-inf` never are.
-        at_least: Smallest element allowed, or None.
+        at_least, at_most: Smallest and largest element allowed, or None.
+        may_be_empty: An array without elements is a value.
     """
 
     dtype: str
     shape: tuple[int | str, ...]
     infinite: bool = False
     at_least: float | None = None
+    at_most: float | None = None
+    may_be_empty: bool = True
 
 
 Unbounded = Annotated[float, "infinite"]
 """A float that may be `+inf` (the clearance in an empty world); never NaN or `-inf`."""
+
+Heading = Annotated[float, "heading"]
+"""A direction, rad, in [-π, π]. What rounding puts up to 1e-9 beyond is wrapped; the rest is refused."""
+
+Positive = Annotated[float, "positive"]
+"""A finite float above 0."""
+
+NotNegative = Annotated[float, "not_negative"]
+"""A finite float of at least 0."""
+
+Stamp = Annotated[int, "stamp"]
+"""A time on the run clock, ns, of at least 0."""
+
+RULES = {"heading": float, "positive": float, "not_negative": float, "stamp": int}
+"""What a number field may be held to beside its type, and that type."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +75,7 @@ class Kind:
         item: Kind of a tuple's items.
         message: Class of a nested message.
         infinite: A float that may be infinite.
+        rule: One of RULES that a number is held to; empty for none.
     """
 
     form: str
@@ -66,6 +85,7 @@ class Kind:
     item: Kind | None = None
     message: type[Message] | None = None
     infinite: bool = False
+    rule: str = ""
 
 
 class Message:
@@ -96,7 +116,8 @@ def kind_of(hint: Any) -> Kind:
     elif origin is Annotated:
         base, mark = args[:2]
         if not isinstance(mark, Array):
-            return Kind("float", infinite=mark == "infinite") if base is float else kind_of(base)
+            kind = replace(kind_of(base), infinite=base is float and mark == "infinite")
+            return replace(kind, rule=mark) if isinstance(mark, str) and RULES.get(mark) is base else kind
         if np.dtype(mark.dtype).str in DTYPES:
             return Kind("array", array=mark)
     elif origin is Literal:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages.motion import Point2D, Pose2D
-from navloom.messages.schema import Array, Message, message
+from navloom.messages.schema import Array, Message, NotNegative, Positive, Stamp, message
 
 __all__ = ["ClearRequest", "Count", "MapUpdate", "OccupancyGrid", "Path", "PlanFailure", "PlanRequest"]
 
@@ -25,8 +25,8 @@ class OccupancyGrid(Message):
         origin: Lower left corner of cell (0, 0) in the map frame; its heading turns the raster.
     """
 
-    cells: Annotated[NDArray[np.int8], Array("int8", ("rows", "cols"))]
-    resolution: float
+    cells: Annotated[NDArray[np.int8], Array("int8", ("rows", "cols"), at_least=-1, at_most=100)]
+    resolution: Positive
     origin: Pose2D
 
 
@@ -49,7 +49,7 @@ class MapUpdate(Message):
         counts: What became of the input points, by name; they sum to the points given.
     """
 
-    stamp_ns: int
+    stamp_ns: Stamp
     grid: OccupancyGrid
     segments: Annotated[Floats, Array("float64", ("n", 4))]
     counts: tuple[Count, ...]
@@ -89,8 +89,8 @@ class Path(Message):
     """
 
     request_id: int
-    points: Annotated[Floats, Array("float64", ("n", 2))]
-    length: float
+    points: Annotated[Floats, Array("float64", ("n", 2), may_be_empty=False)]
+    length: NotNegative
     traversable: OccupancyGrid | None
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages.schema import Array, Message, Unbounded, message
+from navloom.messages.schema import Array, Heading, Message, Stamp, Unbounded, message
 
 __all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
            "Reference", "Selection", "TrackingCommand", "Trajectory", "Truth", "Twist2D"]  # fmt: skip
@@ -29,7 +29,7 @@ class Pose2D(Message):
 
     x: float
     y: float
-    heading: float
+    heading: Heading
 
 
 @message()
@@ -51,7 +51,7 @@ class Odometry(Message):
         twist: Measured velocity, base frame.
     """
 
-    stamp_ns: int
+    stamp_ns: Stamp
     pose: Pose2D
     twist: Twist2D
 
@@ -95,7 +95,7 @@ class PoseEstimate(Message):
         reason: Why it is not tracking, as one phrase; else empty.
     """
 
-    stamp_ns: int
+    stamp_ns: Stamp
     pose: Pose2D
     twist: Twist2D
     covariance: Annotated[Floats, Array("float64", (3, 3))]
@@ -180,7 +180,7 @@ class TrackingCommand(Message):
     twist: Twist2D
     e1: float
     e2: float
-    e3: float
+    e3: Heading
 
 
 @message()

@@ -10,9 +10,22 @@ from operator import attrgetter
 from typing import Any, TypeVar, dataclass_transform, get_type_hints
 
 from navloom.messages.checks import checker
-from navloom.messages.kinds import Array, Kind, Message, MessageError, Unbounded, holds_array, kind_of
+from navloom.messages.kinds import (
+    Array,
+    Heading,
+    Kind,
+    Message,
+    MessageError,
+    NotNegative,
+    Positive,
+    Stamp,
+    Unbounded,
+    holds_array,
+    kind_of,
+)
 
-__all__ = ["SCHEMAS", "Array", "Kind", "Message", "MessageError", "Unbounded", "message"]
+__all__ = ["SCHEMAS", "Array", "Heading", "Kind", "Message", "MessageError", "NotNegative", "Positive", "Stamp",
+           "Unbounded", "message"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 
@@ -77,6 +90,14 @@ _FITS = {
 }
 """What a value must be to be held as it is, without a call of its check."""
 
+_FITS_RULE = {
+    "heading": "{0}.__class__ is float and -_pi <= {0} <= _pi",
+    "positive": "{0}.__class__ is float and 0.0 < {0} < _inf",
+    "not_negative": "{0}.__class__ is float and 0.0 <= {0} < _inf",
+    "stamp": "{0}.__class__ is int and 0 <= {0} <= 0x7fffffffffffffff",
+}
+"""The same for a number that is held to a rule."""
+
 
 def _constructor(cls: type[Message], kinds: dict[str, Kind]) -> Callable[..., None]:
     """`__init__` that checks each field in line, as Python source: three times faster than calls of the checks.
@@ -89,7 +110,7 @@ def _constructor(cls: type[Message], kinds: dict[str, Kind]) -> Callable[..., No
     if any(kind.form == "array" for kind in kinds.values()):
         lines.append("    _sizes = {}")
         sizes = "_sizes"
-    names: dict[str, Any] = {"_inf": math.inf}
+    names: dict[str, Any] = {"_inf": math.inf, "_pi": math.pi}
     declared: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
     for name, kind in kinds.items():
         if declared[name].default_factory is not MISSING:
@@ -119,7 +140,7 @@ def _unless_it_fits(name: str, kind: Kind) -> str:
     """The condition, as source, under which the check of a field must be called; empty for always."""
     if kind.form == "array":
         return f"if {name} is not None: " if kind.optional else ""
-    fits = _FITS[kind.form].format(name)
+    fits = (_FITS_RULE[kind.rule] if kind.rule else _FITS[kind.form]).format(name)
     if kind.infinite:
         fits = f"{name}.__class__ is float and -_inf < {name} <= _inf"
     if kind.choices:

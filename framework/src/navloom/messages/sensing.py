@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages.schema import Array, Message, message
+from navloom.messages.schema import Array, Message, NotNegative, Stamp, message
 
 __all__ = ["RangeScan", "Sweep", "SweepRequest"]
 
@@ -28,14 +28,14 @@ class RangeScan(Message):
         range_min, range_max: Limits of the sensor, m. A reading at range_min may be of something nearer.
     """
 
-    stamp_ns: int
+    stamp_ns: Stamp
     origins: Annotated[Floats, Array("float64", ("n", 2))]
     bearings: Annotated[Floats, Array("float64", ("n",))]
     half_angles: Annotated[Floats, Array("float64", ("n",), at_least=0.0)]
     time_offsets: Annotated[Floats, Array("float64", ("n",))]
     ranges: Annotated[Floats, Array("float64", ("n",), infinite=True, at_least=0.0)]
-    range_min: float
-    range_max: float
+    range_min: NotNegative
+    range_max: NotNegative
 
 
 @message()
@@ -54,7 +54,7 @@ class Sweep(Message):
         range_min, range_max: Limits of the sensor, m.
     """
 
-    stamp_ns: int
+    stamp_ns: Stamp
     request_id: int
     ranges: Annotated[Floats, Array("float64", ("frames", "beams"), infinite=True, at_least=0.0)]
     pitches: Annotated[Floats, Array("float64", ("frames",))]
@@ -64,8 +64,8 @@ class Sweep(Message):
     x: float
     y: float
     z: float
-    range_min: float
-    range_max: float
+    range_min: NotNegative
+    range_max: NotNegative
 
 
 @message()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import pluggy
 
 from navloom.geometry.world import World
+from navloom.plugins.blame import raised_in
 from navloom.plugins.hooks import HookSpecs
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
 from navloom.plugins.shipped import distribution_of, shipped_names
@@ -96,7 +97,7 @@ class Discovery:
         """The world of a reference: a name, `scheme:argument`, or a `.toml` file, relative to a base folder.
 
         Raises:
-            PluginError: No world or scheme of that name.
+            PluginError: No world or scheme of that name, or it is broken.
             ValueError: From the scheme, for a file it cannot use.
         """
         scheme, colon, argument = reference.partition(":")
@@ -106,11 +107,13 @@ class Discovery:
             schemes = self.names("scheme")
             if scheme not in schemes and f"scheme.{scheme}" not in self.blocked:
                 raise PluginError(f"world {reference!r}: unknown scheme {scheme!r}{nearest(scheme, schemes)}")
-            return self._given("scheme", scheme, self._load("scheme", scheme).schemes)(argument, base)
+            load = self._given("scheme", scheme, self._load("scheme", scheme).schemes)
+            return _world_of(f"world scheme {scheme!r}", reference, load, argument, base)
         worlds = self.names("world")
         if reference not in worlds and f"world.{reference}" not in self.blocked:
             raise PluginError(f"world {reference!r} does not exist{nearest(reference, worlds)}")
-        return self._given("world", reference, self._load("world", reference).worlds)()
+        make = self._given("world", reference, self._load("world", reference).worlds)
+        return _world_of(f"world {reference!r}", reference, make)
 
     def metric(self, name: str) -> Named:
         """A metric of episodes.
@@ -165,6 +168,19 @@ class Discovery:
         if len(matches) > 1:
             raise PluginError(_of_one_name(key, matches))
         return matches[0]
+
+
+def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: Any) -> World:
+    """The world that a plugin makes. It may refuse the reference by a ValueError; all else is its own fault."""
+    try:
+        world = make(*given)
+    except ValueError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{plugin} fails at {reference!r}: {raised_in(error, make)}") from error
+    if not isinstance(world, World):
+        raise PluginError(f"{plugin} gives {type(world).__name__} for {reference!r}, expected World")
+    return world
 
 
 def _owner(point: EntryPoint) -> str:

@@ -6,13 +6,14 @@ import math
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
 
-from navloom.geometry.world import World
+from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 
 __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
@@ -66,7 +67,7 @@ class RobotSpec:
     """What every plugin is told about the robot.
 
     Attributes:
-        footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
+        footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame; read-only.
         height: m.
         wheel_radius, half_track: Nominal, m.
         max_linear, max_angular: Speed limits, m/s and rad/s.
@@ -88,6 +89,9 @@ class RobotSpec:
     motor_lag: float = 0.0
     dead_time: float = 0.0
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", read_only(self.footprint))
+
 
 @dataclass(frozen=True)
 class SensorSpec:
@@ -96,12 +100,18 @@ class SensorSpec:
     Attributes:
         name: Also the name of the platform's port.
         kind: One of the platform's `sensor_kinds`.
-        settings: The rest of its table, checked by the platform.
+        settings: The rest of its table, checked by the platform; read-only.
     """
 
     name: str
     kind: str
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+    def __reduce__(self) -> tuple[Any, ...]:  # a mapping proxy has no copy of its own
+        return SensorSpec, (self.name, self.kind, dict(self.settings))
 
 
 @dataclass(frozen=True, eq=False)

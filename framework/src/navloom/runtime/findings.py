@@ -65,13 +65,18 @@ def is_stuck(node: Node) -> bool:
 
 
 def failing(nodes: Sequence[Node]) -> list[Finding]:
-    """Plugins that raise, hang or are late. Ticks of a platform that is slow itself are late for that."""
+    """Plugins that raise, hang, are late or ask for far too much.
+
+    Ticks of a platform that is slow itself are late for that.
+    """
     found = []
     for node in nodes:
         if node["faulted"]:
             times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
             remedy = f"repair the plugin; {_instead(node, nodes)}"
             found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
+        for note in node.get("notes", ()):
+            found.append(Finding("note", note, "check the units in its code and parameters: rad/s and m/s"))
         if is_stuck(node):
             what = f"{named(node)} has been in one step for {node['busy_s']:.1f} s"
             remedy = f"its plugin hangs or is too slow; live.hang_timeout ends its process; {_instead(node, nodes)}"

@@ -17,6 +17,7 @@ from typing import Any
 from navloom.config import ConfigError
 from navloom.engine.build import System, changed_params, configure
 from navloom.engine.checks import place_problem
+from navloom.engine.door import notes_of
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
 from navloom.plugins.registry import nearest
 from navloom.runtime.cell import Source
@@ -153,6 +154,7 @@ class Services:
             "busy_s": None if since_ns is None else max(0.0, now - since_ns * 1e-9),
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
+            "notes": notes_of(cell.node),
             "wall_ns": time.time_ns(),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},

@@ -14,6 +14,7 @@ from navloom.config import Loaded
 from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import System, assemble, make_plugins, stride_of
 from navloom.engine.checks import check_task
+from navloom.engine.door import notes_of
 from navloom.engine.lockstep import Observer, RunLog
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
@@ -41,12 +42,14 @@ class Episode:
     Attributes:
         system, log, recorder: As their classes say.
         shadows: What alternatives in shadow said; empty for a live run, where nobody compares them.
+        notes: What operators should know of plugins that did not break, as commands far beyond the limits.
     """
 
     system: System
     log: RunLog
     recorder: Recorder
     shadows: list[Disagreement] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def result(self) -> GoalResult:
@@ -90,6 +93,7 @@ class Episode:
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
             "slow": self.slow(),
+            "notes": self.notes,
             "shadows": [one.summary() for one in self.shadows],
         }
 
@@ -151,7 +155,8 @@ def run_episode(
     ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
     tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
     log = executor.run(ticks, tell)
-    return Episode(system, log, recorder, [] if watch is None else watch.finish())
+    notes = [note for stepper in executor.steppers for note in notes_of(stepper.node)]
+    return Episode(system, log, recorder, [] if watch is None else watch.finish(), notes)
 
 
 def _median_ms(steps: Sequence[int]) -> float | None:

@@ -110,8 +110,8 @@ def spread(costs: NDArray[np.uint8], seeds: Counts, cost_to_go: Counts) -> None:
     for r in range(rows):
         inner = slice((r + 1) * wide + 1, (r + 1) * wide + 1 + cols)
         along[inner], reached[inner] = costs[r], FARTHEST
-    count = np.count_nonzero(seeds >= 0)
-    seed_place, seed_cost = np.empty(count, np.int32), np.empty(count, np.int32)
+    total = np.count_nonzero(seeds >= 0)
+    seed_place, seed_cost = np.empty(total, np.int32), np.empty(total, np.int32)
     count = 0
     for r in range(rows):
         for k in range(cols):

@@ -1,0 +1,287 @@
+"""The door: what a plugin's answer must be beyond its message's own checks, and which line to blame where it is not.
+
+A message checks each of its fields when it is built, in the plugin's own line. The doors here check what spans several
+fields or messages: the type of the answer, stamps that move, the request that was asked, a path that starts and ends
+where it was asked. Each node has one door. It raises `AnswerError`, which names the verb's file and line, before any
+other node receives the answer.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Any, Generic, NoReturn, TypeVar
+
+from navloom.messages import (
+    Avoidance,
+    Contact,
+    MapUpdate,
+    Message,
+    Odometry,
+    Path,
+    PlanFailure,
+    PoseEstimate,
+    RangeScan,
+    RecoveryStep,
+    Sweep,
+    TrackingCommand,
+    Truth,
+    Twist2D,
+)
+from navloom.messages.kinds import brief
+from navloom.roles import LocalizerInput, MapperInput, PlannerInput, Platform, PlatformInput, PlatformOutput, Role
+
+__all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor", "notes_of",
+           "verb_place"]  # fmt: skip
+
+AHEAD_NS = 1_000_000_000
+"""How far a stamp may be ahead of the run clock, ns: a driver's clock may differ a little."""
+BACK_NS = 1_000_000_000
+"""How far the stamp of a map may fall behind the one before, ns: a map that was cleared restarts from older data."""
+FAR = 10.0
+"""Multiple of a limit from which a command is reported: no gain of a method explains it, a wrong unit does."""
+
+VERBS = {
+    "platform": "advance",
+    "localizer": "localize",
+    "mapper": "update",
+    "planner": "plan",
+    "controller": "control",
+    "avoider": "avoid",
+    "recovery": "recover",
+}
+"""The verb of each role."""
+
+A = TypeVar("A", bound=TrackingCommand | Avoidance | RecoveryStep)
+
+
+class AnswerError(ValueError):
+    """A plugin's answer does not fit what was asked: the text says what it gave, what was expected, and its line."""
+
+
+def verb_place(plugin: Role) -> str:
+    """File and line of the verb of a plugin's class, as `planner.py:31`; empty where it has no Python source."""
+    verb: Any = inspect.unwrap(getattr(type(plugin), VERBS[plugin.role]))
+    code = getattr(verb, "__code__", None)
+    return f"{PurePath(code.co_filename).name}:{code.co_firstlineno}" if code is not None else ""
+
+
+class _Door:
+    """What every door knows: the verb and where it is written."""
+
+    def __init__(self, plugin: Role) -> None:
+        self.verb, self.place = VERBS[plugin.role], verb_place(plugin)
+
+    def refuse(self, given: str, expected: str) -> NoReturn:
+        """Raise AnswerError."""
+        raise AnswerError(f"{self.verb}() {given}, expected {expected}{f' ({self.place})' if self.place else ''}")
+
+    def refuse_type(self, answer: object, expected: str) -> NoReturn:
+        """Raise AnswerError for an answer of another type."""
+        self.refuse(f"returned {brief(answer)}", expected)
+
+    def check_ahead(self, name: str, stamp_ns: int, now_ns: int) -> None:
+        """Refuse a stamp that the run clock has not reached."""
+        if stamp_ns > now_ns + AHEAD_NS:
+            self.refuse(
+                f"gave {name} stamped {_seconds(stamp_ns)}",
+                f"run clock in ns, which is at {_seconds(now_ns)}; wall-clock time does not fit",
+            )
+
+
+class PlatformDoor(_Door):
+    """The answers of a platform: messages of the declared types, stamps that move, sweeps that were asked for."""
+
+    def __init__(self, plugin: Platform) -> None:
+        super().__init__(plugin)
+        self._sensors = {spec.name: plugin.sensor_kinds.get(spec.kind, Message) for spec in plugin.context.sensors}
+        self._newest = dict.fromkeys(self._sensors, 0)
+        self._odometry_ns = self._now_ns = 0
+        self._asked = 0
+
+    def check(self, answer: object, given: PlatformInput) -> PlatformOutput:
+        """The answer as it is. Raises AnswerError."""
+        if not isinstance(answer, PlatformOutput):
+            self.refuse_type(answer, "PlatformOutput")
+        self._check_types(answer)
+        if given.time_ns < self._now_ns:
+            self._newest = dict.fromkeys(self._sensors, 0)
+            self._odometry_ns = 0
+        self._now_ns = given.time_ns
+        if given.sweep_request is not None:
+            self._asked = max(self._asked, given.sweep_request.request_id)
+        stamp_ns = answer.odometry.stamp_ns
+        if not self._odometry_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
+            self._refuse_stamp("odometry", stamp_ns, self._odometry_ns)
+        self._odometry_ns = stamp_ns
+        for name, scan in answer.scans.items():
+            self._check_scan(name, scan)
+        return answer
+
+    def _check_types(self, answer: PlatformOutput) -> None:
+        if not isinstance(answer.odometry, Odometry):
+            self.refuse(f"gave odometry={brief(answer.odometry)}", "Odometry")
+        if not isinstance(answer.contact, Contact):
+            self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) where nothing is felt")
+        if answer.truth is not None and not isinstance(answer.truth, Truth):
+            self.refuse(f"gave truth={brief(answer.truth)}", "Truth or None")
+        if answer.scans.__class__ is not dict and not isinstance(answer.scans, Mapping):
+            self.refuse(f"gave scans={brief(answer.scans)}", "messages by sensor name, as {'laser': scan}")
+
+    def _refuse_stamp(self, name: str, stamp_ns: int, before_ns: int) -> NoReturn:
+        self.check_ahead(name, stamp_ns, self._now_ns)
+        self.refuse(f"gave {name} stamped {_seconds(stamp_ns)}", f"{_seconds(before_ns)} or later, as the one before")
+
+    def _check_scan(self, name: str, scan: Message) -> None:
+        if name not in self._sensors:
+            self.refuse(f"gave a scan of {name!r}", f"one of {', '.join(self._sensors) or 'no sensors'}")
+        wanted = self._sensors[name]
+        if not isinstance(scan, wanted):
+            given = type(scan).__name__ if isinstance(scan, Message) else brief(scan)
+            self.refuse(f"gave {given} for the sensor {name!r}", wanted.__name__)
+        if not isinstance(scan, (RangeScan, Sweep)):
+            return
+        stamp_ns, before_ns = scan.stamp_ns, self._newest[name]
+        if not before_ns <= stamp_ns <= self._now_ns + AHEAD_NS:
+            self._refuse_stamp(f"a scan of {name!r}", stamp_ns, before_ns)
+        self._newest[name] = stamp_ns
+        if scan.range_min > scan.range_max:
+            self.refuse(f"gave a scan of {name!r} with range_min {scan.range_min:g}", f"at most {scan.range_max:g} m")
+        if isinstance(scan, Sweep) and not 0 <= scan.request_id <= self._asked:
+            asked = f"{self._asked}, the newest request, or " if self._asked else ""
+            self.refuse(f"gave a sweep for request {scan.request_id}", f"{asked}0 for a continuous sweep")
+
+
+class LocalizerDoor(_Door):
+    """The answers of a localizer: a pose at the stamp of the odometry it was given."""
+
+    def check(self, answer: object, given: LocalizerInput) -> PoseEstimate:
+        """The answer as it is. Raises AnswerError."""
+        if not isinstance(answer, PoseEstimate):
+            self.refuse_type(answer, "PoseEstimate")
+        stamp_ns = given.odometry.stamp_ns
+        if answer.stamp_ns != stamp_ns:
+            self.refuse(
+                f"gave a pose stamped {_seconds(answer.stamp_ns)}", f"the odometry's stamp, {_seconds(stamp_ns)}"
+            )
+        variances = answer.covariance.diagonal().tolist()
+        if min(variances) < 0.0:
+            self.refuse(f"gave variances {variances}", "values of at least 0 on the diagonal of the covariance")
+        return answer
+
+
+class MapperDoor(_Door):
+    """The answers of a mapper: a map that is not of the future, and not older than the one before."""
+
+    def __init__(self, plugin: Role) -> None:
+        super().__init__(plugin)
+        self._newest = self._now_ns = 0
+
+    def check(self, answer: object, given: MapperInput) -> MapUpdate | None:
+        """The answer as it is. Raises AnswerError."""
+        if given.stamp_ns < self._now_ns:  # the run clock restarted
+            self._newest = 0
+        self._now_ns = given.stamp_ns
+        if answer is None:
+            return None
+        if not isinstance(answer, MapUpdate):
+            self.refuse_type(answer, "MapUpdate or None")
+        self.check_ahead("a map", answer.stamp_ns, given.stamp_ns)
+        if answer.stamp_ns < self._newest - BACK_NS:
+            self.refuse(
+                f"gave a map stamped {_seconds(answer.stamp_ns)}",
+                f"the stamp of its newest data, which was {_seconds(self._newest)} in the map before",
+            )
+        self._newest = answer.stamp_ns
+        if not answer.grid.cells.size:
+            self.refuse(
+                f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell; None where there is no map"
+            )
+        return answer
+
+
+class PlannerDoor(_Door):
+    """The answers of a planner: to the request that was asked, from its start to its goal.
+
+    Args:
+        plugin: The planner.
+        tolerance: How near to its goal a robot must come, m. A path's ends may be off by this or by the diagonal of a
+            cell, whichever is larger.
+    """
+
+    def __init__(self, plugin: Role, tolerance: float) -> None:
+        super().__init__(plugin)
+        self.tolerance = tolerance
+
+    def check(self, answer: object, given: PlannerInput) -> Path | PlanFailure:
+        """The answer as it is. Raises AnswerError."""
+        if not isinstance(answer, (Path, PlanFailure)):
+            self.refuse_type(answer, "Path or PlanFailure")
+        request = given.request
+        if answer.request_id != request.request_id:
+            self.refuse(f"answered request {answer.request_id}", f"request {request.request_id}, which was asked")
+        if isinstance(answer, Path):
+            grid = given.map.grid if answer.traversable is None else answer.traversable
+            slack = max(self.tolerance, math.sqrt(2.0) * grid.resolution)
+            points = answer.points
+            for name, (x, y), asked in (("starts", points[0], request.start), ("ends", points[-1], request.goal)):
+                if math.hypot(x - asked.x, y - asked.y) > slack:
+                    self.refuse(
+                        f"gave a path that {name} at ({x:.2f}, {y:.2f})",
+                        f"({asked.x:.2f}, {asked.y:.2f}), as asked, within {slack:.2f} m",
+                    )
+        return answer
+
+
+class TwistDoor(_Door, Generic[A]):
+    """The answers of a role that commands a velocity.
+
+    A command beyond the robot's limits passes: the gate limits it. Far beyond them it is noted, once.
+
+    Args:
+        plugin: The controller, avoider or recovery.
+        kind: What its verb gives.
+
+    Attributes:
+        notes: What was noted, for the operator.
+    """
+
+    def __init__(self, plugin: Role, kind: type[A]) -> None:
+        super().__init__(plugin)
+        self.notes: list[str] = []
+        self._kind: type[A] = kind
+        self._who, self._speed, self._turn = f"{plugin.role} {plugin.name}", math.inf, math.inf
+        context = getattr(plugin, "context", None)  # a plugin's own __init__ may not keep it
+        if context is not None:
+            self._who = f"{plugin.role} {context.instance}"
+            self._speed, self._turn = context.robot.max_linear, context.robot.max_angular
+        self._far_speed, self._far_turn = FAR * self._speed, FAR * self._turn
+
+    def check(self, answer: object) -> A:
+        """The answer as it is. Raises AnswerError."""
+        if not isinstance(answer, self._kind):
+            self.refuse_type(answer, self._kind.__name__)
+        twist, turn, speed = answer.twist, self._far_turn, self._far_speed
+        if not (-turn < twist.wz < turn and -speed < twist.vx < speed) and not self.notes:
+            self._note(twist)
+        return answer
+
+    def _note(self, twist: Twist2D) -> None:
+        turns, speeds = abs(twist.wz) / self._turn, abs(twist.vx) / self._speed
+        if turns >= speeds:
+            said = f"{turns:.0f} times the turn limit: degrees? It gave {twist.wz:.3g} rad/s of {self._turn:.3g}"
+        else:
+            said = f"{speeds:.0f} times the speed limit. It gave {twist.vx:.3g} m/s of {self._speed:.3g}"
+        self.notes.append(f"{self._who} asked for {said} ({self.place}); the gate limits it")
+
+
+def notes_of(node: object) -> list[str]:
+    """What the door of a node noted for the operator."""
+    found: list[str] = getattr(getattr(node, "door", None), "notes", [])
+    return found
+
+
+def _seconds(stamp_ns: int) -> str:
+    return f"{stamp_ns * 1e-9:.3f} s"

@@ -123,7 +123,7 @@ def test_the_platforms_own_stop_is_told_again_as_well(robot: Robot) -> None:
 def test_a_scan_of_a_sensor_that_is_not_there_is_the_plugins_fault(robot: Robot) -> None:
     robot.base.scans = {"sonar": None}
     robot.turn(0.1)
-    assert "advance() gave a scan of 'sonar', expected one of laser, sonars" in robot.runner.fault
+    assert "advance() gave a scan of 'sonar', expected one of sonars" in robot.runner.fault
 
 
 def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -216,6 +218,13 @@ def make_plugins(
                 part.cls.warm_up()
             warmed.add(part.cls)
         part.plugin = _made(system, part)
+    _spare_what_is_loaded()
+
+
+@cache
+def _spare_what_is_loaded() -> None:
+    """Have the garbage collector pass over the libraries from now on: a look at all of them takes a tick or two."""
+    gc.freeze()
 
 
 def try_plugins(system: System) -> None:

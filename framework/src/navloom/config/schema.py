@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
+from pydantic.fields import FieldInfo
 
+from navloom.roles import ROLES
 from navloom.roles.base import StrictModel
 
 __all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "FootprintTable", "GateTable", "LiveTable",
@@ -17,8 +19,9 @@ __all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "Footprint
 
 Positive = Annotated[float, Field(gt=0.0)]
 RoleName = Literal["platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery"]
-ROLE_TABLES: tuple[str, ...] = ("platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery")
-LIVE_NODES: tuple[str, ...] = (*ROLE_TABLES, "goal", "reference", "gate")
+ROLE_TABLES = ROLES.keys()
+"""Roles, each with a table of its name: those of the framework have one in every config, others where it is given."""
+OWN_NODES = ("goal", "reference", "gate")
 
 
 class Table(StrictModel):
@@ -228,6 +231,18 @@ class EventTable(Table):
         return self
 
 
+DEFAULT_PLUGINS: dict[str, str] = {
+    "platform": "sensors_sim",
+    "localizer": "odometry",
+    "mapper": "ipabd",
+    "planner": "astar",
+    "controller": "lyapunov_tracker",
+    "avoider": "improved_vfh",
+    "recovery": "wait_and_replan",
+}
+"""Of the roles without which there is no robot."""
+
+
 class LiveTable(Table):
     """How `up` and `node` spread the nodes; lockstep does not read it."""
 
@@ -255,13 +270,13 @@ class LiveTable(Table):
                 raise ValueError(f'process "{process}": expected letters, digits, _ and -')
             for node in nodes:
                 role, _, name = node.partition(".")
-                if role not in LIVE_NODES or (name and role not in ROLE_TABLES):
+                if role not in (*ROLE_TABLES, *OWN_NODES) or (name and role not in ROLE_TABLES):
                     raise ValueError(f'process {process} names "{node}", expected a role or role.instance of '
-                                     f"{', '.join(LIVE_NODES)}")  # fmt: skip
+                                     f"{', '.join((*ROLE_TABLES, *OWN_NODES))}")  # fmt: skip
                 if node in placed:
                     raise ValueError(f'"{node}" is in the processes {placed[node]} and {process}')
                 placed[node] = process
-        missing = [role for role in LIVE_NODES if role not in placed]
+        missing = [role for role in (*DEFAULT_PLUGINS, *OWN_NODES) if role not in placed]
         if missing:
             raise ValueError(f"processes leave out {', '.join(missing)}")
         for host, processes in self.hosts.items():
@@ -292,17 +307,6 @@ class PluginsTable(Table):
     blocked: list[str] = Field(default_factory=list, description="role.name, treated as not installed")
 
 
-DEFAULT_PLUGINS: dict[str, str] = {
-    "platform": "sensors_sim",
-    "localizer": "odometry",
-    "mapper": "ipabd",
-    "planner": "astar",
-    "controller": "lyapunov_tracker",
-    "avoider": "improved_vfh",
-    "recovery": "wait_and_replan",
-}
-
-
 class Config(Table):
     """The whole file."""
 
@@ -331,7 +335,7 @@ class Config(Table):
         """A role without a table, or with one that names no plugin, gets the default one."""
         if not isinstance(given, dict):
             return given
-        roles = {role: given.get(role, {}) for role in ROLE_TABLES}
+        roles = {role: given.get(role, {}) for role in DEFAULT_PLUGINS}
         filled = {
             role: {"plugin": DEFAULT_PLUGINS[role], **table} if isinstance(table, dict) else table
             for role, table in roles.items()
@@ -357,11 +361,11 @@ class Config(Table):
 
     def _instances(self) -> set[tuple[str, str]]:
         """Role and name of every instance."""
-        active = {(role, self.role_table(role).instance) for role in ROLE_TABLES}
+        active = {(role, self.role_table(role).instance) for role in self.roles}
         return active | {(table.role, table.instance) for table in self.alternative}
 
     def _wrong_instances(self) -> Iterator[str]:
-        taken = {(role, self.role_table(role).instance) for role in ROLE_TABLES}
+        taken = {(role, self.role_table(role).instance) for role in self.roles}
         for number, table in enumerate(self.alternative):
             if table.role == "platform":
                 yield f"alternative.{number}.role: is a platform: the platform is never shadowed or swapped"
@@ -384,6 +388,11 @@ class Config(Table):
             if event.do == "swap" and event.role == "platform":
                 yield f"event.{number}.role: the platform is never swapped"
 
+    @property
+    def roles(self) -> list[str]:
+        """Roles that the robot has."""
+        return [role for role in ROLE_TABLES if getattr(self, role, None) is not None]
+
     def role_table(self, role: str) -> RoleTable:
         """The table of a role's active instance."""
         table = getattr(self, role)
@@ -392,9 +401,21 @@ class Config(Table):
 
     def role_tables(self) -> list[tuple[str, RoleTable]]:
         """Each role table and alternative with its place in the file."""
-        return [(role, self.role_table(role)) for role in ROLE_TABLES] + [
+        return [(role, self.role_table(role)) for role in self.roles] + [
             (f"alternative.{number}", table) for number, table in enumerate(self.alternative)
         ]
+
+
+def add_role_table(role: str) -> None:
+    """Let configs have a table of a role that is none of the framework's."""
+    Config.model_fields[role] = FieldInfo(annotation=RoleTable | None, default=None)  # type: ignore[arg-type]
+    Config.model_rebuild(force=True)
+
+
+def remove_role_table(role: str) -> None:
+    """Undo `add_role_table`."""
+    del Config.model_fields[role]
+    Config.model_rebuild(force=True)
 
 
 def _names_of(role: str | None, instances: set[tuple[str, str]]) -> str:

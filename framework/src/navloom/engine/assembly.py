@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from navloom.config.schema import ROLE_TABLES
 from navloom.engine.build import System, configure, role_nodes, stride_of
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import Lockstep, Observer
@@ -72,7 +71,7 @@ def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
 
 
 def _selected(system: System) -> dict[str, str]:
-    return {role: system.config.role_table(role).instance for role in ROLE_TABLES if role != "platform"}
+    return {role: system.config.role_table(role).instance for role in system.config.roles if role != "platform"}
 
 
 def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_live: bool = False) -> Node | None:

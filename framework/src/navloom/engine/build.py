@@ -16,11 +16,10 @@ from pydantic import ValidationError
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.problems import Gathered, problems_of
 from navloom.config.schema import ROLE_TABLES, Config, EventTable, PlaceTable, RoleTable
-from navloom.engine.catalogue import specs_of
+from navloom.engine.catalogue import role_node, specs_of
 from navloom.engine.graph import order
 from navloom.engine.ports import NodeSpec
 from navloom.engine.random_streams import stream_source
-from navloom.engine.role_nodes import role_node
 from navloom.engine.stepper import fault_text
 from navloom.engine.streams import sensor_port
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
@@ -182,7 +181,7 @@ def _system(
     config = loaded.config
     platform = parts[("platform", config.platform.instance)].cls
     assert issubclass(platform, Platform)
-    wired = {role: parts[(role, config.role_table(role).instance)].sensors for role in ROLE_TABLES}
+    wired = {role: parts[(role, config.role_table(role).instance)].sensors for role in config.roles}
     for part in parts.values():
         extra = [name for name in part.sensors if name not in wired[part.role]]
         wired[part.role] = (*wired[part.role], *extra)
@@ -190,7 +189,7 @@ def _system(
         wired["gate"] = tuple(s.name for s in sensors if issubclass(platform.sensor_kinds[s.kind], RangeScan))
     ports = {s.name: sensor_port(s.name, platform.sensor_kinds[s.kind]) for s in sensors}
     wired["platform"] = tuple(ports)
-    specs = order(specs_of({role: [ports[name] for name in names] for role, names in wired.items()}))
+    specs = order(specs_of({role: [ports[name] for name in names] for role, names in wired.items()}, config.roles))
     start, goal, tolerance = _task(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)

@@ -32,6 +32,7 @@ class Node:
         cause: Input whose Platform stamp its outputs derive from; None for the platform itself.
         is_awaited: Live: those that read it wait a moment for its step of a tick.
         hears_all: Live: it acts on what any other node reports of its steps.
+        answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
         patience: Live: s to wait for what else belongs to the tick of a trigger.
 
     Attributes:
@@ -44,6 +45,7 @@ class Node:
     cause: ClassVar[Any] = None
     is_awaited: ClassVar[bool] = False
     hears_all: ClassVar[bool] = False
+    answers_when_asked: ClassVar[bool] = False
     patience: ClassVar[float] = PATIENCE
     declared_inputs: ClassVar[tuple[Declared[Any] | SensorGroup, ...]] = ()
     declared_outputs: ClassVar[tuple[Output[Any] | SensorOutputs, ...]] = ()

@@ -55,16 +55,22 @@ class Port(Generic[M]):
         quality: How it travels between processes.
         retained: Who joins later is given the last message.
         required: The robot does not drive where the role's instance in charge is gone.
-        warms: A message on it shows that its instance can take over. A role without such a port is always able to.
+        answers: What the role is for: compared with an alternative's, and a sign that an instance can take over.
     """
 
-    __slots__ = ("carries", "name", "quality", "required", "retained", "role", "warms")
+    __slots__ = ("answers", "carries", "name", "quality", "required", "retained", "role")
 
     def __init__(
-        self, carries: type[M], quality: Quality, *, retained: bool = False, required: bool = False, warms: bool = False
+        self,
+        carries: type[M],
+        quality: Quality,
+        *,
+        retained: bool = False,
+        required: bool = False,
+        answers: bool = False,
     ) -> None:
         self.carries, self.quality = carries, quality
-        self.retained, self.required, self.warms = retained, required, warms
+        self.retained, self.required, self.answers = retained, required, answers
         self.role = self.name = ""
 
     def __str__(self) -> str:

@@ -53,11 +53,10 @@ from navloom.roles import (
     PlatformInput,
     Recovery,
     RecoveryInput,
-    Role,
 )
 
 __all__ = ["AvoiderNode", "ControllerNode", "LocalizerNode", "MapperNode", "PlannerNode", "PlatformNode",
-           "RecoveryNode", "role_node"]  # fmt: skip
+           "RecoveryNode"]  # fmt: skip
 
 STILL = Twist2D(0.0, 0.0, 0.0)
 BEFORE_DATA_NS = 500_000_000
@@ -251,6 +250,7 @@ class RecoveryNode(Node):
 
     role = "recovery"
     ticks = True
+    answers_when_asked = True
     is_awaited = True
     request = Latest(GoalPorts.recovery, delayed=True)
     scans = Sensors()
@@ -322,25 +322,3 @@ def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
 
 def _distance(pose: Any, point: Any) -> float:
     return float(((point.x - pose.x) ** 2 + (point.y - pose.y) ** 2) ** 0.5)
-
-
-NODES: dict[str, Any] = {
-    node.role: node for node in (PlatformNode, LocalizerNode, MapperNode, ControllerNode, RecoveryNode)
-}
-
-
-def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0, tolerance: float = 0.0) -> Node:
-    """The node for a plugin.
-
-    Args:
-        plugin: The plugin.
-        rule, look_ahead: For an avoider: who drives, and how far that looks along the robot's own way, m.
-        tolerance: For a planner: how near to its goal the robot must come, m.
-    """
-    if isinstance(plugin, Planner):
-        return PlannerNode(plugin, tolerance)
-    if isinstance(plugin, Avoider):
-        assert rule is not None
-        return AvoiderNode(plugin, rule, look_ahead)
-    node: Node = NODES[plugin.role](plugin)
-    return node

@@ -70,13 +70,13 @@ class PlatformPorts(Ports, role="platform"):
 class LocalizerPorts(Ports, role="localizer"):
     """Where the robot is."""
 
-    pose = Port(PoseEstimate, STATE, required=True, warms=True)
+    pose = Port(PoseEstimate, STATE, required=True, answers=True)
 
 
 class MapperPorts(Ports, role="mapper"):
     """What is known of the surroundings."""
 
-    map = Port(MapUpdate, MAP, retained=True, warms=True)
+    map = Port(MapUpdate, MAP, retained=True, answers=True)
 
 
 class GoalPorts(Ports, role="goal"):
@@ -94,8 +94,8 @@ class GoalPorts(Ports, role="goal"):
 class PlannerPorts(Ports, role="planner"):
     """A way, or why there is none."""
 
-    path = Port(Path, PLAN, retained=True, warms=True)
-    failure = Port(PlanFailure, PLAN, retained=True, warms=True)
+    path = Port(Path, PLAN, retained=True, answers=True)
+    failure = Port(PlanFailure, PLAN, retained=True, answers=True)
 
 
 class ReferencePorts(Ports, role="reference"):
@@ -108,13 +108,13 @@ class ReferencePorts(Ports, role="reference"):
 class ControllerPorts(Ports, role="controller"):
     """The velocity that tracks the reference."""
 
-    command = Port(TrackingCommand, URGENT, required=True, warms=True)
+    command = Port(TrackingCommand, URGENT, required=True, answers=True)
 
 
 class AvoiderPorts(Ports, role="avoider"):
     """The velocity round obstacles, and whether it is this one that drives."""
 
-    command = Port(Command, URGENT, required=True, warms=True)
+    command = Port(Command, URGENT, required=True, answers=True)
     status = Port(AvoiderStatus, PLAIN)
     handover = Port(HandOver, PLAIN)
 
@@ -122,7 +122,7 @@ class AvoiderPorts(Ports, role="avoider"):
 class RecoveryPorts(Ports, role="recovery"):
     """The velocity out of a place where the robot is stuck."""
 
-    command = Port(Command, URGENT)
+    command = Port(Command, URGENT, answers=True)
     status = Port(RecoveryStep, WORD)
 
 

@@ -20,7 +20,7 @@ from navloom.roles import ROLES, Role
 __all__ = ["GROUP", "Discovery", "PluginInfo"]
 
 GROUP = "navloom"
-KINDS = [*ROLES, "world", "scheme", "metric", "panel"]
+OTHERS = ("world", "scheme", "metric", "panel")
 """What an entry point may give."""
 T = TypeVar("T")
 
@@ -68,10 +68,11 @@ class Discovery:
     def problems(self) -> list[str]:
         """Entry points that nobody can ask for, in words, without importing any."""
         found = []
+        kinds = [*ROLES, *OTHERS]
         for point in self._points:
             role, _, name = point.name.partition(".")
-            if role not in KINDS or not name:
-                found.append(f"entry point {point.name!r} of {_owner(point)}: expected ROLE.NAME{nearest(role, KINDS)}")
+            if role not in kinds or not name:
+                found.append(f"entry point {point.name!r} of {_owner(point)}: expected ROLE.NAME{nearest(role, kinds)}")
         for name in dict.fromkeys(point.name for point in self._points):
             twins = [point for point in self._points if point.name == name]
             if len(twins) > 1:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
-from navloom.config.schema import ROLE_TABLES, Config
+from navloom.config.schema import Config
 from navloom.engine.ports import Input, NodeSpec
 from navloom.engine.told import GoalTold
 from navloom.messages import Envelope, Message, OperatorRequest, Selection, StepReport
@@ -40,7 +40,7 @@ class Chosen:
     """Which instance of each role was in charge, as the recorded selections say."""
 
     def __init__(self, config: Config) -> None:
-        first = {role: config.role_table(role).instance for role in ROLE_TABLES}
+        first = {role: config.role_table(role).instance for role in config.roles}
         self._by_epoch: dict[int, dict[str, str]] = {0: first}
         self._from: list[tuple[int, dict[str, str]]] = [(0, first)]
 

@@ -12,16 +12,18 @@ from navloom.roles.recovery import Recovery, RecoveryInput
 ROLES: dict[str, type[Role]] = {
     role.role: role for role in (Platform, Localizer, Mapper, Planner, Controller, Avoider, Recovery)
 }
-"""The ABC of each role, by name."""
+"""The ABC of each role, by name. Lists of roles elsewhere are views of this one."""
 
 ROLE_API: dict[str, int] = dict.fromkeys(ROLES, 1)
 """Major version of each role that this framework speaks."""
 
-PATIENT = frozenset({"mapper", "planner", "recovery"})
-"""Roles whose step may take long: no motor waits for it."""
+
+def is_patient(role: str) -> bool:
+    """Whether a role's step may take long: no motor waits for it. The framework's own nodes are not patient."""
+    return role in ROLES and ROLES[role].is_patient
+
 
 __all__ = [
-    "PATIENT",
     "ROLES",
     "ROLE_API",
     "Avoider",
@@ -45,4 +47,5 @@ __all__ = [
     "RobotSpec",
     "Role",
     "SensorSpec",
+    "is_patient",
 ]

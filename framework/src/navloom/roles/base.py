@@ -148,6 +148,7 @@ class Role(ABC):
         role: Name of the role, set by the role's ABC.
         name: Name of the plugin, the one of its entry point.
         api: Major version of the role it is built for.
+        is_patient: A step of the role may take long, since no motor waits for it; set by the role's ABC.
         accepts: Sensor messages its node is wired to, unless the config names `sensors`.
         needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
         needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
@@ -157,6 +158,7 @@ class Role(ABC):
     role: ClassVar[str]
     name: ClassVar[str]
     api: ClassVar[int] = 1
+    is_patient: ClassVar[bool] = False
     accepts: ClassVar[tuple[type[Message], ...]] = (RangeScan,)
     needs_map: ClassVar[bool] = False
     needs_sensor: ClassVar[bool] = False

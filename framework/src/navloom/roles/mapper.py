@@ -35,6 +35,7 @@ class Mapper(Role):
     """Turns range data into a map. Raises InputError for data it cannot use."""
 
     role = "mapper"
+    is_patient = True
     accepts: ClassVar[tuple[type[Message], ...]] = (Sweep,)
     needs_sensor = True
 

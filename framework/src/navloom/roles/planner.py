@@ -24,6 +24,7 @@ class Planner(Role):
     """Finds paths. The footprint is in its context."""
 
     role = "planner"
+    is_patient = True
     accepts: ClassVar[tuple[type[Message], ...]] = ()
 
     @abstractmethod

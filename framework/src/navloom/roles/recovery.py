@@ -41,6 +41,7 @@ class Recovery(Role):
     """Called each tick while the goal asks for it."""
 
     role = "recovery"
+    is_patient = True
 
     @abstractmethod
     def recover(self, given: RecoveryInput) -> RecoveryStep:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from navloom.config.schema import ROLE_TABLES
 from navloom.engine.assembly import make_stepper
 from navloom.engine.build import System
 from navloom.engine.catalogue import node_class
@@ -59,7 +58,7 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
         feeds,
         {other: board.inlet(other, STEP, mailbox, FEW) for other in _reporting(source, feeds, sources, board)},
         {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
-        {role: system.config.role_table(role).instance for role in ROLE_TABLES},
+        {role: system.config.role_table(role).instance for role in system.config.roles},
     )
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
     return Hosted(cell, *control)

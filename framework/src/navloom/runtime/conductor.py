@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from navloom.config.schema import ROLE_TABLES
 from navloom.engine.build import System
 from navloom.engine.lockstep import Observer, RunLog
 from navloom.engine.trace import TraceWriter
@@ -67,7 +66,7 @@ class Conductor:
         reports = {source: board.inlet(source, STEP, mailbox, None) for source in sources if source != self._own}
         self._barrier = Barrier(mailbox, reports, streams, self._while_waiting)
         self._check = check
-        self._chosen = {role: system.config.role_table(role).instance for role in ROLE_TABLES}
+        self._chosen = {role: system.config.role_table(role).instance for role in system.config.roles}
         self._selection: Selection | None = None
         self._idle = True
         self._moved_at = 0.0

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from navloom.roles import PATIENT
+from navloom.roles import is_patient
 from navloom.runtime import links
 
 __all__ = ["Finding", "differing", "failing", "flowing", "is_slow", "is_stuck", "sharing", "unheard"]
@@ -56,12 +56,12 @@ def where(node: Node) -> str:
 
 def is_slow(node: Node) -> bool:
     """Its usual step takes longer than its period. A mapper or a planner may: nothing waits for it in each tick."""
-    return node["role"] not in PATIENT and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
+    return not is_patient(node["role"]) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
 
 
 def is_stuck(node: Node) -> bool:
     """It has been in one step for longer than its role may take."""
-    return (node["busy_s"] or 0.0) > (BUSY_LONG if node["role"] in PATIENT else BUSY)
+    return (node["busy_s"] or 0.0) > (BUSY_LONG if is_patient(node["role"]) else BUSY)
 
 
 def failing(nodes: Sequence[Node]) -> list[Finding]:

@@ -37,7 +37,6 @@ SKEW = timedelta(days=1)
 """A robot without a battery-backed clock may be behind."""
 SERVING = ("router", "nodes")
 """Kinds that may also be connected to."""
-SHADOWED = tuple(role for role in ROLE_TABLES if role != "platform")
 
 
 class KeysError(LinkError):
@@ -147,10 +146,10 @@ def _check_identity(identity: Identity) -> None:
             raise KeysError(f"--instance {identity.instance}: only for --kind shadow")
         return
     role, _, instance = identity.instance.partition(".")
-    if role not in SHADOWED or not re.fullmatch(r"[A-Za-z0-9_-]+", instance):
+    if role not in ROLE_TABLES or role == "platform" or not re.fullmatch(r"[A-Za-z0-9_-]+", instance):
         raise KeysError(
             f"--instance {identity.instance or '(none)'}: a shadow is one instance, expected ROLE.NAME, as "
-            f"avoider.forces; roles are {', '.join(SHADOWED)}"
+            f"avoider.forces; roles are {', '.join(role for role in ROLE_TABLES if role != 'platform')}"
         )
 
 

@@ -15,7 +15,7 @@ from navloom.engine.build import System, configure, make_plugins, role_nodes
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.messages import Parameters
-from navloom.roles import PATIENT
+from navloom.roles import is_patient
 from navloom.runtime.barrier import BarrierEnded
 from navloom.runtime.barrier_runner import BarrierRunner
 from navloom.runtime.cell import Source
@@ -301,7 +301,7 @@ class NodeProcess:
 
 def longest_step(role: str, hang_timeout: float) -> float:
     """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
-    return max(hang_timeout, LONG) if role in PATIENT else hang_timeout
+    return max(hang_timeout, LONG) if is_patient(role) else hang_timeout
 
 
 def leave(process: NodeProcess) -> int:

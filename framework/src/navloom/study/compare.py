@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from navloom.config import ConfigError, Loaded, load_config
-from navloom.config.schema import ROLE_TABLES
 from navloom.engine.build import System, assemble
 from navloom.engine.checks import check_task
 from navloom.plugins import PluginError
@@ -265,7 +264,7 @@ def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[st
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in ("navloom", "numpy", "numba", "scipy"):
         found[name] = version(name)
-    used = {(role, s.config.role_table(role).plugin) for s in systems.values() for role in ROLE_TABLES}
+    used = {(role, s.config.role_table(role).plugin) for s in systems.values() for role in s.config.roles}
     for key in sorted(used):
         if key in owners and owners[key].distribution:
             found[owners[key].distribution] = owners[key].version

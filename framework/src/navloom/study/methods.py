@@ -210,7 +210,7 @@ def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, d
 def _full(system: System) -> dict[str, Any]:
     """Every value that holds by dotted place, parameters of the plugins in charge with their defaults."""
     tree = system.config.model_dump(mode="json")
-    for role in ROLE_TABLES:
+    for role in system.config.roles:
         part = system.parts[(role, system.config.role_table(role).instance)]
         tree[role] = {**tree[role], **part.params.model_dump(mode="json"), "name": part.table.instance}
     del tree["live"]

@@ -12,23 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.engine.catalogue import answer_ports
 from navloom.engine.differences import differences, is_differing
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
 if TYPE_CHECKING:
     from navloom.engine.build import System
 
-__all__ = ["COMPARED", "Disagreement", "ShadowWatch", "shadow_table"]
-
-COMPARED: dict[str, tuple[str, ...]] = {
-    "localizer": ("pose",),
-    "mapper": ("map",),
-    "planner": ("path", "failure"),
-    "controller": ("command",),
-    "avoider": ("command",),
-    "recovery": ("command",),
-}
-"""By role, the ports that are its answer."""
+__all__ = ["Disagreement", "ShadowWatch", "shadow_table"]
 
 
 @dataclass(eq=False)
@@ -121,7 +112,7 @@ class ShadowWatch:
         self.wants: frozenset[tuple[str, str]] | None = frozenset(
             (role, port)
             for role in shadows
-            for port in (*COMPARED[role], *(("handover",) if role == "avoider" else ()))
+            for port in (*answer_ports(role), *(("handover",) if role == "avoider" else ()))
         )
         self.horizon = horizon
         self.found = {(role, name): Disagreement(role, name) for role, names in shadows.items() for name in names}
@@ -134,7 +125,7 @@ class ShadowWatch:
         period = system.config.run.period
         shadows: dict[str, tuple[str, ...]] = {}
         for table in system.config.alternative:
-            if table.shadow and table.role in COMPARED:
+            if table.shadow:
                 shadows[table.role] = (*shadows.get(table.role, ()), table.instance)
         delays = [part.table.latency for part in system.parts.values()]
         return cls(shadows, math.ceil(round(max(delays, default=0.0) / period, 6))) if shadows else None

@@ -13,6 +13,7 @@ from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
 from navloom.config.schema import Config
 from navloom.engine.build import assemble
+from navloom.engine.catalogue import answer_ports
 from navloom.engine.differences import UNITS, differences
 from navloom.messages import MapUpdate, Message, PoseEstimate
 from navloom.recording.outcomes import Outcomes
@@ -20,7 +21,7 @@ from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
 from navloom.recording.shelf import Shelf
 from navloom.study.plotting import GREY, OKABE_ITO, new_figure, png_of, styled
-from navloom.study.shadows import COMPARED, Disagreement
+from navloom.study.shadows import Disagreement
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,7 +141,7 @@ class _Watch:
     def again(self, node: ReplayNode, stepped: Stepped, shelf: Shelf) -> None:
         """Take one step."""
         result, step = self.result, stepped.step
-        ports = COMPARED[step.role]
+        ports = answer_ports(step.role)
         given = [message for port, message in stepped.outputs if port in ports]
         numbers = self.outcomes.numbers(stepped, dict.fromkeys(ports, len(given[:1])))
         if not step.report.trigger:

@@ -75,6 +75,7 @@ class TraceWriter:
         self._hash.update(block)
         if self._file is not None:
             self._file.write(block)
+            self._file.flush()
 
     def sha256(self) -> str:
         """Hash of all that was said so far: that of the file."""

@@ -1,0 +1,79 @@
+"""Typed ports: what a node's class declares is what is wired, and a wrong wire does not pass the type checker."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from navloom.engine.catalogue import NODES, answer_ports, node_class, required_roles, warming_ports
+from navloom.engine.node import Node, Tick
+from navloom.engine.ports import Latest, Output, Port, known_ports
+from navloom.engine.role_nodes import PlannerNode
+from navloom.engine.streams import ControllerPorts, LocalizerPorts, PlannerPorts
+from navloom.messages import PoseEstimate
+
+WIRED: dict[str, list[Port[PoseEstimate]]] = {}
+
+
+def test_what_a_class_declares_is_its_wiring() -> None:
+    spec = PlannerNode.spec(WIRED)
+    assert [str(given) for given in spec.inputs] == ["goal.plan", "mapper.map"]
+    assert spec.outputs == ("path", "failure") and spec.cause == "plan" and not spec.ticks
+
+
+def test_facts_of_roles_are_read_off_the_ports() -> None:
+    assert set(required_roles()) == {"platform", "localizer", "reference", "controller", "avoider", "goal"}
+    assert answer_ports("planner") == ("path", "failure") and answer_ports("recovery") == ("command",)
+    assert warming_ports("recovery") == () and warming_ports("mapper") == ("map",)
+    assert node_class("mapper").patience > node_class("controller").patience
+    assert {port.role for port in known_ports()} == {node.role for node in NODES}
+
+
+def test_a_node_publishes_only_on_ports_of_its_own_role() -> None:
+    with pytest.raises(TypeError, match=r"Wrong\.command is the port controller\.command, expected one of 'planner'"):
+
+        class Wrong(Node):
+            role = "planner"
+            command = Output(ControllerPorts.command)
+
+
+def test_an_input_that_is_not_wired_says_so() -> None:
+    class Lonely(Node):
+        role = "planner"
+        pose = Latest(LocalizerPorts.pose)
+        path = Output(PlannerPorts.path)
+
+        def step(self, tick: Tick) -> None:
+            assert self.pose.value is not None
+
+    with pytest.raises(AttributeError, match=r"Lonely\.pose is not wired yet"):
+        Lonely().step(Tick(0, 0.0, 0, 0))
+
+
+WRONG = """
+from navloom.engine.node import Node, Tick
+from navloom.engine.ports import Latest, Output
+from navloom.engine.streams import ControllerPorts, LocalizerPorts
+from navloom.messages import Command, Path, Twist2D
+
+class Wrong(Node):
+    role = "controller"
+    pose = Latest(LocalizerPorts.pose)
+    command = Output(ControllerPorts.command)
+
+    def step(self, tick: Tick) -> None:
+        path: Path | None = self.pose.value
+        self.command.put(Command(Twist2D(0.0, 0.0, 0.0)))
+"""
+
+
+def test_a_wrongly_typed_wire_fails_mypy(tmp_path: Path) -> None:
+    source = tmp_path / "wrong.py"
+    source.write_text(WRONG, "utf-8")
+    checked = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", str(source)], capture_output=True, text=True
+    )
+    assert 'has type "PoseEstimate | None", variable has type "Path | None"' in checked.stdout, checked
+    assert 'has incompatible type "Command"; expected "TrackingCommand"' in checked.stdout

@@ -1,0 +1,32 @@
+"""What executors tell goal and gate, as it stands in step records: the words are those of recordings made before."""
+
+from __future__ import annotations
+
+from navloom.engine.told import GateTold, GoalTold, Obeyed
+from navloom.messages import Goal, OperatorRequest, Point2D
+
+
+def test_a_goal_told_comes_back() -> None:
+    goal = Goal(3, 1.0, 2.0, None, (Point2D(0.5, 0.5),))
+    told = GoalTold("broke", True, ("mapper",), (OperatorRequest("goal", goal), OperatorRequest("cancel")))
+    assert GoalTold.of(told.text) == told
+    assert GoalTold().text == "" and GoalTold.of("") == GoalTold()
+
+
+def test_the_words_of_a_goal_are_those_of_older_recordings() -> None:
+    old = '{"fault": "", "lost": true, "restarted": ["planner"], "submitted": [{"do": "cancel", "goal": null}]}'
+    assert GoalTold.of(old).text == old
+
+
+def test_the_words_of_a_gate_are_those_of_older_recordings() -> None:
+    old = (
+        '{"now_ns": 5, "silent": true, "gone": "controller x", '
+        '"obeyed": [{"do": "stop", "role": "", "instance": "", "driving": 7}], "contact": true, "warm": ["avoider b"]}'
+    )
+    assert GateTold.of(old).text == old
+    assert GateTold.of(old).obeyed == (Obeyed("stop", "", "", 7),)
+
+
+def test_only_what_differs_from_nothing_is_written() -> None:
+    assert GateTold(warm=("avoider b",)).text == '{"warm": ["avoider b"]}'
+    assert GateTold().text == "" and GateTold(now_ns=0).text == "{}" and GateTold.of("{}").now_ns is None

@@ -16,6 +16,7 @@ from navloom.messages import (
     Array,
     Contact,
     Envelope,
+    GateStatus,
     Goal,
     MapUpdate,
     Message,
@@ -396,3 +397,11 @@ def test_arrays_of_every_element_type_and_in_tuples_come_back() -> None:
     assert (back.d, back.e, back.f[0], back.f[1].points.tolist()) == (((corner,), ()), (None, 1.0), None, [[1.0, 1.0]])
     bare, _ = decode(encode(Mixed(made.a, None, made.c, (), (), ()), AT), "navloom.Mixed/1")
     assert isinstance(bare, Mixed) and bare.b is None
+
+
+def test_a_field_that_came_later_holds_its_default() -> None:
+    status = GateStatus("none", "", True, False, "operator", ())
+    data = encode(status, AT)
+    for name in ("share", "limit", "place", "distance"):
+        data = changed(data, lambda header, name=name: header["fields"].pop(name))  # type: ignore[misc]
+    assert decode(data, "navloom.GateStatus/1")[0] == status

@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 import threading
 from collections.abc import Callable
+from dataclasses import MISSING, fields
 from typing import Any
 
 import msgpack
@@ -87,7 +88,8 @@ def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int,
 def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     """Message and envelope from bytes, which must not change afterwards: arrays are views of them.
 
-    Unknown fields are passed over. Only where the bytes lie at an odd address are arrays copied.
+    Unknown fields are passed over, and one with a default, as those added later have, may be missing. Only where the
+    bytes lie at an odd address are arrays copied.
 
     Raises:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
@@ -227,6 +229,7 @@ def _reader(cls: type[Message]) -> Read:
 
 def _make_reader(cls: type[Message]) -> Read:
     names = tuple(cls.kinds)
+    defaults = {f.name: f.default for f in fields(cls) if f.default is not MISSING}  # type: ignore[arg-type]
     special = [
         (place, name, read, kind.optional)
         for place, (name, kind) in enumerate(cls.kinds.items())
@@ -238,8 +241,11 @@ def _make_reader(cls: type[Message]) -> Read:
             raise CodecError(f"got {type(values).__name__}, expected a map of fields")
         try:
             given = [values[name] for name in names]
-        except KeyError as missing:
-            raise CodecError(f"field {missing} is missing; got {brief(list(values))}") from None
+        except KeyError:
+            missing = next((name for name in names if name not in values and name not in defaults), None)
+            if missing is not None:
+                raise CodecError(f"field {missing!r} is missing; got {brief(list(values))}") from None
+            given = [values[name] if name in values else defaults[name] for name in names]
         for place, name, read, optional in special:
             value = given[place]
             if value is None and optional:

@@ -228,7 +228,7 @@ class GateNode(Node):
         )
         self.command.put(Command(twist))
         self._gave(twist, sensed.platform_ns)
-        if status != self._status:
+        if status is not self._status and status != self._status:
             self._status = status
             self.status.put(status)
         self._note(has_contact)

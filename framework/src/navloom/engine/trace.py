@@ -5,14 +5,17 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator
+from operator import itemgetter
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 
 from navloom.messages import Envelope, Message
-from navloom.messages.codec import decode, encode
+from navloom.messages.codec import add_blocks, decode, lead_of, pack_length, pack_time
+from navloom.messages.packing import Write, writer_of
 
 __all__ = ["TraceEntry", "TraceError", "TraceWriter", "read_trace"]
 
+_label = itemgetter(0)
 _ENTRY = struct.Struct("<IHI")
 MAGIC = b"navloom trace 1\n"
 BATCH = 64
@@ -48,6 +51,7 @@ class TraceWriter:
     def __init__(self, file: IO[bytes] | None = None) -> None:
         self._file = file
         self._hash = hashlib.sha256(MAGIC)
+        self._leads: dict[bytes, tuple[Write, bytes]] = {}
         self.entries: list[tuple[bytes, Message, Envelope]] = []
         self._ticks: list[tuple[int, list[tuple[bytes, Message, Envelope]]]] = []
         if file is not None:
@@ -64,12 +68,25 @@ class TraceWriter:
 
     def flush(self) -> None:
         """Write the ticks that are complete; in each the entries by label, several of one in the order they came."""
-        parts: list[bytes] = []
+        parts: list[Any] = []
+        when: tuple[int, ...] = ()
+        time = b""
+        pack_entry, leads = _ENTRY.pack, self._leads
         for tick, entries in self._ticks:
             entries.sort(key=_label)
             for label, message, at in entries:
-                data = encode(message, (at[0], 0, *at[2:]))
-                parts += (_ENTRY.pack(tick, len(label), len(data)), label, data)
+                if at[2:] != when:
+                    when = at[2:]
+                    time = pack_time(when)
+                write, lead = leads.get(label) or self._begin(label, message, at.key)
+                rest, arrays, pads, size = write(message)
+                header = len(lead) + len(time) + len(rest)
+                place = len(parts)
+                parts += (b"", label, pack_length(header), lead, time, rest)
+                length = 4 + header
+                if size:
+                    length += add_blocks(parts, length, arrays, pads, size)
+                parts[place] = pack_entry(tick, len(label), length)
         self._ticks.clear()
         block = b"".join(parts)
         self._hash.update(block)
@@ -77,14 +94,15 @@ class TraceWriter:
             self._file.write(block)
             self._file.flush()
 
+    def _begin(self, label: bytes, message: Message, key: str) -> tuple[Write, bytes]:
+        """What writes the messages of a label, and what their headers begin with."""
+        made = self._leads[label] = writer_of(type(message)), lead_of(key)
+        return made
+
     def sha256(self) -> str:
         """Hash of all that was said so far: that of the file."""
         self.flush()
         return self._hash.hexdigest()
-
-
-def _label(entry: tuple[bytes, Message, Envelope]) -> bytes:
-    return entry[0]
 
 
 def read_trace(path: Path) -> Iterator[TraceEntry]:

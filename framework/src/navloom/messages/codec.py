@@ -10,7 +10,6 @@ arrays are read-only views of the bytes.
 from __future__ import annotations
 
 import struct
-import threading
 from collections.abc import Callable
 from dataclasses import MISSING, fields
 from typing import Any
@@ -21,16 +20,19 @@ from numpy.typing import NDArray
 
 from navloom.messages.envelope import Envelope
 from navloom.messages.kinds import DTYPES, MAX_ITEMS, Kind, Message, MessageError, brief
+from navloom.messages.packing import ALIGNMENT, PACKER, PAD, Arrays, Pads, writer_of
 from navloom.messages.schema import SCHEMAS
 
-__all__ = ["CodecError", "decode", "encode", "read_envelope", "schema_label"]
+__all__ = ["CodecError", "decode", "encode", "lead_of", "pack_length", "pack_time", "read_envelope", "schema_label", "write_pieces"]
 
-ALIGNMENT = 64
 MAX_ARRAYS = 256
 _LENGTH = struct.Struct("<I")
-_PAD = [bytes(n) for n in range(ALIGNMENT)]
+pack_length = _LENGTH.pack
+_ENVELOPE = b"\x83" + PACKER.pack("envelope")
+"""A map of three begins, and its first key."""
+_SIX = b"\x96"
+"""A list of six begins."""
 
-Write = Callable[[Any, list[NDArray[Any]]], dict[str, Any]]
 Read = Callable[[Any, list[NDArray[Any]]], Any]
 
 
@@ -38,15 +40,6 @@ class CodecError(ValueError):
     """Bytes that are not the message they claim to be; the text names the place, the value and the expectation."""
 
 
-class _Packer(threading.local):
-    """One packer for each thread: making one costs more than packing a message."""
-
-    def __init__(self) -> None:
-        self.pack: Callable[[Any], bytes] = msgpack.Packer().pack
-
-
-_PACKER = _Packer()
-_WRITERS: dict[type[Message], Write] = {}
 _READERS: dict[type[Message], Read] = {}
 
 
@@ -57,32 +50,49 @@ def schema_label(cls: type[Message]) -> str:
 
 def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int, int]) -> bytes:
     """Bytes of a message in its envelope. The same contents, bit for bit, give the same bytes."""
+    pieces: list[Any] = []
+    write_pieces(message, _ENVELOPE + PACKER.pack(envelope), pieces)
+    return b"".join(pieces)
+
+
+def write_pieces(message: Message, lead: bytes, pieces: list[Any]) -> int:
+    """Append what makes up the bytes of a message, in order.
+
+    Args:
+        message: The message.
+        lead: Begin of its header up to the end of the envelope, see `lead_of`.
+        pieces: Bytes, and arrays that stand for their memory.
+
+    Returns:
+        Length of all that was appended, bytes.
+    """
     cls = type(message)
-    write = _WRITERS.get(cls)
-    if write is None:
-        write = _WRITERS[cls] = _writer(cls)
-    arrays: list[NDArray[Any]] = []
-    body: dict[str, Any] = {"envelope": envelope, "fields": write(message, arrays), "arrays": arrays}
-    if not arrays:
-        header = _PACKER.pack(body)
-        return _LENGTH.pack(len(header)) + header
+    rest, arrays, pads, size = writer_of(cls)(message)
     if len(arrays) > MAX_ARRAYS:
         raise CodecError(f"{schema_label(cls)}: holds {len(arrays)} arrays, expected at most {MAX_ARRAYS}")
-    table = []
-    blocks: list[Any] = []
-    end = 0
-    for array in arrays:
-        pad = -end % ALIGNMENT
-        size = array.nbytes
-        table.append((array.dtype.str, array.shape, end + pad if size else 0))
-        if size:
-            blocks += (_PAD[pad], array)
-            end += pad + size
-    body["arrays"] = table
-    header = _PACKER.pack(body)
-    if blocks:
-        blocks[0] = _PAD[-(4 + len(header)) % ALIGNMENT]
-    return b"".join((_LENGTH.pack(len(header)), header, *blocks))
+    length = len(lead) + len(rest)
+    pieces += (pack_length(length), lead, rest)
+    return 4 + length + (add_blocks(pieces, 4 + length, arrays, pads, size) if size else 0)
+
+
+def add_blocks(pieces: list[Any], end: int, arrays: Arrays, pads: Pads, size: int) -> int:
+    """Append the arrays of a message whose header ends at a byte, with their padding; gives the bytes of it all."""
+    gap = -end % ALIGNMENT
+    pieces.append(PAD[gap])
+    for pad, array in zip(pads, arrays, strict=True):
+        if pad is not None:
+            pieces += (pad, array)
+    return gap + size
+
+
+def lead_of(key: str) -> bytes:
+    """Begin of the header of a message that is not numbered: up to tick, stamp, cause and epoch, in this order."""
+    return _ENVELOPE + _SIX + PACKER.pack(key) + PACKER.pack(0)
+
+
+def pack_time(when: tuple[int, ...]) -> bytes:
+    """What follows it: tick, stamp, cause and epoch."""
+    return b"".join([PACKER.pack(number) for number in when])
 
 
 def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
@@ -186,38 +196,6 @@ def _arrays(table: Any, data: bytes | memoryview, start: int) -> list[NDArray[An
             array.flags.writeable = False
         arrays.append(array)
     return arrays
-
-
-def _writer(cls: type[Message]) -> Write:
-    """A function made from source: a dict display is the fastest way from a message to what MessagePack takes.
-
-    The source is made of the class's declaration alone; nothing that was sent or configured gets into it.
-    """
-    made: Write = eval(f"lambda message, arrays: {_fields_source(cls, 'message')}", {"__builtins__": {"len": len}})
-    return made
-
-
-def _fields_source(cls: type[Message], value: str) -> str:
-    written = [f"{name!r}: {_value_source(kind, f'{value}.{name}', 0)}" for name, kind in cls.kinds.items()]
-    return f"{{{', '.join(written)}}}"
-
-
-def _value_source(kind: Kind, value: str, depth: int) -> str:
-    """Expression that turns a value of this kind into what MessagePack takes."""
-    if kind.form == "array":
-        source = f"(arrays.append({value}) or len(arrays) - 1)"
-    elif kind.form == "message":
-        assert kind.message is not None
-        source = _fields_source(kind.message, value)
-    elif kind.form == "tuple":
-        assert kind.item is not None
-        item = f"item{depth}"
-        source = f"[{_value_source(kind.item, item, depth + 1)} for {item} in {value}]"
-        if source == f"[{item} for {item} in {value}]":
-            source = value
-    else:
-        return value
-    return f"(None if {value} is None else {source})" if kind.optional else source
 
 
 def _reader(cls: type[Message]) -> Read:

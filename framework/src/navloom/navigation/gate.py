@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import Monitor, Verdict
@@ -46,8 +46,7 @@ class Limits:
     turn_acceleration: float = math.inf
 
 
-@dataclass(frozen=True, slots=True)
-class Offer:
+class Offer(NamedTuple):
     """A command on offer: by whom, what, the Platform stamp it derives from, and the selection it was made under."""
 
     instance: str
@@ -56,8 +55,7 @@ class Offer:
     epoch: int
 
 
-@dataclass(frozen=True, slots=True)
-class Sensed:
+class Sensed(NamedTuple):
     """What the gate knows of the robot.
 
     Attributes:
@@ -93,6 +91,7 @@ class CommandGate:
         self.enters_unseen = False
         self._operator_stop = False
         self._contact = False
+        self._last: tuple[tuple[Any, ...], GateStatus] | None = None
 
     def request(self, do: str) -> None:
         """An operator's `stop` latches until `resume`, and so does a contact; `enter_unseen` holds until `release`."""
@@ -190,18 +189,15 @@ class CommandGate:
         """Who drives, and what the monitor makes of it, rounded so that noise alone is no news."""
         place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
         is_overridden = self.monitor is not None and self.monitor.ignores_unseen
-        return GateStatus(
-            source,
-            instance,
-            is_stopped,
-            False,
-            OBSTACLE if is_stopped else "",
-            tuple(pending),
-            round(verdict.share, 1),
-            verdict.kind or ("overridden" if is_overridden else ""),
-            None if place is None else Point2D(round(place.x, 1), round(place.y, 1)),
-            None if distance is None else round(distance, 2),
-        )
+        share, limit = round(verdict.share, 1), verdict.kind or ("overridden" if is_overridden else "")
+        where = None if place is None else (round(place.x, 1), round(place.y, 1))
+        gap = None if distance is None else round(distance, 2)
+        key = (source, instance, is_stopped, tuple(pending), share, limit, where, gap)
+        if self._last is None or self._last[0] != key:  # most ticks say what the one before said
+            reason, point = OBSTACLE if is_stopped else "", None if where is None else Point2D(*where)
+            status = GateStatus(source, instance, is_stopped, False, reason, key[3], share, limit, point, gap)
+            self._last = key, status
+        return self._last[1]
 
     def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
         """Nobody drives."""

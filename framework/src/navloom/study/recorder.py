@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,40 +97,10 @@ class Recorder:
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """Keep what counts of the instances in charge."""
-        if not active:
-            return
-        if isinstance(message, Truth):
-            self._keep_truth(message, at.stamp_ns * 1e-9)
-        elif isinstance(message, PoseEstimate):
-            pose = message.pose
-            self.estimates.append((message.stamp_ns * 1e-9, pose.x, pose.y, pose.heading))
-        elif isinstance(message, OperatorRequest):
-            if message.goal is not None:
-                self.legs = self.legs if self.goals else len(message.goal.via) + 1
-                self.goals[message.goal.goal_id] = (message.goal.x, message.goal.y)
-        elif isinstance(message, Command):
-            self.commands.append((at.stamp_ns * 1e-9, message.twist.vx, message.twist.wz))
-        elif isinstance(message, Reference):
-            self.reference_times.append(at.stamp_ns * 1e-9)
-            self.cross_tracks.append(message.cross_track)
-            self.speeds.append(message.speed)
-        elif isinstance(message, HandOver):
-            if not self.engaged or self.engaged[-1][1] != message.engaged:
-                self.engaged.append((at.stamp_ns * 1e-9, message.engaged))
-        elif isinstance(message, GateStatus):
-            stopped = message.stopped and message.reason not in ("no_trajectory", "ending")
-            if not self.gate_stopped or self.gate_stopped[-1][1] != stopped:
-                self.gate_stopped.append((at.stamp_ns * 1e-9, stopped))
-        elif isinstance(message, Trajectory):
-            self.trajectories.append(message)
-        elif isinstance(message, PlanRequest):
-            self.asked[message.request_id] = (message.goal.x, message.goal.y)
-        elif isinstance(message, Path):
-            self.plans.append(message)
-        elif isinstance(message, MapUpdate):
-            self.map = message
-        elif isinstance(message, RecoveryRequest) and message.active:
-            self.recoveries += 1
+        if active:
+            keep = _KEPT.get(message.__class__)
+            if keep is not None:
+                keep(self, message, at.stamp_ns * 1e-9)
 
     def on_step(self, record: StepRecord) -> None:
         """Not asked for."""
@@ -143,6 +115,48 @@ class Recorder:
             self.contacts.append((len(self.truth) - 1, truth.nearest))
         self.touches += truth.touching and not self._touching
         self._touching = truth.touching
+
+    def _keep_estimate(self, estimate: PoseEstimate, time: float) -> None:
+        pose = estimate.pose
+        self.estimates.append((estimate.stamp_ns * 1e-9, pose.x, pose.y, pose.heading))
+
+    def _keep_request(self, request: OperatorRequest, time: float) -> None:
+        goal = request.goal
+        if goal is not None:
+            self.legs = self.legs if self.goals else len(goal.via) + 1
+            self.goals[goal.goal_id] = (goal.x, goal.y)
+
+    def _keep_command(self, command: Command, time: float) -> None:
+        self.commands.append((time, command.twist.vx, command.twist.wz))
+
+    def _keep_reference(self, reference: Reference, time: float) -> None:
+        self.reference_times.append(time)
+        self.cross_tracks.append(reference.cross_track)
+        self.speeds.append(reference.speed)
+
+    def _keep_handover(self, handover: HandOver, time: float) -> None:
+        if not self.engaged or self.engaged[-1][1] != handover.engaged:
+            self.engaged.append((time, handover.engaged))
+
+    def _keep_gate(self, status: GateStatus, time: float) -> None:
+        stopped = status.stopped and status.reason not in ("no_trajectory", "ending")
+        if not self.gate_stopped or self.gate_stopped[-1][1] != stopped:
+            self.gate_stopped.append((time, stopped))
+
+    def _keep_trajectory(self, trajectory: Trajectory, time: float) -> None:
+        self.trajectories.append(trajectory)
+
+    def _keep_asked(self, request: PlanRequest, time: float) -> None:
+        self.asked[request.request_id] = (request.goal.x, request.goal.y)
+
+    def _keep_plan(self, path: Path, time: float) -> None:
+        self.plans.append(path)
+
+    def _keep_map(self, update: MapUpdate, time: float) -> None:
+        self.map = update
+
+    def _keep_recovery(self, request: RecoveryRequest, time: float) -> None:
+        self.recoveries += request.active
 
     @property
     def driven(self) -> NDArray[np.float64]:
@@ -170,3 +184,20 @@ class Recorder:
     def min_clearance(self) -> float | None:
         """Least gap between footprint and anything, m; None where nothing was near or no truth is known."""
         return self._least if math.isfinite(self._least) else None
+
+
+_KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
+    Truth: Recorder._keep_truth,
+    PoseEstimate: Recorder._keep_estimate,
+    OperatorRequest: Recorder._keep_request,
+    Command: Recorder._keep_command,
+    Reference: Recorder._keep_reference,
+    HandOver: Recorder._keep_handover,
+    GateStatus: Recorder._keep_gate,
+    Trajectory: Recorder._keep_trajectory,
+    PlanRequest: Recorder._keep_asked,
+    Path: Recorder._keep_plan,
+    MapUpdate: Recorder._keep_map,
+    RecoveryRequest: Recorder._keep_recovery,
+}
+"""What keeps a message of a class: (recorder, message, run time in s)."""

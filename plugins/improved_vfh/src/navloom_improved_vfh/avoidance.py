@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -57,8 +57,7 @@ class Beams:
     sensors: NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(NamedTuple):
     """Answer of one tick; directions in the pose frame, rad.
 
     Attributes:
@@ -74,8 +73,7 @@ class Decision:
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class View(NamedTuple):
     """What one tick is decided on, pose frame but for the cells.
 
     Attributes:

@@ -1,0 +1,206 @@
+"""Messages as MessagePack, by writers that are generated for each class: the bytes msgpack gives for a map of fields.
+
+A header's `fields` and `arrays` are mostly constant: names, map sizes, marks of doubles. A generated writer packs each
+run of constants, floats and bools with one `struct`; ints, free text and tuples go through msgpack itself.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgpack
+from numpy.typing import NDArray
+
+from navloom.messages.kinds import Kind, Message, holds_array
+
+__all__ = ["ALIGNMENT", "PACKER", "PAD", "Arrays", "Pads", "Write", "writer_of"]
+
+ALIGNMENT = 64
+Arrays = Sequence[NDArray[Any]]
+Pads = Sequence[bytes | None]
+Write = Callable[[Any], tuple[bytes, Arrays, Pads, int]]
+"""Message -> rest of its header after the envelope; arrays; padding before each, None if empty; bytes of them all."""
+_WRITERS: dict[type[Message], Write] = {}
+_Table = tuple[bytes, Pads, int]
+_Tables = dict[tuple[Any, ...], _Table]
+_MOST_TABLES = 256
+"""Tables of arrays that are kept for each class; a run has few shapes."""
+PAD = [bytes(n) for n in range(ALIGNMENT)]
+_NIL, _FALSE, _TRUE, _DOUBLE = 0xC0, 0xC2, 0xC3, b"\xcb"
+_Token = tuple[str, Any]
+"""("constant", bytes), ("float", expression), ("bool", expression) or ("bytes", expression)."""
+
+
+_KEY = "tuple([(array.dtype, array.shape) for array in arrays])"
+_LAY = ["    table, pads, size = tables.get(key) or new_table(tables, key, arrays)"]
+
+
+class _Packer(threading.local):
+    """One packer for each thread: making one costs more than packing a message."""
+
+    def __init__(self) -> None:
+        self.pack: Callable[[Any], bytes] = msgpack.Packer().pack
+
+
+PACKER = _Packer()
+
+
+def writer_of(cls: type[Message]) -> Write:
+    """The generated writer of a class."""
+    write = _WRITERS.get(cls)
+    if write is None:
+        write = _WRITERS[cls] = _Writer(cls).compiled()
+    return write
+
+
+def _new_table(tables: _Tables, key: tuple[Any, ...], arrays: Arrays) -> _Table:
+    """Table of (dtype, shape, offset) as MessagePack, padding and size of the blocks; kept for the next message."""
+    table, pads, end = [], [], 0
+    for array in arrays:
+        pad, size = -end % ALIGNMENT, array.nbytes
+        table.append((array.dtype.str, array.shape, end + pad if size else 0))
+        pads.append(PAD[pad] if size else None)
+        end += pad + size if size else 0
+    if len(tables) >= _MOST_TABLES:
+        tables.clear()
+    made = tables[key] = PACKER.pack(table), tuple(pads), end
+    return made
+
+
+class _Writer:
+    """Source of one writer, made of the class's declaration alone; nothing that was sent or configured gets into it."""
+
+    def __init__(self, cls: type[Message]) -> None:
+        self.cls = cls
+        self.names: dict[str, Any] = {
+            "packer": PACKER,
+            "join": b"".join,
+            "nil": bytes([_NIL]),
+            "double": struct.Struct(">Bd").pack,
+            "tables": {},
+            "new_table": _new_table,
+            "__builtins__": {"len": len, "tuple": tuple},
+        }
+        self.arrays: list[str] = []
+        # The number of an array is known beforehand unless an array may be missing, or a tuple holds any.
+        self.is_fixed = all(_always_holds_its_arrays(kind) for kind in cls.kinds.values())
+
+    def compiled(self) -> Write:
+        tokens = [
+            ("constant", PACKER.pack("fields")),
+            *self.fields(self.cls, "message"),
+            ("constant", PACKER.pack("arrays")),
+        ]
+        lines = ["def write(message):", "    pack = packer.pack"]
+        if not self.is_fixed:
+            fields = self.joined(tokens)
+            lines += ["    arrays = []", f"    fields = {fields}", f"    key = {_KEY}", *_LAY]
+            lines += ["    return fields + table, arrays, pads, size"]
+        elif self.arrays:
+            rest = self.joined([*tokens, ("bytes", "table")])
+            lines += [f"    arrays = ({', '.join(self.arrays)},)"]
+            lines += [f"    key = ({', '.join(f'{array}.shape' for array in self.arrays)},)", *_LAY]
+            lines += [f"    return {rest}, arrays, pads, size"]
+        else:
+            lines += [f"    return {self.joined([*tokens, ('constant', PACKER.pack([]))])}, (), (), 0"]
+        exec(compile("\n".join(lines), f"<writer of {self.cls.__name__}>", "exec"), self.names)
+        write: Write = self.names["write"]
+        return write
+
+    def fields(self, cls: type[Message], value: str) -> list[_Token]:
+        tokens: list[_Token] = [("constant", bytes(msgpack.Packer().pack_map_header(len(cls.kinds))))]
+        for name, kind in cls.kinds.items():
+            tokens += [("constant", PACKER.pack(name)), *self.value(kind, f"{value}.{name}")]
+        return tokens
+
+    def value(self, kind: Kind, value: str) -> list[_Token]:
+        if kind.optional:
+            if kind.form == "float":
+                written = f"double({_DOUBLE[0]}, {value})"
+            else:
+                written = self.joined(self.required(kind, value))
+            return [("bytes", f"(nil if {value} is None else {written})")]
+        return self.required(kind, value)
+
+    def required(self, kind: Kind, value: str) -> list[_Token]:
+        if kind.form in ("float", "bool"):
+            return [(kind.form, value)]
+        if kind.form == "message":
+            assert kind.message is not None
+            return self.fields(kind.message, value)
+        if kind.form == "array" and self.is_fixed:
+            self.arrays.append(value)
+            return [("constant", PACKER.pack(len(self.arrays) - 1))]
+        if kind.choices:
+            return [("bytes", f"{self.named({choice: PACKER.pack(choice) for choice in kind.choices})}[{value}]")]
+        return [("bytes", f"pack({plain_source(kind, value, 0)})")]
+
+    def joined(self, tokens: list[_Token]) -> str:
+        """Expression for the bytes of all tokens, one after the other."""
+        pieces: list[str] = []
+        run: list[_Token] = []
+        for token in [*tokens, ("bytes", "")]:
+            if token[0] != "bytes":
+                run.append(token)
+                continue
+            pieces += [self.packed(run)] * bool(run) + [token[1]] * bool(token[1])
+            run = []
+        return pieces[0] if len(pieces) == 1 else f"join(({', '.join(pieces)}))"
+
+    def packed(self, run: list[_Token]) -> str:
+        """Expression for a run of constants, floats and bools: one call of a `struct`, or a constant."""
+        form, values, constant = ">", [], b""
+        for what, value in [*run, ("constant", None)]:
+            if what == "constant" and value is not None:
+                constant += value
+                continue
+            constant += _DOUBLE if what == "float" else b""
+            if constant:
+                form += f"{len(constant)}s"
+                values.append(self.named(constant))
+                constant = b""
+            if value is not None:
+                form += "d" if what == "float" else "B"
+                values.append(value if what == "float" else f"{_TRUE} if {value} else {_FALSE}")
+        if len(values) == 1:
+            return values[0]
+        return f"{self.named(struct.Struct(form).pack)}({', '.join(values)})"
+
+    def named(self, value: Any) -> str:
+        name = f"_{len(self.names)}"
+        self.names[name] = value
+        return name
+
+
+def _always_holds_its_arrays(kind: Kind) -> bool:
+    """Whether every message has the same number of arrays in a field of this kind."""
+    if kind.form == "array":
+        return not kind.optional
+    if kind.message is not None:
+        inner = kind.message.kinds.values()
+        if kind.optional:
+            return not any(holds_array(one) for one in inner)
+        return all(_always_holds_its_arrays(one) for one in inner)
+    return kind.item is None or not holds_array(kind.item)
+
+
+def plain_source(kind: Kind, value: str, depth: int) -> str:
+    """Expression that turns a value of this kind into what msgpack takes; arrays go to the list `arrays`."""
+    if kind.form == "array":
+        source = f"(arrays.append({value}) or len(arrays) - 1)"
+    elif kind.form == "message":
+        assert kind.message is not None
+        written = [f"{name!r}: {plain_source(one, f'{value}.{name}', 0)}" for name, one in kind.message.kinds.items()]
+        source = f"{{{', '.join(written)}}}"
+    elif kind.form == "tuple":
+        assert kind.item is not None
+        item = f"item{depth}"
+        source = f"[{plain_source(kind.item, item, depth + 1)} for {item} in {value}]"
+        if source == f"[{item} for {item} in {value}]":
+            source = value
+    else:
+        return value
+    return f"(None if {value} is None else {source})" if kind.optional else source

@@ -31,7 +31,9 @@ def line_contact(x: float, y: float, edges: NDArray[np.float64], margin: float, 
 
 
 @njit(cache=True, nogil=True)
-def polygon_contact(x: float, y: float, edges: NDArray[np.float64], margin: float, v: float, w: float) -> float:
+def polygon_contact(
+    x: float, y: float, edges: NDArray[np.float64], margin: float, v: float, w: float, least_cosine: float = -2.0
+) -> float:
     """Time until a point comes within the margin of a convex footprint on its arc.
 
     Args:
@@ -39,6 +41,7 @@ def polygon_contact(x: float, y: float, edges: NDArray[np.float64], margin: floa
         edges: (k, 3), outward unit normal and offset of each side, m: clearance.footprint_edges().
         margin: Each side is moved out by this, m; corners stay sharp.
         v, w: Constant speed, m/s, and turn rate, rad/s; not both 0.
+        least_cosine: Of cosine_until(): later contacts may be left out, which spares most points the arc tangent.
 
     Returns:
         s; +inf where the circle never meets it.
@@ -61,6 +64,9 @@ def polygon_contact(x: float, y: float, edges: NDArray[np.float64], margin: floa
             return np.inf
         across = sign * math.sqrt(1.0 - height * height)
         ux, uy = height * nx + across * ny, height * ny - across * nx  # where the circle enters this half plane
+        along = qx * ux + qy * uy
+        if along < least_cosine * rho:
+            continue
         inside = True
         for j in range(edges.shape[0]):
             if j != i:
@@ -69,9 +75,15 @@ def polygon_contact(x: float, y: float, edges: NDArray[np.float64], margin: floa
                     inside = False
                     break
         if inside:
-            angle = (-sign * math.atan2(qx * uy - qy * ux, qx * ux + qy * uy)) % TURN
+            angle = (-sign * math.atan2(qx * uy - qy * ux, along)) % TURN
             best = min(best, 0.0 if angle > TURN - 1.0e-9 else angle)
     return best / abs(w)
+
+
+@njit(cache=True, nogil=True)
+def cosine_until(angle: float) -> float:
+    """Cosine below which a turn is certainly longer than an angle, rad, or ends before the start; -2: none is."""
+    return math.cos(angle) - 1.0e-9 if angle < math.pi else -2.0
 
 
 @njit(cache=True, nogil=True)
@@ -159,7 +171,7 @@ def first_contacts(
         is_line = abs(w) <= STRAIGHT * abs(v)
         centre = 0.0 if is_line else v / w
         near, far = annulus(corners, edges, margin, centre)
-        best = longest
+        best, least_cosine = longest, cosine_until(longest * abs(w))
         for i in range(points.shape[0]):
             if gaps[i] - slack - margin >= best * fastest:
                 break
@@ -171,6 +183,7 @@ def first_contacts(
                     square = x * x + (y - centre) * (y - centre)
                     if square < near or square > far:
                         continue
-                time = polygon_contact(x, y, edges, points[i, 2], v, w)
-            best = min(best, time)
+                time = polygon_contact(x, y, edges, points[i, 2], v, w, least_cosine)
+            if time < best:
+                best, least_cosine = time, cosine_until(time * abs(w))
         times[j] = best if best < longest else np.inf

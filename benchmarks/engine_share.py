@@ -33,6 +33,9 @@ from pathlib import Path
 from time import process_time_ns
 from typing import Any
 
+from navloom.config import ConfigError, load_config
+from navloom.plugins import PluginError
+
 __all__ = ["Share", "ShareError", "measured"]
 
 PARTS = ("verbs", "handover", "reference")
@@ -230,8 +233,9 @@ def measured(config: str, seed: int, changes: tuple[str, ...] = ()) -> Share:
 
     Raises:
         ShareError: A plugin broke, or the three runs do not agree.
+        ConfigError, PluginError: The config does not fit.
     """
-    loaded = importlib.import_module("navloom.config").load_config(config, changes, seed)
+    loaded = load_config(config, changes, seed)
     layout, answers = Layout.found(), Answers()
     recorded, plain, fed = (Run(layout, loaded) for _ in range(3))
     recorded.replace(answers.recorder)
@@ -348,7 +352,7 @@ def main() -> None:
             found = in_turns(given, given.seeds)
         else:
             found = {"here": [measured(given.config, seed, tuple(given.set)) for seed in given.seeds]}
-    except ShareError as error:
+    except (ConfigError, PluginError, ShareError) as error:
         sys.exit(f"engine_share: {error}")
     if given.json:
         print(json.dumps(summary(found)))

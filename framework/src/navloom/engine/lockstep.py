@@ -19,6 +19,8 @@ from navloom.messages import Envelope, GateStatus, GoalResult, Message, Operator
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
+_as_tuple = tuple.__new__
+"""Makes an envelope without the call of its constructor, a dozen times a tick."""
 TELL_NS = 100_000_000
 """Wall time between two reports of progress, ns. Slower ticks are reported one by one."""
 
@@ -205,12 +207,14 @@ class Lockstep:
 
     def _publish(self, stepper: Stepper, outputs: Outputs, number: int, made: Tick, cause_ns: int) -> None:
         entries = self.trace.entries if stepper.active else None
+        tick, time_ns, epoch = made.number, made.time_ns, made.epoch
         for out, message in outputs:
             slot = out.slot
-            at = Envelope(slot.key, slot.sequence + 1, made.number, made.time_ns, cause_ns, made.epoch)
+            at = _as_tuple(Envelope, (slot.key, slot.sequence + 1, tick, time_ns, cause_ns, epoch))
             slot.take(message, at, number)
             if entries is not None:
-                entries.append((slot.label(type(message)), message, at))
+                cls = message.__class__
+                entries.append((slot.labels.get(cls) or slot.label(cls), message, at))
 
     def _fault(self, stepper: Stepper, fault: str) -> None:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""

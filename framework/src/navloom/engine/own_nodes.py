@@ -284,6 +284,9 @@ class GateNode(Node):
         """Select the pending instances that are warm, once the selection before holds; True where there were any."""
         if number < self._from_tick:
             return False
+        if not self._pending:
+            self._warm = []
+            return False
         warm = [role for role, name in self._pending.items() if self.is_warm(role, name)]
         self._warm = [f"{role} {self._pending[role]}" for role in warm]
         for role in warm:

@@ -40,10 +40,10 @@ class Slot:
         """Hold a message as the newest one, published in a tick."""
         if self.tick < tick:
             self.older = (self.message, self.envelope, self.tick)
-        self.sequence = envelope.sequence
+        sequence = self.sequence = envelope.sequence
         self.message, self.envelope, self.tick = message, envelope, tick
         for queue in self.queues:
-            queue.append((tick, message, envelope.sequence))
+            queue.append((tick, message, sequence))
         for watcher in self.watchers:
             watcher(message, envelope)
 

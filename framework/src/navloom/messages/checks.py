@@ -147,7 +147,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     spec = kind.array
     assert spec is not None
     dtype = np.dtype(spec.dtype)
-    named = tuple(enumerate(spec.shape))
+    named, dimensions = tuple(enumerate(spec.shape)), len(spec.shape)
     is_float, is_bounded = dtype.kind == "f", spec.at_least is not None or spec.at_most is not None
     # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
     known: list[NDArray[Any] | None] = [None, None]
@@ -156,7 +156,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
         if value is not None and (value is known[0] or value is known[1]):
             compare_sizes(name, value.shape, sizes)
             return value  # type: ignore[no-any-return]
-        if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != len(named):
+        if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != dimensions:
             raise MessageError(f"{cls}.{name}: got {_describe(value)}, expected {spec.dtype} of shape {spec.shape}")
         compare_sizes(name, value.shape, sizes)
         if not value.size and not spec.may_be_empty:
@@ -174,6 +174,8 @@ def _array_checker(cls: str, kind: Kind) -> Check:
         return held
 
     def compare_sizes(name: str, shape: tuple[int, ...], sizes: dict[str, int]) -> None:
+        if shape == spec.shape:
+            return
         for axis, size in named:
             wanted = sizes.setdefault(size, shape[axis]) if isinstance(size, str) else size
             if shape[axis] != wanted:
@@ -199,9 +201,23 @@ _BY_DOT = 4096
 """Up to this many elements a dot product, one call, is the fastest look; beyond it BLAS may start threads."""
 
 
+_BY_SUM = 64
+"""Up to this many elements a sum in Python is faster than any call of numpy."""
+
+
+def _is_plainly_fine(numbers: list[float], spec: Array) -> bool:
+    """Whether a sum shows that there is no NaN and no infinity that is not allowed; False decides nothing."""
+    total = sum(numbers)
+    if spec.at_least is not None and not min(numbers) >= spec.at_least:
+        return False
+    return -math.inf < total < math.inf or (spec.infinite and total == math.inf)
+
+
 def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
     """NaN always, infinity unless the field allows +inf, and what lies below the smallest allowed value."""
     flat = value.ravel()  # a view: arrays are contiguous here
+    if flat.size <= _BY_SUM and _is_plainly_fine(flat.tolist(), spec):
+        return
     if spec.at_least is not None and not np.minimum.reduce(flat) >= spec.at_least:
         bad = flat[~(flat >= spec.at_least)][0]
         raise MessageError(f"{cls}.{name}: holds {bad}, expected values >= {spec.at_least:g}, without NaN")

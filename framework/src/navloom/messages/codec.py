@@ -23,15 +23,16 @@ from navloom.messages.kinds import DTYPES, MAX_ITEMS, Kind, Message, MessageErro
 from navloom.messages.packing import ALIGNMENT, PACKER, PAD, Arrays, Pads, writer_of
 from navloom.messages.schema import SCHEMAS
 
-__all__ = ["CodecError", "decode", "encode", "lead_of", "pack_length", "pack_time", "read_envelope", "schema_label", "write_pieces"]
+__all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_length", "pack_time", "read_envelope",
+           "schema_label"]  # fmt: skip
 
 MAX_ARRAYS = 256
 _LENGTH = struct.Struct("<I")
 pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + PACKER.pack("envelope")
-"""A map of three begins, and its first key."""
+"""Begin of a map of three, with its first key."""
 _SIX = b"\x96"
-"""A list of six begins."""
+"""Begin of a list of six."""
 
 Read = Callable[[Any, list[NDArray[Any]]], Any]
 
@@ -50,33 +51,30 @@ def schema_label(cls: type[Message]) -> str:
 
 def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int, int]) -> bytes:
     """Bytes of a message in its envelope. The same contents, bit for bit, give the same bytes."""
-    pieces: list[Any] = []
-    write_pieces(message, _ENVELOPE + PACKER.pack(envelope), pieces)
-    return b"".join(pieces)
-
-
-def write_pieces(message: Message, lead: bytes, pieces: list[Any]) -> int:
-    """Append what makes up the bytes of a message, in order.
-
-    Args:
-        message: The message.
-        lead: Begin of its header up to the end of the envelope, see `lead_of`.
-        pieces: Bytes, and arrays that stand for their memory.
-
-    Returns:
-        Length of all that was appended, bytes.
-    """
     cls = type(message)
     rest, arrays, pads, size = writer_of(cls)(message)
     if len(arrays) > MAX_ARRAYS:
         raise CodecError(f"{schema_label(cls)}: holds {len(arrays)} arrays, expected at most {MAX_ARRAYS}")
+    lead = _ENVELOPE + PACKER.pack(envelope)
     length = len(lead) + len(rest)
-    pieces += (pack_length(length), lead, rest)
-    return 4 + length + (add_blocks(pieces, 4 + length, arrays, pads, size) if size else 0)
+    if not size:
+        return pack_length(length) + lead + rest
+    pieces: list[Any] = [pack_length(length), lead, rest]
+    add_blocks(pieces, 4 + length, arrays, pads, size)
+    return b"".join(pieces)
 
 
 def add_blocks(pieces: list[Any], end: int, arrays: Arrays, pads: Pads, size: int) -> int:
-    """Append the arrays of a message whose header ends at a byte, with their padding; gives the bytes of it all."""
+    """Append the arrays of a message, each after its padding.
+
+    Args:
+        pieces: Bytes, and arrays that stand for their memory.
+        end: Byte at which the header ends.
+        arrays, pads, size: As a writer gives them.
+
+    Returns:
+        How many bytes were appended.
+    """
     gap = -end % ALIGNMENT
     pieces.append(PAD[gap])
     for pad, array in zip(pads, arrays, strict=True):
@@ -86,12 +84,12 @@ def add_blocks(pieces: list[Any], end: int, arrays: Arrays, pads: Pads, size: in
 
 
 def lead_of(key: str) -> bytes:
-    """Begin of the header of a message that is not numbered: up to tick, stamp, cause and epoch, in this order."""
+    """Begin of the header of a message with sequence 0: what `pack_time` gives follows."""
     return _ENVELOPE + _SIX + PACKER.pack(key) + PACKER.pack(0)
 
 
 def pack_time(when: tuple[int, ...]) -> bytes:
-    """What follows it: tick, stamp, cause and epoch."""
+    """Tick, stamp, cause and epoch of an envelope, its end in the header."""
     return b"".join([PACKER.pack(number) for number in when])
 
 

@@ -139,9 +139,12 @@ class CommandGate:
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int
     ) -> tuple[str, Offer | None, str]:
         """Whose command counts, that command, and why it is refused; empty where it is not. See `decide`."""
-        order = ("operator", "recovery", "avoider" if engaged else "controller")
-        source = next((role for role in order if offers.get(role) is not None), "none")
-        offer = offers.get(source)
+        source, offer = "none", None
+        for role in ("operator", "recovery", "avoider" if engaged else "controller"):
+            found = offers.get(role)
+            if found is not None:
+                source, offer = role, found
+                break
         reason = self.fault(sensed) or self._refusal(source, offer, offers, sensed, epoch)
         return source, offer, reason
 

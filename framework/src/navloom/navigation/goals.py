@@ -430,11 +430,15 @@ class GoalMachine:
     def _react_to_swaps(self, active: _Active, seen: Seen) -> None:
         """A swapped-in mapper or planner means a new plan; one that waits is given what it needs to warm up."""
         pending = seen.gate.pending if seen.gate is not None else ()
+        selected = self._selected
+        self._selected = seen.selected
+        if pending == self._pending and seen.selected == selected:
+            return
         fresh = [entry for entry in pending if entry not in self._pending]
         self._pending = pending
-        if (
-            self._selected != ("", "") and seen.selected != self._selected and self.state in ("driving", "planning")
-        ) or (any(entry.startswith("planner ") for entry in fresh) and self.state == "driving"):
+        if (selected != ("", "") and seen.selected != selected and self.state in ("driving", "planning")) or (
+            any(entry.startswith("planner ") for entry in fresh) and self.state == "driving"
+        ):
             self._ask_plan(active, seen)
         elif (
             any(entry.startswith("mapper ") for entry in fresh)
@@ -443,7 +447,6 @@ class GoalMachine:
         ):
             self._has_scanned = False
             self._need_map(seen)
-        self._selected = seen.selected
 
     def _finish(self, outcome: str, reason: str, seen: Seen, place: Point2D | None = None) -> None:
         active = self._active

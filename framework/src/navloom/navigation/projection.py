@@ -80,7 +80,7 @@ def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2
     Read-only. At the end of the trajectory fewer are left, but always one.
     """
     points: Floats = _way_ahead(samples, progress, length, step)
-    points.flags.writeable = False
+    points.setflags(write=False)
     return points
 
 

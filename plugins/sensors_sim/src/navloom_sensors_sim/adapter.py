@@ -97,8 +97,11 @@ class SensorsSim(Platform):
         track, asked = robot.track if time > 0.0 else None, given.sweep_request
         request_id = asked.request_id if asked is not None else 0
         moment = Moment(self._tick, begin_ns, given.time_ns, robot.state, track, scene.obstacles, request_id)
-        read = [(name, message, sensor.read(moment)) for name, (message, sensor) in self._sensors.items()]
-        scans = {name: message(*fields) for name, message, fields in read if fields is not None}
+        scans: dict[str, Any] = {}
+        for name, (message, sensor) in self._sensors.items():
+            fields = sensor.read(moment)
+            if fields is not None:
+                scans[name] = message(*fields)
         self._swept = self._swept or any(isinstance(scan, Sweep) for scan in scans.values())
         self._tick += 1
         return self._output(scans)

@@ -40,6 +40,7 @@ class Robot:
         self.state = np.zeros(len(STATE))
         self.state[:3] = start
         self.track = np.zeros((2, 6))
+        self._command, self._noise = np.zeros(2), np.zeros(2)
         # Copied: a read-only array would be another type to the kernels, to be compiled in a control tick.
         self._footprint, self._height = np.array(footprint, dtype=np.float64, order="C"), float(height)
         self._rng = rng
@@ -51,14 +52,14 @@ class Robot:
 
     def drive(self, vx: float, wz: float, time: float, obstacles: Obstacles) -> None:
         """Through one tick of `time`, s, with a commanded speed, m/s, and turn rate, rad/s."""
-        noise = self._rng.standard_normal(2)
+        self._rng.standard_normal(out=self._noise)
         steps = math.ceil(time / _SUB_STEP - 1e-9) if self._has_dynamics else 1
         if len(self.track) != steps + 1:
             self.track = np.zeros((steps + 1, 6))
         self._drive[7] = time
-        command = np.array([vx, wz])
+        self._command[0], self._command[1] = vx, wz
         constants, body = (self._drive, self._odometry), (self._footprint, self._height)
-        drive_tick(self.state, self.track, *constants, command, noise, *body, obstacles)
+        drive_tick(self.state, self.track, *constants, self._command, self._noise, *body, obstacles)
 
     def drive_through(self, legs: Sequence[tuple[float, float, float]], obstacles: Obstacles) -> None:
         """Through one tick in which the command changes: speed, m/s, turn rate, rad/s, and how long it holds, s."""

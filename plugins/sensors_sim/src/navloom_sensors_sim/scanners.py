@@ -65,8 +65,9 @@ def _ticks_between(rate_hz: float | None, period: float) -> int:
 
 def freeze(array: Floats) -> Floats:
     """Read-only, so that messages share it instead of copying it."""
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
+    if not array.flags.c_contiguous:
+        array = np.ascontiguousarray(array)
+    array.setflags(write=False)
     return array
 
 

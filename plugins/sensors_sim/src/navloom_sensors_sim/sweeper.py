@@ -29,7 +29,7 @@ class PitchedLaser:
             raise ValueError(f"sweep_time = {s.sweep_time:g} s, expected at least one tick, {period:g} s")
         pitches = np.radians(s.first_pitch_deg + s.pitch_step_deg * np.arange(s.frames, dtype=np.float64))
         bearings = fan(s.beams, math.radians(s.field_of_view_deg), 0.0)
-        self._rng, self._settings, self._bearings = rng, s, freeze(bearings)
+        self._draw, self._settings, self._bearings = rng.bit_generator.random_raw, s, freeze(bearings)
         bias = rng.uniform(-s.systematic, s.systematic)
         errors = (s.sigma, bias) if s.noise else (0.0, 0.0)
         self._options, self._mount = np.array([s.range_min, s.range_max, *errors]), np.array([s.x, s.y, s.z])
@@ -43,7 +43,7 @@ class PitchedLaser:
 
     def read(self, moment: Moment) -> Fields | None:
         """The sweep that ended in this tick, if one did."""
-        seed = self._rng.bit_generator.random_raw()
+        seed = self._draw()
         if self._begin < 0 or moment.request_id != self._answers:  # else it is asked for what is under way
             self._asked = moment.request_id or self._asked
         continuous = self._settings.mode == "continuous"

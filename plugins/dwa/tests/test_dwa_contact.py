@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from navloom_dwa.contact import annulus, disc_contact, enlarged_corners, first_contacts, polygon_contact
+from navloom_dwa.contact import annulus, cosine_until, disc_contact, enlarged_corners, first_contacts, polygon_contact
 from navloom_dwa.objective import arc_pose
 from navloom_improved_vfh.clearance import footprint_edges, outside_distance
 
@@ -45,6 +45,14 @@ def test_on_an_arc_of_1_m_the_front_meets_a_point_a_quarter_turn_on():
     """Point on the base's own circle, 90 deg ahead. The front side is met where sin(a) = 0.4: 23.58 deg sooner."""
     found = polygon_contact(1.0, 1.0, EDGES, 0.0, 0.5, 0.5)
     assert found == pytest.approx((0.5 * math.pi - math.asin(0.4)) / 0.5)
+
+
+def test_a_contact_after_the_turn_that_still_counts_is_left_out():
+    """The corner meets (0, 0.5) after acos(0.8), 36.87 deg: within a turn of 37 deg, not of 36; 180 leave out none."""
+    for turn, found in ((37.0, math.acos(0.8)), (36.0, math.inf), (180.0, math.acos(0.8))):
+        limit = cosine_until(math.radians(turn))
+        assert polygon_contact(0.0, 0.5, EDGES, 0.0, 0.0, 1.0, limit) == pytest.approx(found)
+        assert polygon_contact(0.0, -0.5, EDGES, 0.0, 0.0, -1.0, limit) == pytest.approx(found)
 
 
 def test_a_robot_that_turns_the_other_way_meets_the_mirrored_point():

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import navloom.messages
 import pytest
-from navloom.engine.table import node_table
-from navloom.messages import SCHEMAS, Envelope, Message
+from navloom.engine.catalogue import specs_of
+from navloom.engine.streams import sensor_port
+from navloom.messages import SCHEMAS, Envelope, Message, RangeScan
 from navloom.messages.schema import Kind
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "messages.md").read_text("utf-8")
@@ -68,7 +69,11 @@ def test_the_envelope_is_there_field_by_field() -> None:
 
 
 def test_every_port_is_there_with_messages_that_exist() -> None:
-    ports = [(spec.role, port) for spec in node_table(["a sensor's name"], {}) for port in spec.outputs]
+    ports = [
+        (spec.role, port)
+        for spec in specs_of({"platform": [sensor_port("a sensor's name", RangeScan)]})
+        for port in spec.outputs
+    ]
     table = rows("Keys")
     assert [(role, port) for role, port, _ in table] == ports
     names = {cls.__name__ for cls in CLASSES}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
@@ -408,7 +408,7 @@ class Config(Table):
 
 def add_role_table(role: str) -> None:
     """Let configs have a table of a role that is none of the framework's."""
-    Config.model_fields[role] = FieldInfo(annotation=RoleTable | None, default=None)  # type: ignore[arg-type]
+    Config.model_fields[role] = FieldInfo(annotation=cast("Any", RoleTable | None), default=None)
     Config.model_rebuild(force=True)
 
 

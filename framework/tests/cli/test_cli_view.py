@@ -123,17 +123,22 @@ def test_methods_drive_side_by_side_for_a_viewer_that_runs(config: str, in_proce
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
 def test_a_browser_is_served_until_the_command_ends(number: signal.Signals, tmp_path: Path) -> None:
     kept = tmp_path / "kept.rrd"
-    rerun.RecordingStream("navloom").save(kept)
+    stream = rerun.RecordingStream("navloom")
+    stream.save(kept)
+    stream.disconnect()
     words = [sys.executable, "-m", "navloom", "view", str(kept), "--web"]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, preexec_fn=obeys_ctrl_c) as command:
-        assert command.stderr is not None
-        line = command.stderr.readline()
-        found = re.search(r"the viewer is served at (http://127.0.0.1:(\d+))\?url=\S+ until Ctrl-C", line)
-        assert found is not None, line
-        with urlopen(found[1], timeout=10.0) as page:
-            assert b"<canvas" in page.read()
-        command.send_signal(number)
-        assert command.wait(20.0) == (0 if number == signal.SIGINT else -number)
+        try:
+            assert command.stderr is not None
+            line = command.stderr.readline()
+            found = re.search(r"the viewer is served at (http://127.0.0.1:(\d+))\?url=\S+ until Ctrl-C", line)
+            assert found is not None, line
+            with urlopen(found[1], timeout=10.0) as page:
+                assert b"<canvas" in page.read()
+            command.send_signal(number)
+            assert command.wait(20.0) == (0 if number == signal.SIGINT else -number)
+        finally:
+            command.terminate()  # else a server that does not answer would be waited for without an end
     limit = time.monotonic() + 10.0
     while is_up("127.0.0.1", int(found[2])):
         assert time.monotonic() < limit, "the server outlives its command"

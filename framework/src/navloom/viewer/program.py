@@ -202,7 +202,7 @@ class Program:
 
     def _await_start(self) -> None:
         limit = time.monotonic() + STARTED
-        while not is_up(HOST, self.port):
+        while not self._listens():
             if self.process.poll() is not None:
                 raise ViewerError(
                     self._no_window() if self._opens_window else f"the viewer did not start: {self._last_words()}"
@@ -211,6 +211,10 @@ class Program:
                 self.end()
                 raise ViewerError(f"the viewer does not listen {STARTED:g} s after its start")
             time.sleep(0.05)
+
+    def _listens(self) -> bool:
+        """On the port for what is to be seen and, of a web server, on the page's too, which it opens later."""
+        return is_up(HOST, self.port) and (self.web_port is None or is_up(HOST, self.web_port))
 
     def _last_words(self) -> str:
         self._words.seek(0)

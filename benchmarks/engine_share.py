@@ -35,19 +35,11 @@ from typing import Any
 
 from navloom.config import ConfigError, load_config
 from navloom.plugins import PluginError
+from navloom.roles import ROLES
 
 __all__ = ["Share", "ShareError", "measured"]
 
 PARTS = ("verbs", "handover", "reference")
-VERBS = {
-    "platform": "advance",
-    "localizer": "localize",
-    "mapper": "update",
-    "planner": "plan",
-    "controller": "control",
-    "avoider": "avoid",
-    "recovery": "recover",
-}
 FIELDS = ("run_us", "verbs_us", "handover_us", "reference_us", "engine_us")
 EMPTY_CALLS = 2001
 """Readings of the clock from which its own cost is taken."""
@@ -183,7 +175,8 @@ class Run:
 
     def sites(self) -> list[Site]:
         """Every call that is not the engine's, in the order of the nodes."""
-        found = [Site("verbs", part.plugin, VERBS[part.role]) for part in self.system.parts.values()]
+        verbs = {role: next(iter(abc.__abstractmethods__)) for role, abc in ROLES.items()}  # in older versions too
+        found = [Site("verbs", part.plugin, verbs[part.role]) for part in self.system.parts.values()]
         for node in self.nodes:
             if hasattr(node, "rule"):
                 found.append(Site("handover", node.rule, "step"))

@@ -412,12 +412,6 @@ def add_role_table(role: str) -> None:
     Config.model_rebuild(force=True)
 
 
-def remove_role_table(role: str) -> None:
-    """Undo `add_role_table`."""
-    del Config.model_fields[role]
-    Config.model_rebuild(force=True)
-
-
 def _names_of(role: str | None, instances: set[tuple[str, str]]) -> str:
     """Names of a role's instances, for a message."""
     return ", ".join(name for owner, name in sorted(instances) if owner == role)

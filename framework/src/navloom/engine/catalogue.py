@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from navloom.config.schema import add_role_table, remove_role_table
+from navloom.config.schema import add_role_table
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
-from navloom.engine.ports import NodeSpec, Port, Ports, known_ports
+from navloom.engine.ports import NodeSpec, Port, known_ports
 from navloom.engine.reference import ReferenceNode
 from navloom.engine.role_nodes import (
     AvoiderNode,
@@ -22,7 +22,7 @@ from navloom.engine.role_nodes import (
 from navloom.navigation.handover import HandOverRule
 from navloom.roles import ROLE_API, ROLES, Avoider, Planner, Role
 
-__all__ = ["NODES", "add_role", "answer_ports", "node_class", "remove_role", "required_roles", "role_node", "specs_of",
+__all__ = ["NODES", "add_role", "answer_ports", "node_class", "required_roles", "role_node", "specs_of",
            "warming_ports"]  # fmt: skip
 
 NODES: list[type[Node]] = [
@@ -102,12 +102,3 @@ def add_role(role: type[Role], node: type[Node]) -> None:
     ROLES[role.role], ROLE_API[role.role] = role, role.api
     NODES.append(node)
     add_role_table(role.role)
-
-
-def remove_role(role: str) -> None:
-    """Undo `add_role`."""
-    NODES.remove(node_class(role))
-    for port in known_ports(role):
-        del Ports.known[role, port.name]
-    del ROLES[role], ROLE_API[role]
-    remove_role_table(role)

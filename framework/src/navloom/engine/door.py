@@ -31,7 +31,16 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.messages.kinds import brief
-from navloom.roles import LocalizerInput, MapperInput, PlannerInput, Platform, PlatformInput, PlatformOutput, Role
+from navloom.roles import (
+    LocalizerInput,
+    MapperInput,
+    PlannerInput,
+    Platform,
+    PlatformInput,
+    PlatformOutput,
+    Role,
+    verb_of,
+)
 
 __all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "PlatformDoor", "TwistDoor", "notes_of",
            "verb_place"]  # fmt: skip
@@ -43,17 +52,6 @@ BACK_NS = 1_000_000_000
 FAR = 10.0
 """Multiple of a limit from which a command is reported: no gain of a method explains it, a wrong unit does."""
 
-VERBS = {
-    "platform": "advance",
-    "localizer": "localize",
-    "mapper": "update",
-    "planner": "plan",
-    "controller": "control",
-    "avoider": "avoid",
-    "recovery": "recover",
-}
-"""The verb of each role."""
-
 A = TypeVar("A", bound=TrackingCommand | Avoidance | RecoveryStep)
 
 
@@ -63,7 +61,7 @@ class AnswerError(ValueError):
 
 def verb_place(plugin: Role) -> str:
     """File and line of the verb of a plugin's class, as `planner.py:31`; empty where it has no Python source."""
-    verb: Any = inspect.unwrap(getattr(type(plugin), VERBS[plugin.role]))
+    verb: Any = inspect.unwrap(getattr(type(plugin), verb_of(plugin.role)))
     code = getattr(verb, "__code__", None)
     return f"{PurePath(code.co_filename).name}:{code.co_firstlineno}" if code is not None else ""
 
@@ -72,7 +70,7 @@ class _Door:
     """What every door knows: the verb and where it is written."""
 
     def __init__(self, plugin: Role) -> None:
-        self.verb, self.place = VERBS[plugin.role], verb_place(plugin)
+        self.verb, self.place = verb_of(plugin.role), verb_place(plugin)
 
     def refuse(self, given: str, expected: str) -> NoReturn:
         """Raise AnswerError."""

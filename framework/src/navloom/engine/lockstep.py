@@ -129,7 +129,7 @@ class Lockstep:
         self._make_plan()
 
     def _make_plan(self) -> None:
-        """Who steps in a tick, each with where its durations go: anew whenever that changes."""
+        """Who steps in a tick, each with the lists of its durations; made again whenever that changes."""
         log = self.log
         self._plan = [
             (one, log.spent_ns[one.role, one.name], log.step_ns.get(one.role) if one.active else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -23,7 +24,7 @@ class Tick(NamedTuple):
     epoch: int
 
 
-class Node:
+class Node(ABC):
     """A node of the graph: a subclass declares what it reads and publishes as class attributes, and steps.
 
     Class attributes:
@@ -47,7 +48,7 @@ class Node:
     hears_all: ClassVar[bool] = False
     answers_when_asked: ClassVar[bool] = False
     patience: ClassVar[float] = PATIENCE
-    declared_inputs: ClassVar[tuple[Declared[Any] | SensorGroup, ...]] = ()
+    declared_inputs: ClassVar[tuple[Declared[Any, Any] | SensorGroup[Any], ...]] = ()
     declared_outputs: ClassVar[tuple[Output[Any] | SensorOutputs, ...]] = ()
     made: Outputs
     told: str = ""
@@ -106,6 +107,6 @@ class Node:
             found += [held] if isinstance(one, Output) else held.values()
         return found
 
+    @abstractmethod
     def step(self, tick: Tick) -> None:
         """Read the inputs, and publish on the outputs."""
-        raise NotImplementedError

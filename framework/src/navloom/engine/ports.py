@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Literal, Protocol, TypeVar, overload
+from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar, overload
 
 from navloom.messages import Envelope, Message
 
@@ -18,6 +18,8 @@ __all__ = ["Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Of
            "known_ports"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
+B = TypeVar("B")
+"""What a node that is wired has in the place of a declaration."""
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 Congestion = Literal["drop", "block", "block_first"]
@@ -89,11 +91,6 @@ class Ports:
             if isinstance(port, Port):
                 port.role, port.name = role, name
                 Ports.known[role, name] = port
-
-    @classmethod
-    def all(cls) -> list[Port[Any]]:
-        """In the order of declaration."""
-        return [port for port in vars(cls).values() if isinstance(port, Port)]
 
 
 def known_ports(role: str = "") -> list[Port[Any]]:
@@ -181,97 +178,65 @@ class Offer(Protocol[M_co]):
         """The newest message and its envelope; None before the first."""
 
 
-class Declared(Generic[M]):
+class _Attribute(Generic[B]):
+    """Base of what a node's class declares: the class gives the declaration, a wired node what it has in its place."""
+
+    name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = self.name or name  # `cause = pose` names it once more
+
+    @overload
+    def __get__(self, node: None, owner: type) -> Self: ...
+
+    @overload
+    def __get__(self, node: object, owner: type) -> B: ...
+
+    def __get__(self, node: object, owner: type) -> Self | B:
+        if node is None:
+            return self
+        # A node that is wired has an attribute of its own, which comes before this one.
+        raise AttributeError(f"{type(node).__name__}.{self.name} is not wired yet")
+
+
+class Declared(_Attribute[B], Generic[M, B]):
     """Base of what a node's class reads: a class attribute, whose name is the input's."""
 
     reading: ClassVar[Reading]
 
     def __init__(self, port: Port[M], *, delayed: bool = False, triggers: bool = False) -> None:
         self.port, self.delayed, self.triggers = port, delayed, triggers
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = self.name or name  # `cause = pose` names it once more
 
     def inputs(self, wired: Mapping[str, Sequence[Port[Any]]], role: str) -> Iterator[Input]:
         """What it comes to for these sensors, by role."""
         yield Input(self.name, self.port, self.reading, self.delayed, self.triggers)
 
 
-class Latest(Declared[M]):
+class Latest(Declared[M, Held[M]]):
     """The newest message."""
 
     reading = "latest"
 
-    @overload
-    def __get__(self, node: None, owner: type) -> Latest[M]: ...
 
-    @overload
-    def __get__(self, node: object, owner: type) -> Held[M]: ...
-
-    def __get__(self, node: object, owner: type) -> Latest[M] | Held[M]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
-
-
-class New(Declared[M]):
+class New(Declared[M, News[M]]):
     """Messages since the step before."""
 
     reading = "new"
 
-    @overload
-    def __get__(self, node: None, owner: type) -> New[M]: ...
 
-    @overload
-    def __get__(self, node: object, owner: type) -> News[M]: ...
-
-    def __get__(self, node: object, owner: type) -> New[M] | News[M]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
-
-
-class Track(Declared[M]):
+class Track(Declared[M, News[M]]):
     """The newest messages, consumed or not; a row that holds as long as the step lasts."""
 
     reading = "track"
 
-    @overload
-    def __get__(self, node: None, owner: type) -> Track[M]: ...
 
-    @overload
-    def __get__(self, node: object, owner: type) -> News[M]: ...
-
-    def __get__(self, node: object, owner: type) -> Track[M] | News[M]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
-
-
-class Offers(Declared[M]):
+class Offers(Declared[M, Offer[M]]):
     """The newest message with its envelope."""
 
     reading = "offers"
 
-    @overload
-    def __get__(self, node: None, owner: type) -> Offers[M]: ...
 
-    @overload
-    def __get__(self, node: object, owner: type) -> Offer[M]: ...
-
-    def __get__(self, node: object, owner: type) -> Offers[M] | Offer[M]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
-
-
-def _not_wired(node: object, name: str) -> AttributeError:
-    """A node that is wired has an attribute of its own before its class's declaration."""
-    return AttributeError(f"{type(node).__name__}.{name} is not wired yet")
-
-
-class SensorGroup:
+class SensorGroup(_Attribute[B]):
     """Base of what a class reads of sensors, whose number the config gives: inputs `prefix.sensor`."""
 
     reading: ClassVar[Reading]
@@ -279,10 +244,6 @@ class SensorGroup:
 
     def __init__(self, *, triggers: bool = False, of: str = "", otherwise: Port[Any] | None = None) -> None:
         self.triggers, self.of, self.otherwise = triggers, of, otherwise
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
 
     def inputs(self, wired: Mapping[str, Sequence[Port[Any]]], role: str) -> Iterator[Input]:
         """One for each sensor that the role is given, or the port that stands for none at all."""
@@ -293,7 +254,7 @@ class SensorGroup:
             yield Input(self.otherwise.name, self.otherwise, triggers=self.triggers)
 
 
-class Sensors(SensorGroup):
+class Sensors(SensorGroup[Mapping[str, News[Any]]]):
     """New messages of the sensors that a node is given, by the sensor's name.
 
     Args:
@@ -304,33 +265,11 @@ class Sensors(SensorGroup):
 
     reading, prefix = "new", "scan"
 
-    @overload
-    def __get__(self, node: None, owner: type) -> Sensors: ...
 
-    @overload
-    def __get__(self, node: object, owner: type) -> Mapping[str, News[Any]]: ...
-
-    def __get__(self, node: object, owner: type) -> Sensors | Mapping[str, News[Any]]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
-
-
-class SensorOffers(SensorGroup):
+class SensorOffers(SensorGroup[Mapping[str, Offer[Any]]]):
     """The newest message of each sensor, with its envelope, by the sensor's name."""
 
     reading, prefix = "offers", "required"
-
-    @overload
-    def __get__(self, node: None, owner: type) -> SensorOffers: ...
-
-    @overload
-    def __get__(self, node: object, owner: type) -> Mapping[str, Offer[Any]]: ...
-
-    def __get__(self, node: object, owner: type) -> SensorOffers | Mapping[str, Offer[Any]]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
 
 
 class Out(Generic[M]):
@@ -353,44 +292,12 @@ class Out(Generic[M]):
         self._node.made.append((self, message))
 
 
-class Output(Generic[M]):
+class Output(_Attribute[Out[M]], Generic[M]):
     """A port that a node's class publishes on."""
 
     def __init__(self, port: Port[M]) -> None:
         self.port = port
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    @overload
-    def __get__(self, node: None, owner: type) -> Output[M]: ...
-
-    @overload
-    def __get__(self, node: object, owner: type) -> Out[M]: ...
-
-    def __get__(self, node: object, owner: type) -> Output[M] | Out[M]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)
 
 
-class SensorOutputs:
+class SensorOutputs(_Attribute[Mapping[str, Out[Any]]]):
     """The ports of a platform's sensors, by the sensor's name."""
-
-    def __init__(self) -> None:
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    @overload
-    def __get__(self, node: None, owner: type) -> SensorOutputs: ...
-
-    @overload
-    def __get__(self, node: object, owner: type) -> Mapping[str, Out[Any]]: ...
-
-    def __get__(self, node: object, owner: type) -> SensorOutputs | Mapping[str, Out[Any]]:
-        if node is None:
-            return self
-        raise _not_wired(node, self.name)

@@ -124,7 +124,7 @@ class MapperNode(Node):
     """Range data and the poses that cover it to a map."""
 
     role = "mapper"
-    patience = 1.0  # nobody waits for it, and on a slow link the poses that cover a sweep may come after it
+    patience = 1.0  # no node waits for a map, and on a slow link the poses for a sweep can arrive after it
     scans = Sensors(triggers=True, otherwise=PlatformPorts.odometry)
     track = Track(LocalizerPorts.pose)
     clear = New(GoalPorts.clear, delayed=True, triggers=True)

@@ -97,8 +97,7 @@ class Stepper:
 
     def step(self, tick: Tick, since: int) -> Outputs:
         """One step on what the slots hold; see `run`."""
-        for wire in self._read_ahead:
-            wire.prepare(tick.number, since)
+        self.prepare(tick.number, since)
         outputs = self.run(tick, self.node.step)
         self.stepped = tick.number
         return outputs

@@ -127,7 +127,7 @@ class RecoveryPorts(Ports, role="recovery"):
 
 
 class GatePorts(Ports, role="gate"):
-    """What the wheels are told, why, and whose commands count."""
+    """The command to the wheels, its reason, and the instances in charge."""
 
     command = Port(Command, URGENT)
     status = Port(GateStatus, WORD, retained=True)

@@ -1,4 +1,4 @@
-"""Slots and wires: what a node's inputs hold, whoever fills them. References are passed, nothing is copied."""
+"""Slots hold messages and wires lead a node's inputs to them. References are passed, nothing is copied."""
 
 from __future__ import annotations
 
@@ -202,7 +202,8 @@ def make_wire(given: Input, slot: Slot, is_plain: bool = False) -> Wire:
     Args:
         given: What is read, and how.
         slot: Where.
-        is_plain: Whoever publishes steps later in a tick, and without latency: what lies there is of the tick before.
+        is_plain: The publisher steps later in a tick and has no latency, so the slot still holds the message of the
+            previous tick.
     """
     if given.reading == "new":
         return QueueWire(given, slot)

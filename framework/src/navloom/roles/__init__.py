@@ -18,6 +18,12 @@ ROLE_API: dict[str, int] = dict.fromkeys(ROLES, 1)
 """Major version of each role that this framework speaks."""
 
 
+def verb_of(role: str) -> str:
+    """Name of the one method that a role's plugins must have."""
+    (verb,) = ROLES[role].__abstractmethods__
+    return verb
+
+
 def is_patient(role: str) -> bool:
     """Whether a role's step may take long: no motor waits for it. The framework's own nodes are not patient."""
     return role in ROLES and ROLES[role].is_patient
@@ -48,4 +54,5 @@ __all__ = [
     "Role",
     "SensorSpec",
     "is_patient",
+    "verb_of",
 ]

@@ -16,7 +16,7 @@ from navloom.messages import Feedback, GateStatus
 from navloom.runtime import doctor
 from navloom.runtime.directory import DirectoryError, Fate, RobotFolder, Running
 from navloom.runtime.doctor import diagnose, examine
-from navloom.runtime.findings import Finding, differing, failing, flowing, sharing, unheard
+from navloom.runtime.findings import Finding, differing, failing, flowing, lagging, loop_rate, sharing, unheard
 from navloom.runtime.host_faults import fate_in_words, is_stopped, left_behind, restarting
 from navloom.runtime.links import LinkError
 
@@ -178,6 +178,28 @@ def test_a_step_may_take_half_a_second_and_that_of_a_mapper_five(role: str, seco
 def test_ticks_may_be_late_twenty_times_or_in_one_of_a_hundred(late: int, ticks: int, is_said: bool) -> None:
     found = failing(everyone(platform={"late_ticks": late, "ticks": ticks}))
     assert said(found) == ([f"platform sim: {late} of {ticks} ticks since its start came late"] if is_said else [])
+
+
+@pytest.mark.parametrize(
+    ("driven", "own", "is_said"), [(0, 0, False), (100, 80, False), (100, 79, True), (10_000, 9_500, False),
+                                   (10_000, 9_499, True)]
+)  # fmt: skip
+def test_one_tick_in_twenty_may_be_driven_by_an_old_command(driven: int, own: int, is_said: bool) -> None:
+    found = lagging(everyone(platform={"driven_ticks": driven, "own_ticks": own}))
+    what = f"{driven - own} of {driven} ticks were driven by the command of an earlier tick"
+    assert said(found) == ([what] if is_said else [])
+
+
+def test_a_robot_that_lags_is_told_which_rate_it_holds() -> None:
+    gate = {"chain_p50_s": 0.006, "chain_p99_s": 0.016}
+    nodes = everyone(platform={"driven_ticks": 1000, "own_ticks": 400}, gate=gate)
+    assert only(lagging(nodes)).what == (
+        "600 of 1000 ticks were driven by the command of an earlier tick; a tick's commands take 6.0 ms "
+        "(99 %: 16.0 ms): these processes hold 25 Hz"
+    )
+    rate = loop_rate(nodes)
+    assert rate is not None and rate.holds_hz == 25.0
+    assert loop_rate(everyone()) is None
 
 
 def test_malformed_messages_are_told_with_the_reader_and_the_complaint() -> None:

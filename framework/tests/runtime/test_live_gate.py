@@ -5,15 +5,16 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from navloom.config import load_config
 from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
 from navloom.engine.own_nodes import GateNode
-from navloom.messages import Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
+from navloom.messages import Command, Drive, Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, make_cell
 from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.live_gate import LiveGate
+from navloom.runtime.live_gate import LiveGate, held_rate, hold
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.switchboard import Switchboard
 
@@ -25,33 +26,49 @@ PLATFORM = ("platform", SYSTEM.config.platform.instance)
 STILL, ORIGIN = Twist2D(0.0, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0)
 
 
+class SetClock(RunClock):
+    """A run clock on a monotonic one that the test sets, ns."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: self.now)
+        self.now = 0
+
+    def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
+        super().observe(stamp_ns, self.now, tick)
+
+
 class Gate:
     """The gate's runner, with who is alive set by the test."""
 
     def __init__(self) -> None:
-        self.alive = {OTHER}
+        self.alive, self.clock = {OTHER}, SetClock()
         bus: Any = SimpleNamespace(
             publication=lambda *given: SimpleNamespace(put=lambda data, label: None), serve=lambda *given: None
         )
         node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
         self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
-        self.runner = LiveGate(self.hosted, RunClock(), PERIOD, lambda: False, 0.1, lambda source: source in self.alive)
+        self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive)
         self.node = node
 
     def tick(self, tick: int) -> None:
         """The platform ticks."""
         stamp = round(tick * PERIOD * 1e9)
-        self._give(PLATFORM, "odometry", Odometry(stamp, ORIGIN, STILL), tick)
-        self.runner.take_in()
-        self.runner.act()
+        self.give(PLATFORM, "odometry", Odometry(stamp, ORIGIN, STILL), tick)
+        self.look()
 
     def report(self, source: Source, published: int, tick: int) -> None:
         """A node says what it has published."""
         marks = (PortMark("command", published),)
-        self._give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
+        self.give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
 
-    def _give(self, source: Source, port: str, message: Any, tick: int) -> None:
+    def look(self) -> None:
+        """It looks at what came in."""
+        self.runner.take_in()
+        self.runner.act()
+
+    def give(self, source: Source, port: str, message: Any, tick: int) -> None:
+        """A node says something."""
         key = KEYS.port(*source, port)
         inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
         for inlet in inlets:
@@ -108,3 +125,29 @@ def test_its_last_word_says_that_it_ends() -> None:
     gate.runner.run()
     status = gate.hosted.cell.outlets["status"].last
     assert status is not None and status[0].reason == "ending"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("period", "seconds"), [(0.05, 0.02), (0.02, 0.008), (0.0125, 0.008), (0.01, 0.008), (0.005, 0.004)]
+)
+def test_it_waits_two_fifths_of_a_period_but_8_ms_where_that_is_less(period: float, seconds: float) -> None:
+    assert hold(period) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("seconds", [0.004, 0.008, 0.0081, 0.02])
+def test_the_rate_it_holds_is_the_highest_at_which_it_waits_long_enough(seconds: float) -> None:
+    rate = held_rate(seconds)
+    assert hold(1.0 / rate) >= seconds * (1.0 - 1e-9)
+    assert hold(1.0 / (1.01 * rate)) < seconds
+
+
+def test_it_notes_when_the_commands_of_a_tick_were_here_in_time_or_not() -> None:
+    gate = Gate()
+    gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
+    for tick, late in ((1, 4), (2, 30)):
+        gate.tick(tick)
+        gate.clock.now += late * 1_000_000
+        for role in ("controller", "avoider"):
+            gate.give((role, gate.node.selected[role]), "command", Command(STILL), tick)
+        gate.look()
+    assert list(gate.runner.chains_s) == pytest.approx([0.004, 0.03])

@@ -70,11 +70,11 @@ class Robot:
         )
         self.runner._next = 0  # as `run` does
 
-    def command(self, twist: Twist2D, sequence: int) -> None:
-        """The gate says something, from now."""
+    def command(self, twist: Twist2D, sequence: int, age: float = 0.0) -> None:
+        """The gate says something that derives from a stamp of some s ago."""
         key = KEYS.port("gate", "main", "command")
         (inlet,) = [feed.inlet for feed in self.hosted.cell.feeds if feed.inlet.key == key]
-        stamp = round((self.now - 1000.0) * 1e9)
+        stamp = round((self.now - 1000.0 - age) * 1e9)
         inlet.give((Command(twist), Envelope(key, sequence, sequence, stamp, stamp, 0)))
 
     def turn(self, seconds: float) -> None:
@@ -96,6 +96,29 @@ def test_without_the_gate_the_wheels_stand_after_the_deadline(robot: Robot) -> N
     assert robot.base.told == [AHEAD]
     robot.turn(0.03)
     assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
+
+
+@pytest.mark.parametrize(("age", "own"), [(0.0, 6), (0.03, 0)], ids=["its own", "of the tick before"])
+def test_ticks_are_counted_that_are_driven_by_a_command_of_their_own(robot: Robot, age: float, own: int) -> None:
+    for number in range(1, 8):
+        robot.turn(0.02)  # of the tick; the next begins after 30 ms more
+        robot.command(AHEAD, number, age)
+        robot.turn(0.03)
+    assert (robot.runner.driven, robot.runner.own) == (6, own)
+
+
+def test_ticks_that_are_passed_over_are_driven_by_an_old_command(robot: Robot) -> None:
+    robot.turn(0.02)
+    robot.command(AHEAD, 1)
+    robot.turn(0.01)
+    robot.now += 0.05
+    robot.turn(0.01)
+    assert (robot.runner.driven, robot.runner.own) == (1, 1)
+    robot.command(AHEAD, 2, 0.05)
+    robot.turn(0.01)
+    robot.now += 0.1
+    robot.turn(0.01)
+    assert (robot.runner.driven, robot.runner.own) == (3, 1)
 
 
 def test_a_stop_that_does_not_get_through_is_told_again_until_it_does(robot: Robot) -> None:

@@ -34,11 +34,14 @@ def doctor(
                 "healthy": found.is_healthy,
                 "nodes": found.nodes,
                 "findings": [asdict(finding) for finding in found.findings],
+                "rate": asdict(found.rate) if found.rate is not None else None,
             }
         )
     else:
         if found.is_healthy:
             typer.echo(f"{found.robot}: {found.nodes} nodes, nothing is wrong")
+        if found.rate is not None:
+            typer.echo(_lines(str(found.rate)))
         for finding in found.findings:
             typer.echo(_lines(f"{finding.severity}: {finding.what}"))
             typer.echo(_lines(f"    {finding.remedy}"))

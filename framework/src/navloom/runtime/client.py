@@ -33,9 +33,11 @@ OPEN: Mapping[str, Any] = {
 _NUMBER, _NONE = (int, float), type(None)
 _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
-    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns", "ticks", "late_ticks"), int),
+    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns"), int),
+    **dict.fromkeys(("ticks", "late_ticks", "driven_ticks", "own_ticks"), int),
     **dict.fromkeys(("active", "enabled"), bool),
     **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
+    **dict.fromkeys(("chain_p50_s", "chain_p99_s"), _NUMBER),
     **dict.fromkeys(("versions", "published", "streams", "places", "hosts"), dict),
     "plugin": (str, _NONE),
 }

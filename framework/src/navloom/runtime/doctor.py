@@ -12,11 +12,14 @@ from navloom.runtime.client import Client
 from navloom.runtime.directory import DirectoryError, RobotFolder, robots
 from navloom.runtime.findings import (
     Finding,
+    LoopRate,
     differing,
     failing,
     flowing,
     is_slow,
     is_stuck,
+    lagging,
+    loop_rate,
     named,
     sharing,
     unheard,
@@ -74,11 +77,13 @@ class Diagnosis:
         robot: REALM/NAME; empty where no robot was found.
         nodes: How many are there.
         findings: Problems first.
+        rate: How fast its processes go round; None before it has driven.
     """
 
     robot: str
     nodes: int
     findings: tuple[Finding, ...]
+    rate: LoopRate | None = None
 
     @property
     def is_healthy(self) -> bool:
@@ -113,7 +118,7 @@ def diagnose(
     try:
         with join(robot, connect, keys, identity, insecure) as client:
             nodes, found = examine(client, folder, config)
-            return _diagnosis(client.keys.prefix, nodes, found + here)
+            return replace(_diagnosis(client.keys.prefix, nodes, found + here), rate=loop_rate(client.describe()))
     except BusError as error:
         return _diagnosis(robot or "", 0, [_no_way(str(error)), *here])
 
@@ -137,7 +142,7 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
         return 0, [*again, _nobody(client)]
     answering = [node for node in nodes if node["answers"]]
     found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
-    for check in (failing, flowing, differing, unheard, sharing):
+    for check in (failing, lagging, flowing, differing, unheard, sharing):
         found += check(answering)
     found += _clocks(client, answering)
     ill = {one.role for one in gone} | {node["role"] for node in nodes if not node["answers"] or _is_ill(node)}

@@ -9,8 +9,10 @@ from typing import Any, Literal
 
 from navloom.roles import is_patient
 from navloom.runtime import links
+from navloom.runtime.live_gate import held_rate
 
-__all__ = ["Finding", "differing", "failing", "flowing", "is_slow", "is_stuck", "sharing", "unheard"]
+__all__ = ["Finding", "LoopRate", "differing", "failing", "flowing", "is_slow", "is_stuck", "lagging", "loop_rate",
+           "sharing", "unheard"]  # fmt: skip
 
 LOW = 8.0
 """MB of free shared memory below which a process that starts cannot join."""
@@ -22,6 +24,8 @@ SILENT = 1.0
 """s without the platform after which a process does not hear it."""
 FEW = 20
 """Messages a node may lose, or ticks that may be late, before it is said."""
+OLD = 0.05
+"""Share of a robot's ticks that may be driven by the command of an earlier tick."""
 SMALL = ("odometry", "contact", "truth", "step", "parameters")
 """Ports of a platform that are no sensor's."""
 
@@ -93,6 +97,48 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
             remedy = "its host is overloaded: end other programs there, make run.period longer, or move mapper and "
             found.append(Finding("problem", what, remedy + "planner to another host (live.hosts)"))
     return found
+
+
+def lagging(nodes: Sequence[Node]) -> list[Finding]:
+    """A robot that is driven by commands of earlier ticks, with what it could be run at."""
+    found = []
+    for node in nodes:
+        driven, old = node.get("driven_ticks", 0), node.get("driven_ticks", 0) - node.get("own_ticks", 0)
+        if old <= max(FEW, driven * OLD):
+            continue
+        what = f"{old} of {driven} ticks were driven by the command of an earlier tick"
+        remedy = "end other programs on its hosts, or make run.period longer"
+        rate = loop_rate(nodes)
+        if rate is not None:
+            what += f"; {rate}"
+        found.append(Finding("problem", what, remedy))
+    return found
+
+
+@dataclass(frozen=True)
+class LoopRate:
+    """How fast a robot's processes go round.
+
+    Attributes:
+        median_s, most_s: From a platform stamp to the tick's last command at the gate: median, 99th percentile.
+        holds_hz: Ticks per s at which 99 of 100 would be driven by commands of their own.
+    """
+
+    median_s: float
+    most_s: float
+    holds_hz: float
+
+    def __str__(self) -> str:
+        took = f"a tick's commands take {self.median_s * 1e3:.1f} ms (99 %: {self.most_s * 1e3:.1f} ms)"
+        return f"{took}: these processes hold {self.holds_hz:.0f} Hz"
+
+
+def loop_rate(nodes: Sequence[Node]) -> LoopRate | None:
+    """As the gate has seen it in its last drives; None where it has seen too little."""
+    for node in nodes:
+        if node.get("chain_p99_s", 0.0) > 0.0:
+            return LoopRate(node["chain_p50_s"], node["chain_p99_s"], held_rate(node["chain_p99_s"]))
+    return None
 
 
 def _instead(node: Node, nodes: Sequence[Node]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 from navloom.engine.catalogue import required_roles, warming_ports
@@ -16,7 +17,7 @@ from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.run_clock import RunClock
 
-__all__ = ["BETWEEN", "CHECK", "LiveGate"]
+__all__ = ["BETWEEN", "CHECK", "LiveGate", "held_rate", "hold"]
 
 CHECK = 0.01
 """s between two looks."""
@@ -24,10 +25,28 @@ BETWEEN = "check"
 """Trigger of a step record of a stop between two ticks."""
 LEAD = 2
 """Ticks a selection is announced ahead, so that every host knows it when it begins to hold."""
-HOLD = 0.4
-"""Share of the period that a tick's commands may take to come in."""
+HOLD, HOLD_MOST, HOLD_LEAST = 0.4, 0.8, 0.008
+"""Share of the period that a tick's commands may take to come in; of a short period more, so that they have 8 ms."""
+CHAINS = 1000
+"""Ticks whose commands' times are kept."""
+CHAIN = ("controller", "avoider")
+"""Whose commands belong to each tick of a robot that follows a trajectory."""
 GOAL_SILENCE = 0.5
 """s the goal may not step before what it authorised ends."""
+
+
+def hold(period: float) -> float:
+    """s after a platform stamp that the gate waits for the commands of its tick.
+
+    Longer would cost a robot with ticks of 50 ms its way past one late command: decided on late as well, the command of
+    the tick before would go stale.
+    """
+    return min(HOLD_MOST * period, max(HOLD * period, HOLD_LEAST))
+
+
+def held_rate(seconds: float) -> float:
+    """Ticks per s, at most, whose commands are waited for where they take s to come in: the inverse of `hold`."""
+    return (HOLD_MOST if seconds <= HOLD_LEAST else HOLD) / seconds
 
 
 class LiveGate(LiveRunner):
@@ -37,6 +56,9 @@ class LiveGate(LiveRunner):
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: s without a platform stamp after which it is silent.
         is_alive: Whether an instance's liveliness token is there.
+
+    Attributes:
+        chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
     """
 
     def __init__(
@@ -59,6 +81,8 @@ class LiveGate(LiveRunner):
         self._enabled: dict[Source, bool] = {}
         self._goal_heard = time.monotonic()
         self._required = required_roles()
+        self.chains_s: deque[float] = deque(maxlen=CHAINS)
+        self._chain: tuple[int, int] | None = None
 
     def run(self) -> None:
         """Until the process ends; then the robot is told to stand."""
@@ -70,6 +94,7 @@ class LiveGate(LiveRunner):
     def begin_anew(self, tick: int) -> None:
         """Selections hold at once by the new clock."""
         super().begin_anew(tick)
+        self._chain = None
         self.gate.begin_anew()
 
     def wait_time(self) -> float:
@@ -87,7 +112,8 @@ class LiveGate(LiveRunner):
         for source in [source for source in self._marks if not self.is_alive(source)]:
             del self._marks[source], self._enabled[source]  # what takes its place has to warm up anew
         number = clock.tick
-        if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= HOLD * self.period):
+        self._time_chain(number)
+        if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= hold(self.period)):
             self.step("tick", number)
             return
         tick = self._tick(number)
@@ -121,13 +147,23 @@ class LiveGate(LiveRunner):
 
     def _is_complete(self, number: int) -> bool:
         """Every command that this tick can bring is here."""
-        slots = {name: self._feeds[name].wire.slot for name in ("drive", "recovering", "controller", "avoider")}
-        recovering = slots["recovering"].message
+        recovering = self._feeds["recovering"].wire.slot.message
         if recovering is not None and getattr(recovering, "active", False):
             return self._feeds["recovery"].wire.slot.tick >= number
-        if not getattr(slots["drive"].message, "path_id", 0):
-            return True
-        return slots["controller"].tick >= number and slots["avoider"].tick >= number
+        return not self._follows() or all(self._feeds[role].wire.slot.tick >= number for role in CHAIN)
+
+    def _follows(self) -> bool:
+        """A trajectory is to be followed."""
+        return bool(getattr(self._feeds["drive"].wire.slot.message, "path_id", 0))
+
+    def _time_chain(self, number: int) -> None:
+        """Note how long the commands of a tick took; of one that is not complete when the next begins as well."""
+        if self._chain is None and number > self.stepper.stepped and self._follows():
+            self._chain = number, self.clock.stamp_ns
+        if self._chain is not None and self._is_complete(self._chain[0]):
+            if self._follows():
+                self.chains_s.append(max(0, self.clock.now_ns() - self._chain[1]) * 1e-9)
+            self._chain = None
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         super()._hear(source, report, at)

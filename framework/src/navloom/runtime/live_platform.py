@@ -33,6 +33,7 @@ class LivePlatform(LiveRunner):
 
     Attributes:
         ticks, late: Ticks begun, and those begun more than half a period late or passed over.
+        driven, own: Ticks in which the wheels turned, and those of them whose own command came before the next tick.
         stops: How often the wheels were stopped here because no fresh command was there.
     """
 
@@ -53,7 +54,7 @@ class LivePlatform(LiveRunner):
         self.deadline_ns, self.start_ns = round(deadline * 1e9), start_ns
         self.period_ns = round(period * 1e9)
         self._may_begin = may_begin
-        self.ticks = self.late = self.stops = 0
+        self.ticks = self.late = self.stops = self.driven = self.own = 0
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._taken: object = None
         self._twist = STILL
@@ -89,6 +90,9 @@ class LivePlatform(LiveRunner):
         if now_ns < self._next * self.period_ns:
             return
         number = now_ns // self.period_ns
+        if self._twist != STILL:
+            self.driven += number - self._next + 1
+            self.own += self._cause_ns >= (self._next - 1) * self.period_ns
         self.ticks += 1
         self.late += number - self._next + (now_ns - number * self.period_ns > self.period_ns // 2)
         self._next = number + 1

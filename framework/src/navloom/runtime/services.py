@@ -39,6 +39,9 @@ __all__ = ["Services", "ServiceError"]
 APPLY = 2.0
 """s a node may take to come to a change."""
 
+FEW_CHAINS = 100
+"""Ticks below which nothing is said of how long their commands take."""
+
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
@@ -268,11 +271,15 @@ def _usual(runner: LiveRunner | None) -> float | None:
     return steps[len(steps) // 2] * 1e-9 if steps else None
 
 
-def _punctuality(runner: LiveRunner | None) -> dict[str, int]:
-    """How a platform keeps its time."""
-    if not isinstance(runner, LivePlatform):
-        return {}
-    return {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops}
+def _punctuality(runner: LiveRunner | None) -> dict[str, float]:
+    """How a platform keeps its time, and how long a tick's commands take to reach the gate."""
+    if isinstance(runner, LivePlatform):
+        own = {"driven_ticks": runner.driven, "own_ticks": runner.own}
+        return {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops, **own}
+    if isinstance(runner, LiveGate) and len(runner.chains_s) >= FEW_CHAINS:
+        chains = sorted(runner.chains_s.copy())
+        return {"chain_p50_s": chains[len(chains) // 2], "chain_p99_s": chains[len(chains) * 99 // 100]}
+    return {}
 
 
 def shared_memory_mb() -> float | None:

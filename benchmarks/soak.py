@@ -5,10 +5,11 @@
 
 Every process of the robot is sampled for its resident memory. Growth is counted from the end of the first tenth, when
 every buffer has filled, to the end: median of the last tenth against median of the second. A deadline is missed where
-the platform's tick began more than half a period late or was passed over. With `--record` a recorder listens beside it:
-its share of a processor, what it dropped and how large its file is are told too. With `--continuous` the laser sweeps
-without end, so that a frame of it is on its way all the time. A bare timer of the same rate and priority is counted
-beside it: what that misses is the host's doing.
+the platform's tick began more than half a period late or was passed over. Of the ticks in which the robot drove, the
+share that a command of their own drove is told, and how long a tick's commands take. With `--record` a recorder listens
+beside it: its share of a processor, what it dropped and how large its file is are told too. With `--continuous` the
+laser sweeps without end, so that a frame of it is on its way all the time. A bare timer of the same rate and priority
+is counted beside it: what that misses is the host's doing.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from navloom.runtime.client import Refused
+from navloom.runtime.findings import loop_rate
 from navloom.runtime.navigator import Navigator
 
 CONFIG = """
@@ -186,6 +189,8 @@ def _watch(supervisor: int, given: argparse.Namespace, ends: threading.Event) ->
         "ticks": platform["ticks"],
         "missed_deadlines": platform["late_ticks"],
         "missed_share": platform["late_ticks"] / platform["ticks"],
+        "driven_by_own_command": platform["own_ticks"] / max(1, platform["driven_ticks"]),
+        "loop": None if (rate := loop_rate(after)) is None else asdict(rate),
         "bare_timer": json.loads(timer.communicate(timeout=30)[0]),
         "platform_stops": platform["stops"],
         "command_age_s": {name: command[f"age_{name}_s"] for name in ("p50", "p99")},

@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fault_ends import ENDS, end_of_supervisor, name_of_end
 from fault_kinds import PARTS, PROCESSES, SEIZED, SHADOWS, STRANGERS, STUCK, Fault, Outcome, inject
 from fault_rig import Rig, rig
+from resource_faults import FULL_DISK, RESOURCES, rig_on_small_disk, rig_with_clock, why_not
 
 __all__ = ["main", "table"]
 
@@ -28,7 +29,10 @@ GROUPS: dict[str, Sequence[Fault]] = {
     "seized": SEIZED,
     "strangers": STRANGERS,
     "stuck": STUCK,
+    "resources": RESOURCES,
 }
+OWN = ("ends", "disks")
+"""Groups in which each fault has a robot of its own."""
 COLUMNS: tuple[tuple[str, str, float], ...] = (
     ("ran_on", "ran on, ms", 1e3),
     ("zero", "zero, ms", 1e3),
@@ -60,7 +64,8 @@ class Book:
 def run(faults: Sequence[Fault], count: int, book: Book) -> None:
     """Every fault until the book has it so often, in turns; after a problem with a robot that is started anew."""
     while any(book.count(fault.name) < count for fault in faults):
-        with rig(SHADOWS if faults is STUCK else "") as robot:
+        make = rig_with_clock if faults[0] in RESOURCES else Rig
+        with rig(SHADOWS if faults[0] in STUCK else "", make) as robot:
             if not _turns(robot, faults, count, book):
                 continue
             took = robot.end()
@@ -89,6 +94,14 @@ def run_ends(count: int, book: Book) -> None:
                 book.add(end_of_supervisor(robot, *kind))
 
 
+def run_disks(count: int, book: Book) -> None:
+    """Full disks, each time of a robot of its own: what records on it ends."""
+    while due := [fault for fault in FULL_DISK if book.count(fault.name) < count]:
+        for fault in due:
+            with rig_on_small_disk() as robot:
+                _turns(robot, [fault], book.count(fault.name) + 1, book)
+
+
 def spread(values: Iterable[float | None], scale: float) -> str:
     """Least, median, 95th percentile and most."""
     known = sorted(value * scale for value in values if value is not None)
@@ -115,7 +128,7 @@ def table(entries: Sequence[dict[str, Any]]) -> str:
 def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] = print) -> list[dict[str, Any]]:
     """Run what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("groups", nargs="*", default=[*GROUPS, "ends"], help=f"of {', '.join(GROUPS)}, ends")
+    parser.add_argument("groups", nargs="*", default=[*GROUPS, *OWN], help=f"of {', '.join((*GROUPS, *OWN))}")
     parser.add_argument("--count", type=int, default=20, help="of each fault")
     parser.add_argument("--only", default="", help="faults whose name has this in it")
     parser.add_argument("--out", type=Path, default=Path("faults.json"), help="file; what is in it counts")
@@ -123,10 +136,12 @@ def main(arguments: Sequence[str] | None = None, say: Callable[[str], None] = pr
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its robot is taken down whoever ends it
     book, began = Book(given.out), time.monotonic()
     for group in given.groups:
-        if group == "ends":
-            run_ends(given.count, book)
-            continue
-        run([fault for fault in GROUPS[group] if given.only in fault.name], given.count, book)
+        if group in ("resources", "disks") and why_not():
+            say(f"{group}: left out: {why_not()}")
+        elif group in OWN:
+            {"ends": run_ends, "disks": run_disks}[group](given.count, book)
+        else:
+            run([fault for fault in GROUPS[group] if given.only in fault.name], given.count, book)
     say(table(book.entries))
     say(f"{len(book.entries)} entries; {time.monotonic() - began:.0f} s")
     return book.entries

@@ -13,7 +13,8 @@ from fault_rig import SHARES, Note, Rig, until
 from motor_record import old_words, ran_on
 from outsider import FLOODED
 
-__all__ = ["PARTS", "PROCESSES", "SEIZED", "SHADOWS", "STRANGERS", "STUCK", "Fault", "Outcome", "inject"]
+__all__ = ["PARTS", "PROCESSES", "SEIZED", "SHADOWS", "STRANGERS", "STUCK", "Fault", "Outcome", "answer", "inject",
+           "order", "tell", "untell"]  # fmt: skip
 
 STOP, AGAIN = 10.0, 90.0
 """s in which the motors must stand after a fault, and drive again after its end, for the campaign to go on."""
@@ -165,23 +166,23 @@ def _leaves_driving(note: Note) -> bool:
 # --- processes --------------------------------------------------------------------------------------------------------
 
 
-def _send(share: str, *numbers: signal.Signals) -> Callable[[Rig], None]:
-    def send(rig: Rig) -> None:
+def send(share: str, *numbers: signal.Signals) -> Callable[[Rig], None]:
+    def signal_it(rig: Rig) -> None:
         pid = rig.pids()[share]
         for number in numbers:
             os.kill(pid, number)
 
-    return send
+    return signal_it
 
 
 def _process_faults(share: str) -> list[Fault]:
     own = share == "robot"
     kill, stop, go_on = signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
     return [
-        Fault(f"SIGKILL {share}", _send(share, kill), is_platform=own),
-        Fault(f"SIGTERM {share}", _send(share, signal.SIGTERM), is_platform=own),
-        Fault(f"SIGSTOP {share}, SIGCONT", _send(share, stop), _send(share, go_on), HOLD, is_platform=own),
-        Fault(f"SIGSTOP {share}, SIGKILL", _send(share, stop), _send(share, kill), HOLD, is_platform=own),
+        Fault(f"SIGKILL {share}", send(share, kill), is_platform=own),
+        Fault(f"SIGTERM {share}", send(share, signal.SIGTERM), is_platform=own),
+        Fault(f"SIGSTOP {share}, SIGCONT", send(share, stop), send(share, go_on), HOLD, is_platform=own),
+        Fault(f"SIGSTOP {share}, SIGKILL", send(share, stop), send(share, kill), HOLD, is_platform=own),
     ]
 
 
@@ -192,11 +193,13 @@ PROCESSES = [fault for group in zip(*map(_process_faults, SHARES), strict=True) 
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def _tell(instance: str, way: str) -> Callable[[Rig], None]:
+def tell(instance: str, way: str) -> Callable[[Rig], None]:
+    """Has a part fail in a way of `fault_plugins.fail`."""
     return lambda rig: rig.tell(instance, way).stat() and None
 
 
-def _untell(instance: str, way: str) -> Callable[[Rig], None]:
+def untell(instance: str, way: str) -> Callable[[Rig], None]:
+    """Lets it do so no more."""
     return lambda rig: (rig.faults / f"{instance}.{way}").unlink()
 
 
@@ -210,7 +213,7 @@ def _part_fault(instance: str, way: str, hold: float = 0.0) -> Fault:
         "smuggle": "publishes NaN past the checks",
     }
     more = f" for {hold:g} s more" if hold else ""
-    return Fault(f"{instance} {words[way]}{more}", _tell(instance, way), _untell(instance, way), hold)
+    return Fault(f"{instance} {words[way]}{more}", tell(instance, way), untell(instance, way), hold)
 
 
 PARTS = [
@@ -225,17 +228,20 @@ SEIZED = [_part_fault(instance, "seize") for instance in ("faulty_tracker", "fau
 # --- strangers --------------------------------------------------------------------------------------------------------
 
 
-def _order(what: str, line: str) -> Callable[[Rig], None]:
-    def order(rig: Rig) -> None:
+def order(what: str, line: str) -> Callable[[Rig], None]:
+    """Has an outsider do something."""
+
+    def give(rig: Rig) -> None:
         stdin = rig.outsider(what).stdin
         assert stdin is not None
         stdin.write(f"{line}\n")
         stdin.flush()
 
-    return order
+    return give
 
 
-def _answer(what: str) -> Callable[[Rig], None]:
+def answer(what: str) -> Callable[[Rig], None]:
+    """Waits until it has."""
     return lambda rig: rig.hear(rig.outsider(what)) and None
 
 
@@ -251,7 +257,7 @@ def malformed(rig: Rig) -> dict[str, Any]:
 
 STRANGERS = [
     Fault(
-        name, _order("replay", f"go {mode}"), _answer("replay"), stops=False, prepare=lambda rig: rig.outsider("replay")
+        name, order("replay", f"go {mode}"), answer("replay"), stops=False, prepare=lambda rig: rig.outsider("replay")
     )
     for name, mode in (
         ("commands of 30 s replayed", "old"),
@@ -261,8 +267,8 @@ STRANGERS = [
 ] + [
     Fault(
         "10,000 malformed messages",
-        _order("flood", "go"),
-        _answer("flood"),
+        order("flood", "go"),
+        answer("flood"),
         stops=False,
         look=malformed,
         prepare=lambda rig: rig.outsider("flood"),
@@ -324,9 +330,9 @@ def _free(instance: str, way: str, share: str) -> Callable[[Rig], None]:
 
 
 STUCK = [
-    Fault("shadow avoider sleeps for ever", _tell("shadow_vfh", "hang"), _free("shadow_vfh", "hang", "drive"),
+    Fault("shadow avoider sleeps for ever", tell("shadow_vfh", "hang"), _free("shadow_vfh", "hang", "drive"),
           stops=False, watch=0.5, look=ages),
-    Fault("shadow mapper sleeps for ever", _tell("shadow_map", "hang"), _free("shadow_map", "hang", "think"),
+    Fault("shadow mapper sleeps for ever", tell("shadow_map", "hang"), _free("shadow_map", "hang", "think"),
           stops=False, watch=0.5, look=ages),
 ]  # fmt: skip
 SHADOWS = """

@@ -5,9 +5,11 @@ They are told by a file in the folder that NAVLOOM_FAULTS names: `touch INSTANCE
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
+import resource
 import threading
 import time
 from pathlib import Path
@@ -86,7 +88,8 @@ def fail(instance: str) -> str:
     """Fail as a file says.
 
     Ways: `hang` sleeps for ever; `spin` computes for ever; `seize` computes for ever in one call of C code that keeps
-    the interpreter to itself; `raise` raises; `nan` makes a command of NaN; `smuggle` gives one made past the checks.
+    the interpreter to itself; `raise` raises; `nan` makes a command of NaN; `smuggle` gives one made past the checks;
+    `eat` takes memory without end; `open` takes every descriptor that its process may have, until told otherwise.
 
     Returns:
         "smuggle", or an empty text.
@@ -109,7 +112,33 @@ def fail(instance: str) -> str:
             Twist2D(math.nan, 0.0, 0.0)
         elif way == "smuggle":
             return way
+        elif way == "eat":
+            while True:
+                HOARD.append(b"x" * 2**25)
+        elif way == "open":
+            take_descriptors()
+            return ""
+    if HOARD:
+        HOARD.clear()
+        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        resource.setrlimit(resource.RLIMIT_NOFILE, (limit, limit))
     return ""
+
+
+HOARD: list[Any] = []
+"""What a part keeps from others."""
+FEW_FILES = 8
+"""Descriptors more than it has that a process may have, so that they are used up in a moment."""
+
+
+def take_descriptors() -> None:
+    """Open files until there are no more to be had."""
+    if not HOARD:
+        used = len(os.listdir("/proc/self/fd"))
+        resource.setrlimit(resource.RLIMIT_NOFILE, (used + FEW_FILES, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+    with contextlib.suppress(OSError):
+        while True:
+            HOARD.append(open(os.devnull))  # noqa: SIM115
 
 
 class FaultyTracker(LyapunovTracker):

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -204,10 +204,18 @@ class Rig:
         motors: What they were told.
         driver: Who keeps it driving.
         up: `navloom up`.
+
+    Args:
+        folder: For all files.
+        more: Further tables of its config.
+        environment: More of it, for all processes.
+        arguments: More of `navloom up`.
     """
 
-    def __init__(self, folder: Path, more: str) -> None:
-        self.folder, self.faults = folder, folder / "faults"
+    def __init__(
+        self, folder: Path, more: str = "", environment: Mapping[str, str] | None = None, arguments: Sequence[str] = ()
+    ) -> None:
+        self.folder, self.faults, self._arguments = folder, folder / "faults", arguments
         self.faults.mkdir()
         self.motors = MotorRecord(folder / "motors.bin")
         end = HALL + 3.0
@@ -221,6 +229,7 @@ class Rig:
             "PYTHONPATH": os.pathsep.join(filter(None, paths)),
             RECORD: str(folder / "motors.bin"),
             fault_plugins.FOLDER: str(self.faults),
+            **(environment or {}),
         }
         self.log = folder / "up.log"
         self.driver = Driver(lambda: self.motors.place)
@@ -230,7 +239,7 @@ class Rig:
         """Bring it up; returns when every node is there."""
         with self.log.open("ab") as log:
             self.up = subprocess.Popen(
-                [*COMMAND, "up", str(self.config)], env=self.environment, stdout=log, stderr=log
+                [*COMMAND, "up", str(self.config), *self._arguments], env=self.environment, stdout=log, stderr=log
             )  # fmt: skip
         until(lambda: self.up.poll() is not None or self.said("every node is there"), START, "the robot is up")
         assert self.up.poll() is None, self.log.read_text("utf-8")
@@ -350,17 +359,18 @@ class Rig:
 
 
 @contextmanager
-def rig(more: str = "") -> Iterator[Rig]:
+def rig(more: str = "", make: Callable[[Path, str], Rig] = Rig) -> Iterator[Rig]:
     """A robot that is up and drives, gone afterwards whatever happens.
 
     Args:
         more: Further tables of its config.
+        make: Makes it of a folder and these.
     """
     folder = Path(tempfile.mkdtemp(prefix="nf", dir="/tmp"))  # short: the name of a socket has little room
     before = os.environ.get("NAVLOOM_RUNTIME_DIR")
     os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "rt")  # for the driver, which joins from within this process
     try:
-        made = Rig(folder, more)
+        made = make(folder, more)
         try:
             made.start()
             yield made

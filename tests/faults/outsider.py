@@ -1,8 +1,9 @@
 """A stranger on the robot's own network: `python outsider.py WHAT`, told by lines what to do and when.
 
 `replay` records every command of controller, avoider and gate from the beginning; `go old`, `go fresh` or `go future`
-then publishes them again as fast as it can for a second. `flood` publishes 10,000 malformed messages to keys that the
-robot reads. Each answers with a line of JSON when it is done.
+then publishes them again as fast as it can for a second. `forge` hears the commands of controller and avoider and, for
+five seconds, follows each with one of its own within the robot's limits. `flood` publishes 10,000 malformed messages to
+keys that the robot reads. Each answers with a line of JSON when it is done.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ REPLAY = 1.0
 """s a replay lasts."""
 MARK = 0.123
 """rad/s that no healthy command asks for: a replayed one that does has got through to the motors."""
+FORGED = 5.0
+"""s a forgery lasts."""
 AHEAD_NS = 5_000_000_000
 """How far commands of the future are ahead."""
 
@@ -91,6 +94,29 @@ def _ahead(data: bytes, label: str) -> bytes:
     return encode(forged, Envelope(at.key, at.sequence + 100, at.tick + 100, stamp, cause, at.epoch))
 
 
+def forge(client: Client) -> None:
+    """Follow each command of controller and avoider with a forged one, for as long as a forgery lasts."""
+    keys = [f"{client.keys.prefix}/{key}" for key in COMMANDS[:2]]
+    ways = {key: client.bus.publication(key, quality_of(Command)) for key in keys}
+    counts = {"until": 0.0, "sent": 0}
+
+    def answer(key: str, data: bytes | None, label: str) -> None:
+        if time.monotonic() < counts["until"]:
+            message, at = decode(data or b"", label)
+            twist = Twist2D(0.3, 0.0, MARK)
+            forged = TrackingCommand(twist, 0.0, 0.0, 0.0) if isinstance(message, TrackingCommand) else Command(twist)
+            ways[key].put(encode(forged, at._replace(sequence=at.sequence + 1)), label)
+            counts["sent"] += 1
+
+    for key in keys:
+        client.bus.subscribe(key, answer)
+    _say({"ready": True})
+    for _ in sys.stdin:
+        counts.update(until=time.monotonic() + FORGED, sent=0)
+        time.sleep(FORGED)
+        _say({"sent": counts["sent"]})
+
+
 def flood(client: Client) -> None:
     """Publish malformed messages as fast as they go, each time a line comes."""
     keys = [f"{client.keys.prefix}/{key}" for key in FLOODED]
@@ -129,7 +155,7 @@ def _say(what: dict[str, Any]) -> None:
 def main(what: str) -> None:
     """Until told to end by the end of its input."""
     with join() as client:
-        {"replay": replay, "flood": flood}[what](client)
+        {"replay": replay, "forge": forge, "flood": flood}[what](client)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ import pytest
 from navloom.cli.keys import app
 from navloom.config import load_config
 from navloom.runtime.access import Identity, read_identities
+from navloom.runtime.certificates import KeysError
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.keys import KeysError
 from navloom.runtime.links import Link, settings
 from navloom.runtime.network import network_of
 from typer.testing import CliRunner

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 import zenoh
 from navloom.runtime.access import ACTING, READABLE, AccessError, Identity, rules
-from navloom.runtime.keys import HOSTS, Order, add_identity, new_authority
+from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.keys import add_identity, new_authority
 from navloom.runtime.links import Link, settings
 from navloom.runtime.quality import retained_ports
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import threading
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
@@ -16,7 +15,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from navloom.runtime import keys
 from navloom.runtime.access import IDENTITIES, Identity, read_identities
-from navloom.runtime.keys import HOSTS, KeysError, Order, add_identity, new_authority
+from navloom.runtime.certificates import HOSTS, KeysError, Order
+from navloom.runtime.keys import add_identity, new_authority
 
 NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 ORDER = Order("lab", "r1", ("base.local", "10.0.0.1"), 30, NOW)
@@ -138,19 +138,25 @@ def test_a_name_of_which_only_a_file_is_left_is_taken_as_well(folder: Path) -> N
     assert contents(folder) == before
 
 
-@pytest.mark.parametrize("broken_step", [1, 2])
-def test_a_certificate_that_cannot_be_finished_is_taken_back(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
-) -> None:
-    before, done, link = contents(folder), [], os.link
+def break_replacing(monkeypatch: pytest.MonkeyPatch, broken_step: int) -> None:
+    """Have one file not be put in its place."""
+    done, replace_file = [], Path.replace
 
-    def fail(source: Path, target: Path) -> None:
+    def fail(source: Path, target: Path) -> Path:
         done.append(target)
         if len(done) == broken_step:
             raise OSError(5, "Input/output error", str(target))
-        link(source, target)
+        return replace_file(source, target)
 
-    monkeypatch.setattr(keys.os, "link", fail)
+    monkeypatch.setattr(Path, "replace", fail)
+
+
+@pytest.mark.parametrize("broken_step", [1, 2, 3])
+def test_a_certificate_that_cannot_be_finished_is_taken_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
+) -> None:
+    before = contents(folder)
+    break_replacing(monkeypatch, broken_step)
     with pytest.raises(KeysError, match="Input/output error"):
         add_identity(folder, ALICE, (), 7, NOW)
     assert contents(folder) == before

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from navloom.runtime.access import Identity
-from navloom.runtime.keys import HOSTS, Order, add_identity, new_authority
+from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.keys import add_identity, new_authority
 from navloom.runtime.link_faults import why_not
 from navloom.runtime.links import Link, settings
 

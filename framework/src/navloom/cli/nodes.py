@@ -76,7 +76,7 @@ def router(
             _say(f"router of {robot}: listening at {listen}")
             notify("READY=1")
 
-        route(link, event, ready, lambda: notify("WATCHDOG=1"))
+        route(link, event, lambda text: _say(f"router of {robot}: {text}"), ready, lambda: notify("WATCHDOG=1"))
         notify("STOPPING=1")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -18,28 +17,29 @@ AUTHORITY = "ca"
 
 
 def expiry_warnings(folder: Path, now: datetime) -> tuple[str, ...]:
-    """Certificates in a folder that expire soon or have expired: one sentence for each time at which some do.
+    """Certificates in a folder that expire soon or have expired: one sentence for each day on which some do.
 
     Args:
         folder: With ca.pem. A file that cannot be read is left to the process that uses it.
         now: With its time zone.
     """
+    ends: dict[str, datetime] = {}
+    for path in folder.glob("*.pem"):
+        certificate = None if path.stem.endswith("-key") else _read(path)
+        if certificate is not None and certificate.not_valid_after_utc - now < WARN_AHEAD:
+            ends[path.stem] = certificate.not_valid_after_utc
     told = []
-    names_by_end: dict[datetime, list[str]] = defaultdict(list)
-    for path in sorted(folder.glob("*.pem")):
-        if not path.stem.endswith("-key"):
-            certificate = _read(path)
-            if certificate is not None and certificate.not_valid_after_utc - now < WARN_AHEAD:
-                names_by_end[certificate.not_valid_after_utc].append(path.stem)
-    for end, names in sorted(names_by_end.items()):
+    for day in sorted({end.date() for end in ends.values()}):
+        names = sorted(name for name, end in ends.items() if end.date() == day)
+        end = min(ends[name] for name in names)
         if AUTHORITY in names:
             names = [AUTHORITY]
-            who, verb = f"the authority of {folder}, and with it each of its certificates,", "expires"
+            what = f"the authority of {folder}, and with it every certificate it made, {_when('expires', end, now)}"
+        elif len(names) == 1:
+            what = f"in {folder} the certificate of {names[0]} {_when('expires', end, now)}"
         else:
-            who, verb = f"in {folder} the certificate of {', '.join(names)}", "expires"
-            if len(names) > 1:
-                who, verb = f"in {folder} the certificates of {', '.join(names)}", "expire"
-        told.append(f"{who} {_when(verb, end, now)}; {_remedy(folder, names)}")
+            what = f"in {folder} the certificates of {', '.join(names)} {_when('expire', end, now)}"
+        told.append(f"{what}; {_remedy(folder, names)}")
     return tuple(told)
 
 
@@ -90,4 +90,4 @@ def _when(verb: str, end: datetime, now: datetime) -> str:
 def _remedy(folder: Path, names: list[str]) -> str:
     if names == [AUTHORITY]:
         return f"make a new folder with `navloom keys new` and copy it to every host in place of {folder}"
-    return f"`navloom keys renew {folder} {' '.join(names)}` makes new ones, where ca-key.pem is"
+    return f"`navloom keys renew {folder} {' '.join(names)}` renews, on the host with ca-key.pem"

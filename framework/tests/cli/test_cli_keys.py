@@ -6,14 +6,18 @@ import json
 import re
 import shutil
 import stat
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from navloom.cli.keys import app
 from navloom.config import load_config
 from navloom.runtime.access import Identity, read_identities
-from navloom.runtime.certificates import KeysError
+from navloom.runtime.certificates import HOSTS, KeysError, Order
 from navloom.runtime.directory import RobotFolder
+from navloom.runtime.keys import new_authority
 from navloom.runtime.links import Link, settings
 from navloom.runtime.network import network_of
 from typer.testing import CliRunner
@@ -106,3 +110,36 @@ def test_the_two_hosts_of_the_docs_are_let_in(tmp_path: Path, monkeypatch: pytes
     links = at_brain.links(RobotFolder("lab", "r1"), ["think", "drive"])
     for link in (*links.values(), at_brain.outsider(RobotFolder("lab", "r1"), [])):
         assert settings(link)["transport"]["link"]["tls"]["enable_mtls"] is True
+
+
+def test_renew_says_whose_and_where_they_go(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    run("new", str(folder))
+    said = run("renew", str(folder))
+    assert "renewed: router, nodes, operator, viewer\n" in said and "copy NAME.pem and NAME-key.pem" in said
+    found = json.loads(run("renew", str(folder), "viewer", "--days", "30", "--json"))
+    assert found == {"folder": str(folder), "renewed": ["viewer"], "days": 30}
+
+
+def test_revoke_says_what_to_copy(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    run("new", str(folder))
+    run("add", str(folder), "bob", "--kind", "operator")
+    said = run("revoke", str(folder), "bob")
+    assert "bob: revoked\n" in said and "copy identities.json to the router's host" in said
+    found = json.loads(run("revoke", str(folder), "viewer", "--replace", "--json"))
+    assert found == {"folder": str(folder), "revoked": "viewer", "replaced": True}
+    assert read_identities(folder, "lab", "r1")[-1] == Identity("viewer", "viewer", "", 2)
+
+
+def test_a_command_refuses_an_expired_certificate_by_name_and_says_what_renews_it(tmp_path: Path) -> None:
+    folder, then = tmp_path / "keys", datetime.now(UTC) - timedelta(days=9, hours=12)
+    new_authority(folder, Order("lab", "r1", HOSTS, 9, then))
+    words = ["status", "--connect", "tls/127.0.0.1:9", "--keys", str(folder)]
+    done = subprocess.run(
+        [sys.executable, "-c", "from navloom.cli import main; main()", *words],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    said = done.stderr.splitlines()[-1]
+    assert f"certificate {folder}/viewer.pem expired on" in said and f"`navloom keys renew {folder} viewer`" in said

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "MOVED", "AccessError", "Identity", "common_name",
+__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "HERE", "MOVED", "AccessError", "Identity", "common_name",
            "read_identities", "rules"]  # fmt: skip
 
 IDENTITIES = "identities.json"
@@ -43,8 +43,9 @@ READABLE = (
     "gate/*/status",
 )
 """What may be asked by who only reads. Named one by one: a rule for `gate/main/*` would cover `gate/main/stop` too."""
-MOVED = "@router/moved"
-"""Where a router says that another takes its place. No wildcard leads there, and nobody but a router may say it."""
+MOVED, HERE = "@router/moved", "@router/here"
+"""Where a router says that another takes its place, and its token, which is shown to all whom it knows. No wildcard
+leads there, and nobody else may say it."""
 DRIVING = "operator/main/command"
 """Where an operator's own commands go."""
 
@@ -165,7 +166,8 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
         elif identity.kind == "shadow":
             own = _shadowing(prefix, identity.instance.replace(".", "/", 1))
         made.grant(subject, [*_reading(prefix), *own])
-    made.grant_sockets(_everything(prefix))
+    between = [f"{prefix}/@router/*"]
+    made.grant_sockets([*_everything(prefix), _rule("ingress", _ALL, between), _rule("egress", _ALL, between)])
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -220,9 +222,14 @@ def _reading(prefix: str) -> list[dict[str, Any]]:
 
 
 def _moving(prefix: str) -> list[dict[str, Any]]:
-    """Everybody hears from the router that another takes its place."""
-    key = [f"{prefix}/{MOVED}"]
-    return [_rule("ingress", ("declare_subscriber",), key), _rule("egress", ("put",), key)]
+    """Everybody hears from the router that another takes its place, and can ask whether it knows him."""
+    moved, here = [f"{prefix}/{MOVED}"], [f"{prefix}/{HERE}"]
+    return [
+        _rule("ingress", ("declare_subscriber",), moved),
+        _rule("egress", ("put",), moved),
+        _rule("ingress", ("liveliness_query",), here),
+        _rule("egress", ("liveliness_token",), here),
+    ]
 
 
 def _operating(prefix: str) -> list[dict[str, Any]]:

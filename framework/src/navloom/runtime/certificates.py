@@ -135,6 +135,10 @@ def make_certificate(folder: Path, authority: Authority, identity: Identity, ord
     subject = _x509_name(common_name(identity, order.realm, order.robot))
     issuer_key = authority.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
     end = min(order.now + timedelta(days=order.days), authority.certificate.not_valid_after_utc)
+    if end <= order.now:
+        raise KeysError(
+            f"{identity.name}: the authority expired on {end:%Y-%m-%d}; make a new folder with `navloom keys new`"
+        )
     builder = (
         _builder(subject, authority.certificate.subject, key, order.now, end)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)

@@ -15,17 +15,17 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from navloom.runtime.access import IDENTITIES, MOVED
+from navloom.runtime.access import HERE, IDENTITIES, MOVED
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.file_watch import FileWatch
 from navloom.runtime.links import Endpoint, Link, LinkError, credential_files, settings
-from navloom.runtime.zenoh_bus import LINGER, SETTLE, Bus
+from navloom.runtime.zenoh_bus import LINGER, SETTLE, SPREAD, Bus
 
 __all__ = ["Router"]
 
 KNOWN = 2.0
 """Longest wait until the second router knows the streams of the first, s."""
-LEAVE = SETTLE + LINGER + 2.0
+LEAVE = SPREAD + SETTLE + LINGER + 2.0
 """Longest wait until the clients have left the first router, s. A revoked certificate is good for no longer."""
 
 
@@ -47,7 +47,7 @@ class Router:
             self._folder.make()
             link = replace(link, door=self._door(link))
         self._link = link
-        self._bus = Bus(link)
+        self._bus = self._open(link)
 
     def __enter__(self) -> Router:
         return self
@@ -69,7 +69,7 @@ class Router:
         first = self._bus
         for end in link.listen:
             _stop_listening(Endpoint.parse(end).port)
-        self._bus, self._link = Bus(link), link
+        self._bus, self._link = self._open(link), link
         self._say("new certificates are in force for who joins from now on")
         _await_streams(first, self._bus, link, ending)
         first.tell(f"{link.realm}/{link.robot}/{MOVED}")
@@ -78,6 +78,12 @@ class Router:
             pass
         first.close()
         self._say("new certificates are in force for all")
+
+    def _open(self, link: Link) -> Bus:
+        bus = Bus(link)
+        if self._watch is not None:
+            bus.announce(f"{link.realm}/{link.robot}/{HERE}")
+        return bus
 
     def _door(self, link: Link) -> str:
         port = Endpoint.parse(link.listen[0]).port

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import zenoh
 
-from navloom.runtime.access import MOVED
+from navloom.runtime.access import HERE, MOVED
 from navloom.runtime.file_watch import FileWatch
 from navloom.runtime.keyspace import LARGEST
 from navloom.runtime.link_faults import why_not
@@ -30,6 +31,8 @@ __all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
 MEDIA = "application/x-navloom;"
 CERTIFICATES = 1.0
 """s between two looks whether the certificate files are new."""
+SPREAD = 1.0
+"""s over which processes of a host open their other sessions, so that they do not all want a processor at once."""
 SETTLE = 0.3
 """s from the opening of another session until it is used: the network knows its streams by then."""
 LINGER = 2.5
@@ -141,6 +144,7 @@ class Bus:
     Attributes:
         losses: How often it lost its router and joined anew.
         moves: How often it went over to another session without a loss.
+        denials: How often it stayed, because the router did not know its new certificate.
 
     Raises:
         LinkError: A link that is refused; BusError: one that does not work.
@@ -154,7 +158,8 @@ class Bus:
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
         self._config = json.dumps(settings(link))
-        self._number = 0
+        self._numbers = itertools.count()
+        self._router = f"{link.realm}/{link.robot}/{HERE}"
         began, is_told = time.monotonic(), False
         while True:
             try:
@@ -179,7 +184,7 @@ class Bus:
         self._forget: list[Callable[[int], None]] = []
         self._is_to_move = threading.Event()
         self._credentials = None if link.credentials is None else FileWatch(credential_files(link))
-        self.losses = self.moves = 0
+        self.losses = self.moves = self.denials = 0
         if link.mode == "client":
             if self._credentials is not None:
                 self.subscribe(f"{link.realm}/{link.robot}/{MOVED}", lambda *_: self._is_to_move.set())
@@ -201,7 +206,7 @@ class Bus:
             self._leave_old()
 
     def _open(self) -> None:
-        self._number += 1
+        self._number = next(self._numbers)
         self._session = zenoh.open(zenoh.Config.from_json5(self._config))
 
     def _leave(self) -> None:
@@ -224,6 +229,7 @@ class Bus:
                 if self._credentials.has_changed():
                     self._is_to_move.set()
             if self._is_to_move.is_set():
+                self._stay(SPREAD * (os.getpid() % 8) / 8)
                 self._is_to_move.clear()
                 self._move()
 
@@ -243,7 +249,7 @@ class Bus:
 
     def _move(self) -> None:
         """Open another session, use it once the network knows its streams, and close the first after a while."""
-        first, number, held = self._session, self._number, self._held
+        first = self._session, self._number, self._held
         with self._lock:
             if self._closing.is_set():
                 return
@@ -251,19 +257,29 @@ class Bus:
                 self._open()
             except zenoh.ZError:  # the first goes on; where its router ends, this process joins anew
                 return
-            self._old = first
+            self._old = first[0]
             with contextlib.suppress(zenoh.ZError):  # a router that is lost at once is found lost
                 self._held = [declare() for declare in self._declared]
         self._stay(SETTLE)
+        left = first
+        if _tokens(first[0], self._router) and not _tokens(self._session, self._router):
+            # The router does not know the new certificate. Its successor will, and says so.
+            left = self._session, self._number, self._held
+            with self._lock:
+                self._session, self._number, self._held = first
+                self._old = left[0]
+                self._when_used.clear()
+                self.denials += 1
+        else:
+            with self._lock:
+                self._use()
+                self.moves += 1
+            self._stay(LINGER)
         with self._lock:
-            self._use()
-            self.moves += 1
-        self._stay(LINGER)
-        with self._lock:
-            held.clear()
+            left[2].clear()
             self._leave_old()
             for forget in self._forget:
-                forget(number)
+                forget(left[1])
 
     def _stay(self, seconds: float) -> None:
         """Wait, unless the newest session is lost or this process leaves."""
@@ -405,11 +421,7 @@ class Bus:
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
         """Tokens that are there."""
-        try:
-            replies = self._used.liveliness().get(key_expr, timeout=timeout)
-        except zenoh.ZError:
-            return []
-        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+        return _tokens(self._used, key_expr, timeout)
 
     def serve(self, key: str, take: Callable[[Question], None]) -> None:
         """Answer questions; `take` is called on the network's thread and must only pass them on."""
@@ -450,6 +462,15 @@ class Bus:
                 yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
             elif reply.err is not None:
                 yield Answer("", b"", "", reply.err.payload.to_string())
+
+
+def _tokens(session: zenoh.Session, key_expr: str, timeout: float = 1.0) -> list[str]:
+    """Tokens that a session is shown."""
+    try:
+        replies = session.liveliness().get(key_expr, timeout=timeout)
+    except zenoh.ZError:
+        return []
+    return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
 
 def _why(link: Link, error: zenoh.ZError) -> str:

@@ -17,6 +17,7 @@ from navloom.messages import Command
 from navloom.runtime import succession, zenoh_bus
 from navloom.runtime.access import Identity
 from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.doctor import diagnose
 from navloom.runtime.joining import join
 from navloom.runtime.keys import add_identity, new_authority, renew, revoke
 from navloom.runtime.links import Link
@@ -242,3 +243,10 @@ def test_who_joins_is_told_of_certificates_that_expire_soon(net: Net) -> None:
         pass
     assert len(told) == 1 and "certificates of bob, nodes, operator, router, viewer expire on" in told[0]
     assert f"navloom keys renew {net.folder} bob nodes operator router viewer" in told[0]
+
+
+def test_doctor_notes_certificates_that_expire_soon(net: Net) -> None:
+    found = diagnose("lab/r1", net.end, str(net.folder))
+    (note,) = [finding for finding in found.findings if "expire" in finding.what]
+    assert note.severity == "note" and "bob, nodes, operator, router, viewer expire on" in note.what
+    assert "navloom keys renew" in note.remedy and "a link ends when its certificate does" in note.remedy

@@ -6,10 +6,14 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from navloom.config import load_config
+from navloom.engine.build import assemble
 from navloom.runtime.access import Identity
 from navloom.runtime.certificates import AUTHORITY_DAYS, HOSTS, Order
 from navloom.runtime.keys import add_identity, new_authority
 from navloom.runtime.links import Link, LinkError, settings
+from navloom.runtime.network import Network
+from navloom.runtime.robot import Robot
 from navloom.runtime.validity import expiry_warnings
 
 NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
@@ -87,3 +91,12 @@ def test_a_key_of_another_certificate_and_a_broken_one_are_refused_by_name(folde
     (folder / "alice.pem").write_text("-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n", "utf-8")
     with pytest.raises(LinkError, match=r"alice\.pem: broken"):
         settings(link, NOW)
+
+
+def test_who_brings_a_robot_up_is_told_once_a_day(folder: Path) -> None:
+    said: list[str] = []
+    network = Network("lab", "r1", END, True, folder)
+    robot = Robot(assemble(load_config("paper")), network, None, False, said.append)
+    robot.warn_of_expiry()
+    robot.warn_of_expiry()
+    assert sum("alice" in text for text in said) == 1

@@ -176,7 +176,7 @@ class Bus:
         self._off_host = any(not _is_local(endpoint) for endpoint in (*link.listen, *link.connect))
         self._declared: list[Callable[[], Any]] = []
         self._held: list[Any] = []
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()
         self._closing = threading.Event()
         self._used, self._used_number = self._session, self._number
         self._old: Any = None
@@ -206,8 +206,8 @@ class Bus:
             self._leave_old()
 
     def _open(self) -> None:
-        self._number = next(self._numbers)
         self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+        self._number = next(self._numbers)
 
     def _leave(self) -> None:
         self._held.clear()
@@ -288,10 +288,10 @@ class Bus:
             pass
 
     def _leave_old(self) -> None:
-        old, self._old = self._old, None
-        if old is not None:
+        if self._old is not None:
             with contextlib.suppress(zenoh.ZError):
-                old.close()
+                self._old.close()
+            self._old = None  # not before: until it is closed, messages may come by both
 
     def _use(self) -> None:
         """Send, ask and answer by the newest session from now on."""
@@ -329,7 +329,8 @@ class Bus:
 
     def tell(self, key: str) -> None:
         """Send an empty message, once, that must arrive."""
-        self._session.put(key, b"", congestion_control=zenoh.CongestionControl.BLOCK)
+        with contextlib.suppress(zenoh.ZError):
+            self._session.put(key, b"", congestion_control=zenoh.CongestionControl.BLOCK)
 
     def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
         """A stream to publish to; lossless waits where it would drop."""

@@ -19,7 +19,9 @@ class FileWatch:
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = paths
-        self._taken = self._last = self._look()
+        self._taken: Stamp
+        self._last: Stamp
+        self.take()
 
     def has_changed(self) -> bool:
         """They are others than before, and as they were at the last look: a copy that is under way is waited for."""
@@ -28,6 +30,10 @@ class FileWatch:
             return False
         self._taken = self._last
         return True
+
+    def take(self) -> None:
+        """Whatever they are now, it is known."""
+        self._taken = self._last = self._look()
 
     def _look(self) -> Stamp:
         return tuple(_stamp(path) for path in self._paths)

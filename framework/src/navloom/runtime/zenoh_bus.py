@@ -251,8 +251,9 @@ class Bus:
         """Open another session, use it once the network knows its streams, and close the first after a while."""
         first = self._session, self._number, self._held
         with self._lock:
-            if self._closing.is_set():
+            if self._closing.is_set() or self._credentials is None:
                 return
+            self._credentials.take()
             try:
                 self._open()
             except zenoh.ZError:  # the first goes on; where its router ends, this process joins anew

@@ -6,14 +6,18 @@ import json
 import re
 import shutil
 import stat
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from navloom.cli.keys import app
 from navloom.config import load_config
 from navloom.runtime.access import Identity, read_identities
+from navloom.runtime.certificates import HOSTS, KeysError, Order
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.keys import KeysError
+from navloom.runtime.keys import new_authority
 from navloom.runtime.links import Link, settings
 from navloom.runtime.network import network_of
 from typer.testing import CliRunner
@@ -60,7 +64,7 @@ def test_what_new_makes_is_what_links_take(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder), "--robot", "r7")
     found = settings(Link("router", ("tls/0.0.0.0:7447",), (), folder, "router", robot="r7"))
-    assert {one["id"] for one in found["access_control"]["subjects"]} == {
+    assert {one["id"] for one in found["access_control"]["subjects"]} - {"sockets"} == {
         f"{name}:{name}@lab/r7" for name in ("router", "nodes", "operator", "viewer")
     }
 
@@ -69,7 +73,7 @@ def test_add_a_shadow(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder))
     said = run("add", str(folder), "shadow.avoider.forces", "--kind", "shadow", "--instance", "avoider.forces")
-    assert "identities.json" in said and "start the router again" in said
+    assert "identities.json" in said and "a router that runs there takes it" in said
     assert read_identities(folder, "lab", "r1")[-1] == Identity("shadow.avoider.forces", "shadow", "avoider.forces")
     found = json.loads(run("add", str(folder), "bob", "--kind", "operator", "--json"))
     assert (found["name"], found["kind"], found["days"]) == ("bob", "operator", 825)
@@ -106,3 +110,36 @@ def test_the_two_hosts_of_the_docs_are_let_in(tmp_path: Path, monkeypatch: pytes
     links = at_brain.links(RobotFolder("lab", "r1"), ["think", "drive"])
     for link in (*links.values(), at_brain.outsider(RobotFolder("lab", "r1"), [])):
         assert settings(link)["transport"]["link"]["tls"]["enable_mtls"] is True
+
+
+def test_renew_says_whose_and_where_they_go(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    run("new", str(folder))
+    said = run("renew", str(folder))
+    assert "renewed: router, nodes, operator, viewer\n" in said and "copy NAME.pem and NAME-key.pem" in said
+    found = json.loads(run("renew", str(folder), "viewer", "--days", "30", "--json"))
+    assert found == {"folder": str(folder), "renewed": ["viewer"], "days": 30}
+
+
+def test_revoke_says_what_to_copy(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    run("new", str(folder))
+    run("add", str(folder), "bob", "--kind", "operator")
+    said = run("revoke", str(folder), "bob")
+    assert "bob: revoked\n" in said and "copy identities.json to the router's host" in said
+    found = json.loads(run("revoke", str(folder), "viewer", "--replace", "--json"))
+    assert found == {"folder": str(folder), "revoked": "viewer", "replaced": True}
+    assert read_identities(folder, "lab", "r1")[-1] == Identity("viewer", "viewer", "", 2)
+
+
+def test_a_command_refuses_an_expired_certificate_by_name_and_says_what_renews_it(tmp_path: Path) -> None:
+    folder, then = tmp_path / "keys", datetime.now(UTC) - timedelta(days=9, hours=12)
+    new_authority(folder, Order("lab", "r1", HOSTS, 9, then))
+    words = ["status", "--connect", "tls/127.0.0.1:9", "--keys", str(folder)]
+    done = subprocess.run(
+        [sys.executable, "-c", "from navloom.cli import main; main()", *words],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    said = done.stderr.splitlines()[-1]
+    assert f"certificate {folder}/viewer.pem expired on" in said and f"`navloom keys renew {folder} viewer`" in said

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 import zenoh
 from navloom.runtime.access import ACTING, READABLE, AccessError, Identity, rules
-from navloom.runtime.keys import HOSTS, Order, add_identity, new_authority
+from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.keys import add_identity, new_authority
 from navloom.runtime.links import Link, settings
 from navloom.runtime.quality import retained_ports
 
@@ -361,9 +362,9 @@ def of_another_authority(net: Net, folder: Path) -> dict[str, Any]:
 
 
 def expired(net: Net, folder: Path) -> dict[str, Any]:
-    then = datetime.now(UTC) - timedelta(days=10)
+    then = datetime.now(UTC) - timedelta(days=9, hours=12)
     add_identity(net.folder, Identity("expired", "operator"), (), 9, then)
-    return settings(Link("client", (), (net.end,), net.folder, "expired"))
+    return settings(Link("client", (), (net.end,), net.folder, "expired"), then + timedelta(days=8, hours=18))
 
 
 def by_plain_tcp(net: Net, folder: Path) -> dict[str, Any]:
@@ -380,14 +381,14 @@ def to_an_operator_that_poses_as_the_router(net: Net, folder: Path) -> dict[str,
 
 
 def to_an_expired_router(net: Net, folder: Path) -> dict[str, Any]:
-    then = datetime.now(UTC) - timedelta(days=10)
+    then = datetime.now(UTC) - timedelta(days=9, hours=12)
     add_identity(net.folder, Identity("old-router", "nodes"), HOSTS, 9, then)
-    return _to_listener(net, "old-router")
+    return _to_listener(net, "old-router", then + timedelta(days=8, hours=18))
 
 
-def _to_listener(net: Net, identity: str) -> dict[str, Any]:
+def _to_listener(net: Net, identity: str, now: datetime | None = None) -> dict[str, Any]:
     end = f"tls/127.0.0.1:{free_port()}"
-    net.keep(opened(settings(Link("router", (end,), (), net.folder, identity))))
+    net.keep(opened(settings(Link("router", (end,), (), net.folder, identity), now)))
     return settings(Link("client", (), (end,), net.folder, "nodes"))
 
 

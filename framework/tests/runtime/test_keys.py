@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import threading
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
@@ -15,8 +14,9 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from navloom.runtime import keys
-from navloom.runtime.access import IDENTITIES, Identity, read_identities
-from navloom.runtime.keys import HOSTS, KeysError, Order, add_identity, new_authority
+from navloom.runtime.access import IDENTITIES, Identity, common_name, read_identities
+from navloom.runtime.certificates import HOSTS, KeysError, Order
+from navloom.runtime.keys import add_identity, new_authority, renew, revoke
 
 NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 ORDER = Order("lab", "r1", ("base.local", "10.0.0.1"), 30, NOW)
@@ -138,19 +138,25 @@ def test_a_name_of_which_only_a_file_is_left_is_taken_as_well(folder: Path) -> N
     assert contents(folder) == before
 
 
-@pytest.mark.parametrize("broken_step", [1, 2])
-def test_a_certificate_that_cannot_be_finished_is_taken_back(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
-) -> None:
-    before, done, link = contents(folder), [], os.link
+def break_replacing(monkeypatch: pytest.MonkeyPatch, broken_step: int) -> None:
+    """Have one file not be put in its place."""
+    done, replace_file = [], Path.replace
 
-    def fail(source: Path, target: Path) -> None:
+    def fail(source: Path, target: Path) -> Path:
         done.append(target)
         if len(done) == broken_step:
             raise OSError(5, "Input/output error", str(target))
-        link(source, target)
+        return replace_file(source, target)
 
-    monkeypatch.setattr(keys.os, "link", fail)
+    monkeypatch.setattr(Path, "replace", fail)
+
+
+@pytest.mark.parametrize("broken_step", [1, 2, 3])
+def test_a_certificate_that_cannot_be_finished_is_taken_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
+) -> None:
+    before = contents(folder)
+    break_replacing(monkeypatch, broken_step)
     with pytest.raises(KeysError, match="Input/output error"):
         add_identity(folder, ALICE, (), 7, NOW)
     assert contents(folder) == before
@@ -249,3 +255,139 @@ def test_a_folder_that_is_none_of_ours_is_refused(tmp_path: Path) -> None:
     (tmp_path / IDENTITIES).write_text("[]", "utf-8")
     with pytest.raises(KeysError, match="not a list of identities"):
         add_identity(tmp_path, ALICE, (), 7, NOW)
+
+
+def public_key(folder: Path, name: str) -> object:
+    return certificate(folder, name).public_key()
+
+
+def test_a_renewed_certificate_has_a_new_key_and_time_and_the_same_name_and_hosts(folder: Path) -> None:
+    before = {name: certificate(folder, name) for name in ("router", "nodes", "operator", "viewer")}
+    listed = (folder / IDENTITIES).read_bytes()
+    made = renew(folder, (), (), 60, NOW + timedelta(days=20))
+    assert [one.name for one in made] == list(before)
+    for name, old in before.items():
+        new = certificate(folder, name)
+        new.verify_directly_issued_by(certificate(folder, "ca"))
+        assert new.subject == old.subject and new.public_key() != old.public_key()
+        assert new.not_valid_after_utc == NOW + timedelta(days=80)
+        key = load_pem_private_key((folder / f"{name}-key.pem").read_bytes(), None)
+        assert isinstance(key, ec.EllipticCurvePrivateKey) and key.public_key() == new.public_key()
+        assert (folder / f"{name}-key.pem").stat().st_mode & 0o777 == 0o600
+    hosts = certificate(folder, "router").extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert [str(host.value) for host in hosts] == ["base.local", "10.0.0.1"]
+    assert (folder / IDENTITIES).read_bytes() == listed and not list(folder.glob(".*"))
+
+
+def test_only_who_is_named_is_renewed_and_hosts_can_be_others(folder: Path) -> None:
+    before = contents(folder)
+    renew(folder, ("nodes",), ("brain.local",), 60, NOW)
+    changed = {name for name, data in contents(folder).items() if before[name] != data}
+    assert changed == {"nodes.pem", "nodes-key.pem"}
+    hosts = certificate(folder, "nodes").extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert hosts.get_values_for_type(x509.DNSName) == ["brain.local"]
+
+
+@pytest.mark.parametrize(
+    ("names", "hosts", "words"),
+    [
+        (("viewer", "carol"), (), "no certificate of 'carol'; there are router, nodes, operator, viewer"),
+        (("ca",), (), "the authority is not renewed; make a new folder"),
+        (("viewer",), ("10.0.0.2",), "--host 10.0.0.2: only for router and nodes"),
+        (("router",), ("0.0.0.0",), "--host 0.0.0.0: names no host"),
+    ],
+    ids=["unknown", "authority", "needless host", "wildcard"],
+)
+def test_a_renewal_that_does_not_fit_changes_nothing(
+    folder: Path, names: tuple[str, ...], hosts: tuple[str, ...], words: str
+) -> None:
+    before = contents(folder)
+    with pytest.raises(KeysError, match=words):
+        renew(folder, names, hosts, 60, NOW)
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize("broken_step", [1, 2, 5, 8])
+def test_a_renewal_that_cannot_be_finished_is_taken_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, broken_step: int
+) -> None:
+    before = contents(folder)
+    break_replacing(monkeypatch, broken_step)
+    with pytest.raises(KeysError, match="Input/output error"):
+        renew(folder, (), (), 60, NOW)
+    assert contents(folder) == before
+
+
+def test_no_certificate_outlives_its_authority(folder: Path) -> None:
+    late = NOW + timedelta(days=3600)
+    renew(folder, ("viewer",), (), 825, late)
+    assert certificate(folder, "viewer").not_valid_after_utc == NOW + timedelta(days=3650)
+    before = contents(folder)
+    with pytest.raises(KeysError, match="the authority expired on 2036-02-27; make a new folder"):
+        renew(folder, ("viewer",), (), 825, NOW + timedelta(days=3651))
+    assert contents(folder) == before
+
+
+def test_who_is_revoked_is_no_longer_listed_and_his_files_are_gone(folder: Path) -> None:
+    add_identity(folder, ALICE, (), 7, NOW)
+    assert revoke(folder, "alice", NOW) is None
+    assert "alice" not in [one.name for one in read_identities(folder, "lab", "r1")]
+    assert not list(folder.glob("alice*"))
+    with pytest.raises(KeysError, match="alice is revoked; `navloom keys add"):
+        revoke(folder, "alice", NOW)
+
+
+def test_a_name_that_is_used_again_does_not_let_the_revoked_key_in(folder: Path) -> None:
+    names = []
+    for _ in range(3):
+        add_identity(folder, ALICE, (), 7, NOW)
+        names.append(certificate(folder, "alice").subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value)
+        (listed,) = [one for one in read_identities(folder, "lab", "r1") if one.name == "alice"]
+        assert common_name(listed, "lab", "r1") == names[-1]
+        revoke(folder, "alice", NOW)
+    assert names == ["viewer:alice@lab/r1", "viewer:alice#2@lab/r1", "viewer:alice#3@lab/r1"]
+
+
+def test_a_revoked_certificate_can_be_replaced_at_once(folder: Path) -> None:
+    old = public_key(folder, "nodes")
+    made = revoke(folder, "nodes", NOW, 60)
+    assert made == Identity("nodes", "nodes", "", 2) and made in read_identities(folder, "lab", "r1")
+    assert public_key(folder, "nodes") != old
+    name = certificate(folder, "nodes").subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value
+    assert name == "nodes:nodes#2@lab/r1"
+    assert renew(folder, ("nodes",), (), 60, NOW) == (made,)
+
+
+@pytest.mark.parametrize(
+    ("name", "days", "words"),
+    [
+        ("router", 60, "router's certificate cannot be revoked.*make a new folder"),
+        ("nodes", None, "without the certificate of nodes the robot cannot run; --replace"),
+        ("carol", None, "no certificate of 'carol'"),
+    ],
+)
+def test_a_revocation_that_would_not_do_what_it_says_is_refused(
+    folder: Path, name: str, days: int | None, words: str
+) -> None:
+    before = contents(folder)
+    with pytest.raises(KeysError, match=words):
+        revoke(folder, name, NOW, days)
+    assert contents(folder) == before
+
+
+def test_a_revocation_that_cannot_be_finished_is_taken_back(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = contents(folder)
+    break_replacing(monkeypatch, 3)
+    with pytest.raises(KeysError, match="Input/output error"):
+        revoke(folder, "viewer", NOW, 60)
+    assert contents(folder) == before
+
+
+def test_a_list_of_an_earlier_version_is_taken(folder: Path) -> None:
+    given = json.loads((folder / IDENTITIES).read_text("utf-8"))
+    del given["revoked"]
+    for entry in given["identities"]:
+        del entry["generation"]
+    (folder / IDENTITIES).write_text(json.dumps(given), "utf-8")
+    revoke(folder, "viewer", NOW)
+    assert [one.name for one in read_identities(folder, "lab", "r1")] == ["router", "nodes", "operator"]

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from navloom.runtime.access import Identity
-from navloom.runtime.keys import HOSTS, Order, add_identity, new_authority
+from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.keys import add_identity, new_authority
 from navloom.runtime.link_faults import why_not
 from navloom.runtime.links import Link, settings
 
@@ -28,8 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     now = datetime.now(UTC)
     made = tmp_path_factory.mktemp("faults") / "keys"
     new_authority(made, Order("lab", "r1", HOSTS, 30, now))
-    add_identity(made, Identity("old", "operator"), (), 9, now - timedelta(days=10))
-    add_identity(made, Identity("old-router", "nodes"), HOSTS, 9, now - timedelta(days=10))
+    add_identity(made, Identity("old", "operator"), (), 9, now - timedelta(days=9, hours=12))
+    add_identity(made, Identity("old-router", "nodes"), HOSTS, 9, now - timedelta(days=9, hours=12))
     add_identity(made, Identity("elsewhere", "nodes"), ("elsewhere.example",), 30, now)
     return made
 
@@ -39,9 +40,9 @@ def router(folder: Path) -> Iterator[str]:
     yield from listening(folder, "router")
 
 
-def listening(folder: Path, identity: str) -> Iterator[str]:
+def listening(folder: Path, identity: str, now: datetime | None = None) -> Iterator[str]:
     end = f"tls/127.0.0.1:{free_port()}"
-    given = settings(Link("router", (end,), (), folder, identity))
+    given = settings(Link("router", (end,), (), folder, identity), now)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(given))):
         yield end
 
@@ -66,7 +67,8 @@ def test_our_certificate_is_of_another_authority(router: str, folder: Path, tmp_
 
 @pytest.mark.parametrize(("identity", "words"), [("old-router", "expired"), ("elsewhere", "IP address mismatch")])
 def test_the_routers_certificate_does_not_fit(folder: Path, identity: str, words: str) -> None:
-    for end in listening(folder, identity):
+    made = datetime.now(UTC) - timedelta(hours=18 if "old" in identity else 0)
+    for end in listening(folder, identity, made):
         message = why_not(Link("client", (), (end,), folder, "viewer"))
         assert words in message and "--host 127.0.0.1" in message
 

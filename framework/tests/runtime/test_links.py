@@ -18,8 +18,9 @@ from typing import Any
 import pytest
 import zenoh
 from navloom.runtime.access import IDENTITIES
+from navloom.runtime.certificates import HOSTS, Order
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.keys import HOSTS, Order, new_authority
+from navloom.runtime.keys import new_authority
 from navloom.runtime.links import CLOSE_WAIT, LEASE, Endpoint, Link, LinkError, peer_link, settings
 from navloom.runtime.network import Network
 

@@ -9,7 +9,7 @@ import typer
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Make certificates for a robot that spans hosts.", no_args_is_help=True)
+app = typer.Typer(help="Make, renew and revoke the certificates of a robot that spans hosts.", no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of certificates.")]
 Hosts = Annotated[
@@ -34,7 +34,8 @@ def new(
 
     from navloom.cli.output import print_json
     from navloom.runtime.access import common_name
-    from navloom.runtime.keys import HOSTS, Order, new_authority
+    from navloom.runtime.certificates import HOSTS, Order
+    from navloom.runtime.keys import new_authority
 
     order = Order(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
     made = new_authority(folder, order)
@@ -59,7 +60,7 @@ def add(
     days: Days = 825,
     as_json: AsJson = False,
 ) -> None:
-    """Make one more certificate. Listeners take it once they have the new identities.json and start again."""
+    """Make one more certificate. A router takes it once it has the new identities.json; it need not be restarted."""
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
@@ -70,7 +71,58 @@ def add(
     if as_json:
         print_json({"folder": str(folder), "name": name, "kind": kind, "instance": instance, "days": days})
         return
-    typer.echo(f"{folder / name}.pem: {kind}; copy identities.json to the router's host and start the router again")
+    typer.echo(f"{folder / name}.pem: {kind}; {_COPY_LIST}")
+
+
+@app.command()
+def renew(
+    folder: Folder,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME…", help="Whose certificates. Default: every one in the folder.")
+    ] = None,
+    host: Annotated[
+        list[str] | None,
+        typer.Option("--host", metavar="ADDR", help="Where router and nodes are connected to; default: as before."),
+    ] = None,
+    days: Days = 825,
+    as_json: AsJson = False,
+) -> None:
+    """Make new certificates in place of those there are, under the same authority. A robot may drive meanwhile."""
+    from datetime import UTC, datetime
+
+    from navloom.cli.output import print_json
+    from navloom.runtime.keys import renew as renew_certificates
+
+    made = renew_certificates(folder, names or (), host or (), days, datetime.now(UTC))
+    if as_json:
+        print_json({"folder": str(folder), "renewed": [one.name for one in made], "days": days})
+        return
+    typer.echo(f"renewed: {', '.join(one.name for one in made)}")
+    typer.echo("copy NAME.pem and NAME-key.pem to the hosts that have the old ones; processes that run there take them")
+
+
+@app.command()
+def revoke(
+    folder: Folder,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose certificate.")],
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Make another certificate of that name; the old one stays revoked.")
+    ] = False,
+    days: Days = 825,
+    as_json: AsJson = False,
+) -> None:
+    """Lock a certificate out. Its owner can do nothing any more once the router has the new identities.json."""
+    from datetime import UTC, datetime
+
+    from navloom.cli.output import print_json
+    from navloom.runtime.keys import revoke as revoke_certificate
+
+    made = revoke_certificate(folder, name, datetime.now(UTC), days if replace else None)
+    if as_json:
+        print_json({"folder": str(folder), "revoked": name, "replaced": made is not None})
+        return
+    typer.echo(f"{name}: revoked" + (f"; {folder / name}.pem is another certificate" if made else ""))
+    typer.echo(_COPY_LIST)
 
 
 _FOR = {
@@ -80,3 +132,4 @@ _FOR = {
     "viewer": "who looks on",
 }
 _LIST = {"router": " identities.json"}
+_COPY_LIST = "copy identities.json to the router's host; a router that runs there takes it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -38,6 +38,7 @@ def node(
 
     system = assemble(load_config(config, set_ or (), seed))
     with ending() as event, share_by_hand(system, names, connect, keys, insecure) as share:
+        _warn(share.link)
         process = NodeProcess(system, share, event)
         sys.setswitchinterval(0.0005)
 
@@ -70,14 +71,23 @@ def router(
     realm, name = split_name(robot)
     folder, _ = certificate(Path(keys) if keys else None, "router")
     link = Link("router", (listen,), (), folder, "router" if folder else None, insecure, realm, name)
+    _warn(link)
     with ending() as event:
 
         def ready() -> None:
             _say(f"router of {robot}: listening at {listen}")
             notify("READY=1")
 
-        route(link, event, ready, lambda: notify("WATCHDOG=1"))
+        route(link, event, lambda text: _say(f"router of {robot}: {text}"), ready, lambda: notify("WATCHDOG=1"))
         notify("STOPPING=1")
+
+
+def _warn(link: Any) -> None:
+    """Of certificates that expire soon."""
+    from navloom.runtime.joining import expiring
+
+    for warning in expiring(link.credentials):
+        _say(warning)
 
 
 def _say(text: str) -> None:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "AccessError", "Identity", "common_name", "read_identities",
-           "rules"]  # fmt: skip
+__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "HERE", "MOVED", "AccessError", "Identity", "common_name",
+           "read_identities", "rules"]  # fmt: skip
 
 IDENTITIES = "identities.json"
 """File, beside the certificates, with the identities a listener lets in. Who is struck from it is kept out."""
@@ -43,6 +43,9 @@ READABLE = (
     "gate/*/status",
 )
 """What may be asked by who only reads. Named one by one: a rule for `gate/main/*` would cover `gate/main/stop` too."""
+MOVED, HERE = "@router/moved", "@router/here"
+"""Where a router says that another takes its place, and its token, which is shown to all whom it knows. No wildcard
+leads there, and nobody else may say it."""
 DRIVING = "operator/main/command"
 """Where an operator's own commands go."""
 
@@ -72,16 +75,22 @@ class Identity:
         name: Of the certificate's file.
         kind: One of KINDS.
         instance: Of a shadow, ROLE.NAME; else empty.
+        generation: Rises when a certificate of that name was revoked and another one is made.
     """
 
     name: str
     kind: str
     instance: str = ""
+    generation: int = 1
 
 
 def common_name(identity: Identity, realm: str, robot: str) -> str:
-    """Common name in a certificate: kind, name and robot, so that another robot's certificate is nobody here."""
-    return f"{identity.kind}:{identity.name}@{realm}/{robot}"
+    """Common name in a certificate: kind, name and robot, so that another robot's certificate is nobody here.
+
+    With the generation, so that a revoked certificate is nobody either after another of that name was made.
+    """
+    later = f"#{identity.generation}" if identity.generation > 1 else ""
+    return f"{identity.kind}:{identity.name}{later}@{realm}/{robot}"
 
 
 def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...]:
@@ -99,14 +108,15 @@ def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...
         given = json.loads(path.read_text("utf-8"))
         owner = f"{given['realm']}/{given['robot']}"
         found = tuple(
-            Identity(str(entry["name"]), str(entry["kind"]), str(entry["instance"])) for entry in given["identities"]
+            Identity(str(entry["name"]), str(entry["kind"]), str(entry["instance"]), int(entry.get("generation", 1)))
+            for entry in given["identities"]
         )
     except OSError as error:
         raise AccessError(
             f"{path}: {error.strerror}; who listens over TLS rules by it: "
             f"copy it from the folder that `navloom keys new` made"
         ) from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise AccessError(
             f"{path}: not a list of identities as `navloom keys` writes it; copy it from the folder it made"
         ) from None
@@ -156,6 +166,8 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
         elif identity.kind == "shadow":
             own = _shadowing(prefix, identity.instance.replace(".", "/", 1))
         made.grant(subject, [*_reading(prefix), *own])
+    between = [f"{prefix}/@router/*"]
+    made.grant_sockets([*_everything(prefix), _rule("ingress", _ALL, between), _rule("egress", _ALL, between)])
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -175,10 +187,17 @@ class _Rules:
         self.policies: list[dict[str, Any]] = []
 
     def grant(self, subject: str, allowed: Sequence[dict[str, Any]]) -> None:
-        """Allow one subject what follows."""
+        """Allow the owner of a certificate what follows."""
+        self._grant(subject, {"cert_common_names": [subject]}, allowed)
+
+    def grant_sockets(self, allowed: Sequence[dict[str, Any]]) -> None:
+        """Allow who comes by a socket what follows: a router's successor, see `Link.door`."""
+        self._grant("sockets", {"link_protocols": ["unixsock-stream"]}, allowed)
+
+    def _grant(self, subject: str, who: dict[str, Any], allowed: Sequence[dict[str, Any]]) -> None:
         named = [{**rule, "id": f"{subject} {number}", "permission": "allow"} for number, rule in enumerate(allowed)]
         self.rules += named
-        self.subjects.append({"id": subject, "cert_common_names": [subject]})
+        self.subjects.append({"id": subject, **who})
         self.policies.append({"rules": [rule["id"] for rule in named], "subjects": [subject]})
 
 
@@ -189,7 +208,7 @@ def _rule(flow: str, messages: Iterable[str], keys: Iterable[str]) -> dict[str, 
 
 def _everything(prefix: str) -> list[dict[str, Any]]:
     keys = [f"{prefix}/**"]
-    return [_rule("ingress", _ALL, keys), _rule("egress", _ALL, keys)]
+    return [_rule("ingress", _ALL, keys), _rule("egress", _ALL, keys), *_moving(prefix)]
 
 
 def _reading(prefix: str) -> list[dict[str, Any]]:
@@ -198,6 +217,18 @@ def _reading(prefix: str) -> list[dict[str, Any]]:
         _rule("ingress", ("declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"), everything),
         _rule("ingress", ("query",), (f"{prefix}/{key}" for key in READABLE)),
         _rule("egress", ("put", "delete", "reply", "liveliness_token", "declare_queryable"), everything),
+        *_moving(prefix),
+    ]
+
+
+def _moving(prefix: str) -> list[dict[str, Any]]:
+    """Everybody hears from the router that another takes its place, and can ask whether it knows him."""
+    moved, here = [f"{prefix}/{MOVED}"], [f"{prefix}/{HERE}"]
+    return [
+        _rule("ingress", ("declare_subscriber",), moved),
+        _rule("egress", ("put",), moved),
+        _rule("ingress", ("liveliness_query",), here),
+        _rule("egress", ("liveliness_token",), here),
     ]
 
 

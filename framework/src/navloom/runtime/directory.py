@@ -198,7 +198,7 @@ class RobotFolder:
         if _is_locked(self.path / STANDING[0]):
             kept.add(self.path / STANDING[1])
         kept |= {path.with_name(f"{path.name}.lock") for path in kept}
-        for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.json", "*.part"):
+        for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.door", "*.door.lock", "*.json", "*.part"):
             for path in {*self.path.glob(pattern)} - kept:
                 with contextlib.suppress(OSError):
                     path.unlink()

@@ -116,7 +116,7 @@ def diagnose(
         robot, config = f"{running.realm}/{running.robot}", running.config
         folder = RobotFolder(running.realm, running.robot)
     try:
-        with join(robot, connect, keys, identity, insecure) as client:
+        with join(robot, connect, keys, identity, insecure, lambda text: here.append(_expiring(text))) as client:
             nodes, found = examine(client, folder, config)
             return replace(_diagnosis(client.keys.prefix, nodes, found + here), rate=loop_rate(client.describe()))
     except BusError as error:
@@ -180,6 +180,8 @@ def _no_way(text: str) -> Finding:
         remedy = "start the robot (`navloom up CONFIG`) or its router (`navloom router ENDPOINT`), or correct --connect"
     elif "no host is called" in text:
         remedy = "correct --connect, or live.router: give a name that this host knows, or an address"
+    elif "navloom keys renew" in text or "set the clock" in text:
+        remedy = "every host needs certificates that are valid now; `navloom doctor` warns 30 days ahead"
     elif "TLS" in text or "tls/" in text or "certificate" in text:
         remedy = "both ends need tls/ and certificates of one `navloom keys new`, given with --keys, or neither does"
     else:
@@ -187,10 +189,16 @@ def _no_way(text: str) -> Finding:
     return Finding("problem", text, remedy)
 
 
+def _expiring(text: str) -> Finding:
+    """Certificates of this host expire soon, or have expired."""
+    what, _, remedy = text.partition("; ")
+    return Finding("problem" if "expired" in what else "note", what, f"{remedy}; a link ends when its certificate does")
+
+
 def _nobody(client: Client) -> Finding:
     others = neighbours_names(client)
     known = f"; there are {', '.join(others)}: choose with --robot" if others else ""
-    remedy = "`navloom up` starts its processes; a certificate of another robot sees nobody either"
+    remedy = "`navloom up` starts its processes; a certificate that is revoked, or another robot's, sees nobody either"
     return Finding("problem", f"the network is there, but no node of robot {client.keys.prefix} is{known}", remedy)
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from navloom.plugins.registry import close_to
@@ -16,7 +18,7 @@ from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.links import Link, certificate
 from navloom.runtime.zenoh_bus import Bus
 
-__all__ = ["find_robot", "join", "joined", "split_name"]
+__all__ = ["expiring", "find_robot", "join", "joined", "split_name"]
 
 FOUND = 2.0
 """s to wait for the robot's first process."""
@@ -72,6 +74,7 @@ def join(
     keys: str | None = None,
     identity: str = "operator",
     insecure: bool = False,
+    say: Callable[[str], None] = lambda text: print(f"navloom: {text}", file=sys.stderr, flush=True),
 ) -> Iterator[Client]:
     """Join a robot's network as a tool, for the time of a `with` statement.
 
@@ -82,6 +85,7 @@ def join(
         keys: Folder of certificates, or one in it; None takes those the robot was started with.
         identity: Name of the certificate, where `keys` names none. An operator's does for a viewer's.
         insecure: Plain TCP to another host was asked for.
+        say: Told of certificates that expire soon.
 
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
@@ -100,8 +104,19 @@ def join(
         else:
             sockets = tuple(RobotFolder(realm, name).sockets()) or running.endpoints
             link = Link("peer", (), sockets, realm=realm, robot=name)
+    for warning in expiring(link.credentials):
+        say(warning)
     with joined(link) as bus:
         yield Client(bus, KeySpace(realm, name), home)
+
+
+def expiring(folder: Path | None) -> tuple[str, ...]:
+    """Certificates of a folder that expire soon, in words; nothing where there is no folder."""
+    if folder is None:
+        return ()
+    from navloom.runtime.validity import expiry_warnings  # takes 60 ms to load, which only TLS has to pay
+
+    return expiry_warnings(folder, datetime.now(UTC))
 
 
 @contextmanager

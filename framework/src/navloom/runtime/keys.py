@@ -1,64 +1,39 @@
-"""Certificates for a robot that spans hosts: its own authority, and one certificate for everybody it lets in."""
+"""A folder of certificates for a robot that spans hosts: made, added to, renewed, and taken back from."""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
-import ipaddress
 import json
 import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from datetime import datetime, timedelta
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
 from pathlib import Path
 
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-
 from navloom.config.schema import ROLE_TABLES
-from navloom.runtime.access import IDENTITIES, KINDS, AccessError, Identity, common_name, read_identities
-from navloom.runtime.links import LinkError
+from navloom.runtime.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
+from navloom.runtime.certificates import (
+    AUTHORITY_DAYS,
+    SERVING,
+    KeysError,
+    Order,
+    alternative_name,
+    hosts_of,
+    make_authority,
+    make_certificate,
+    read_authority,
+    write_new,
+)
+from navloom.runtime.validity import AUTHORITY
 
-__all__ = ["DAYS", "HOSTS", "KeysError", "Order", "add_identity", "new_authority"]
+__all__ = ["DAYS", "add_identity", "new_authority", "renew", "revoke"]
 
 DAYS = 825
 """Days a certificate is good for, where nothing else is asked."""
-HOSTS = ("localhost", "127.0.0.1")
-"""Where the router is, where nothing else is said."""
-LONGEST_NAME = 64
-"""Characters of a common name: X.520, upper bound."""
-AUTHORITY_DAYS = 3650
-SKEW = timedelta(days=1)
-"""A robot without a battery-backed clock may be behind."""
-SERVING = ("router", "nodes")
-"""Kinds that may also be connected to."""
-
-
-class KeysError(LinkError):
-    """Certificates that are not made; the text says why."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """What certificates are made for.
-
-    Attributes:
-        realm, robot: Whose network.
-        hosts: Names and addresses where its router listens.
-        days: They are good for.
-        now: Time of the order, with its time zone.
-    """
-
-    realm: str
-    robot: str
-    hosts: tuple[str, ...]
-    days: int
-    now: datetime
 
 
 def new_authority(folder: Path, order: Order) -> tuple[Identity, ...]:
@@ -81,10 +56,10 @@ def new_authority(folder: Path, order: Order) -> tuple[Identity, ...]:
         raise KeysError(f"{folder}: exists already and is not overwritten; name another folder{add}")
     made = tuple(Identity(kind, kind) for kind in KINDS if kind != "shadow")
     with _writing(folder.parent) as draft:
-        authority = _make_authority(draft, order)
+        authority = make_authority(draft, order)
         for identity in made:
-            _make_certificate(draft, authority, identity, order)
-        _write_identities(draft, order, made)
+            make_certificate(draft, authority, identity, order)
+        _write_list(draft, _Listed(order.realm, order.robot, made, {}))
         try:
             draft.rename(folder)
         except OSError as error:
@@ -97,7 +72,7 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
 
     Args:
         folder: With the authority's private key.
-        identity: Whose; its name must be new.
+        identity: Whose; its name must be free. That of a revoked one is: its certificate is the next generation.
         hosts: Where it listens; for kinds that are connected to.
         days: It is good for.
         now: Time of the order, with its time zone.
@@ -107,22 +82,137 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
     """
     if hosts and identity.kind not in SERVING:
         raise KeysError(f"--host {hosts[0]}: only for --kind nodes; nobody connects to a {identity.kind}")
-    realm, robot = _owner(folder)
-    order = Order(realm, robot, tuple(hosts), days, now)
-    _check_order(order)
     _check_identity(identity)
-    with _alone(folder), _writing(folder) as draft:
-        try:
-            known = read_identities(folder, realm, robot)
-        except AccessError as error:
-            raise KeysError(str(error)) from None
-        ends = (f"{identity.name}-key.pem", f"{identity.name}.pem")
-        taken = [end for end in ends if (folder / end).exists()]
-        if taken or identity.name in [other.name for other in known]:
+    with _changing(folder) as (draft, listed):
+        order = Order(listed.realm, listed.robot, tuple(hosts), days, now)
+        _check_order(order)
+        files = _files(identity.name)
+        if any((folder / file).exists() for file in files) or identity.name in listed.by_name:
             raise KeysError(f"{folder}: there is a certificate of {identity.name!r} already; choose another name")
-        _make_certificate(draft, _read_authority(folder), identity, order)
-        _write_identities(draft, order, (*known, identity))
-        _move_in(draft, folder, ends)
+        made = replace(identity, generation=listed.revoked.get(identity.name, 0) + 1)
+        make_certificate(draft, read_authority(folder), made, order)
+        _write_list(draft, replace(listed, identities=(*listed.identities, made)))
+        _install(draft, folder, (*files, IDENTITIES))
+
+
+def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, now: datetime) -> tuple[Identity, ...]:
+    """Make new certificates with new keys in place of those there are: all that are named, or none.
+
+    The old ones stay valid until they end, so that whoever still uses one is not cut off.
+
+    Args:
+        folder: With the authority's private key.
+        names: Whose certificates; empty for everybody's.
+        hosts: Where those listen that are connected to; empty for where they do now.
+        days: The new ones are good for, at most as long as the authority.
+        now: Time of the order, with its time zone.
+
+    Returns:
+        The identities whose certificates are new.
+
+    Raises:
+        KeysError: A name is not known, or there is no authority; nothing was changed.
+    """
+    with _changing(folder) as (draft, listed):
+        chosen = [_known(folder, listed, name) for name in names] or list(listed.identities)
+        if hosts and all(identity.kind not in SERVING for identity in chosen):
+            raise KeysError(f"--host {hosts[0]}: only for router and nodes; nobody connects to others")
+        authority = read_authority(folder)
+        for identity in chosen:
+            order = _order_again(folder, listed, identity, hosts, days, now)
+            make_certificate(draft, authority, identity, order)
+        _install(draft, folder, [file for identity in chosen for file in _files(identity.name)])
+    return tuple(chosen)
+
+
+def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None = None) -> Identity | None:
+    """Strike an identity from the list that listeners go by. Its certificate lets nobody in from then on.
+
+    Args:
+        folder: Of the certificates; with the authority's private key where there is a replacement.
+        name: Whose certificate.
+        now: Time of the order, with its time zone.
+        replacement_days: Make another certificate of that name, good for so many days; None for no replacement.
+
+    Returns:
+        The identity of the replacement, where there is one.
+
+    Raises:
+        KeysError: The name is not known, or the robot cannot do without it; nothing was changed.
+    """
+    with _changing(folder) as (draft, listed):
+        identity = _known(folder, listed, name)
+        if identity.kind == "router":
+            raise KeysError(
+                f"{folder}: the router's certificate cannot be revoked, since no list stands between it and those who "
+                "connect to it; make a new folder with `navloom keys new`, which no certificate of this one fits"
+            )
+        if name == "nodes" and replacement_days is None:
+            raise KeysError(
+                f"{folder}: without the certificate of nodes the robot cannot run; --replace makes another in its place"
+            )
+        rest = tuple(other for other in listed.identities if other is not identity)
+        revoked = {**listed.revoked, name: identity.generation}
+        if replacement_days is None:
+            _write_list(draft, replace(listed, identities=rest, revoked=revoked))
+            _install(draft, folder, (IDENTITIES,), _files(name))
+            return None
+        made = replace(identity, generation=identity.generation + 1)
+        order = _order_again(folder, listed, identity, (), replacement_days, now)
+        make_certificate(draft, read_authority(folder), made, order)
+        _write_list(draft, replace(listed, identities=(*rest, made), revoked=revoked))
+        _install(draft, folder, (*_files(name), IDENTITIES))
+        return made
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """The list of a folder.
+
+    Attributes:
+        realm, robot: Whose.
+        identities: Who is let in.
+        revoked: Newest generation that was revoked, by name.
+    """
+
+    realm: str
+    robot: str
+    identities: tuple[Identity, ...]
+    revoked: Mapping[str, int]
+
+    @property
+    def by_name(self) -> dict[str, Identity]:
+        """Who is let in, by name."""
+        return {identity.name: identity for identity in self.identities}
+
+
+def _known(folder: Path, listed: _Listed, name: str) -> Identity:
+    found = listed.by_name.get(name)
+    if found is None:
+        if name == AUTHORITY:
+            raise KeysError(f"{folder}: the authority is not renewed; make a new folder with `navloom keys new`")
+        if name in listed.revoked:
+            raise KeysError(f"{folder}: {name} is revoked; `navloom keys add {folder} {name}` makes another")
+        raise KeysError(f"{folder}: no certificate of {name!r}; there are {', '.join(listed.by_name)}")
+    return found
+
+
+def _order_again(
+    folder: Path, listed: _Listed, identity: Identity, hosts: Sequence[str], days: int, now: datetime
+) -> Order:
+    """The order for another certificate of an identity."""
+    if identity.kind not in SERVING:
+        hosts = ()
+    elif not hosts:
+        hosts = hosts_of(folder / f"{identity.name}.pem")
+    order = Order(listed.realm, listed.robot, tuple(hosts), days, now)
+    _check_order(order)
+    return order
+
+
+def _files(name: str) -> tuple[str, str]:
+    """The certificate last: who watches it finds its key in place."""
+    return f"{name}-key.pem", f"{name}.pem"
 
 
 def _check_order(order: Order) -> None:
@@ -132,12 +222,12 @@ def _check_order(order: Order) -> None:
     if not 1 <= order.days <= AUTHORITY_DAYS:
         raise KeysError(f"--days {order.days}: expected 1 to {AUTHORITY_DAYS}")
     for host in order.hosts:
-        _alternative_name(host)
+        alternative_name(host)
 
 
 def _check_identity(identity: Identity) -> None:
     name = identity.name
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) or name == "ca" or name.endswith("-key"):
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) or name == AUTHORITY or name.endswith("-key"):
         raise KeysError(f"name {name!r}: expected letters, digits, . _ and -, not 'ca' and not ending in -key")
     if identity.kind not in KINDS or identity.kind == "router":
         raise KeysError(f"--kind {identity.kind}: expected {', '.join(kind for kind in KINDS if kind != 'router')}")
@@ -153,135 +243,37 @@ def _check_identity(identity: Identity) -> None:
         )
 
 
-def _alternative_name(host: str) -> x509.GeneralName:
-    address = None
-    with contextlib.suppress(ValueError):
-        address = ipaddress.ip_address(host)
-    if address is not None:
-        if address.is_unspecified:
-            raise KeysError(f"--host {host}: names no host, expected the address that others connect to")
-        return x509.IPAddress(address)
-    if len(host) > 253 or not re.fullmatch(r"(?!-)[A-Za-z0-9-]+(\.[A-Za-z0-9-]+)*", host):
-        raise KeysError(f"--host {host!r}: expected the router's name or address alone, as base.local or 10.0.0.1")
-    return x509.DNSName(host)
-
-
-@dataclass(frozen=True)
-class _Authority:
-    certificate: x509.Certificate
-    key: ec.EllipticCurvePrivateKey
-
-
-def _make_authority(folder: Path, order: Order) -> _Authority:
-    key = ec.generate_private_key(ec.SECP256R1())
-    name = _x509_name(f"navloom {order.realm}/{order.robot}")
-    usage = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
-    certificate = (
-        _builder(name, name, key, order.now, AUTHORITY_DAYS)
-        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(usage, critical=True)
-        .sign(key, hashes.SHA256())
-    )
-    _write_pair(folder, "ca", certificate, key)
-    return _Authority(certificate, key)
-
-
-def _read_authority(folder: Path) -> _Authority:
-    try:
-        certificate = x509.load_pem_x509_certificate((folder / "ca.pem").read_bytes())
-        key = serialization.load_pem_private_key((folder / "ca-key.pem").read_bytes(), None)
-    except OSError as error:
-        raise KeysError(
-            f"{error.filename}: {error.strerror}; add certificates where `navloom keys new` made the folder: "
-            "the authority's private key stays there"
-        ) from None
-    except (ValueError, TypeError):
-        raise KeysError(
-            f"{folder}: ca.pem or ca-key.pem is broken; make a new folder with `navloom keys new`"
-        ) from None
-    if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != certificate.public_key():
-        raise KeysError(f"{folder}: ca-key.pem does not belong to ca.pem; restore both from where they were made")
-    return _Authority(certificate, key)
-
-
-def _make_certificate(folder: Path, authority: _Authority, identity: Identity, order: Order) -> None:
-    key = ec.generate_private_key(ec.SECP256R1())
-    usage = x509.KeyUsage(True, False, False, False, False, False, False, False, False)
-    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    subject = _x509_name(common_name(identity, order.realm, order.robot))
-    issuer_key = authority.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
-    builder = (
-        _builder(subject, authority.certificate.subject, key, order.now, order.days)
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(usage, critical=True)
-        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(issuer_key), critical=False)
-    )
-    if identity.kind in SERVING:
-        uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
-        names = x509.SubjectAlternativeName([_alternative_name(host) for host in order.hosts or HOSTS])
-        builder = builder.add_extension(names, critical=False)
-    certificate = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False).sign(
-        authority.key, hashes.SHA256()
-    )
-    _write_pair(folder, identity.name, certificate, key)
-
-
-def _builder(
-    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, now: datetime, days: int
-) -> x509.CertificateBuilder:
-    return (
-        x509.CertificateBuilder()
-        .subject_name(subject)
-        .issuer_name(issuer)
-        .public_key(key.public_key())
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now - SKEW)
-        .not_valid_after(now + timedelta(days=days))
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
-    )
-
-
-def _x509_name(name: str) -> x509.Name:
-    if len(name) > LONGEST_NAME:
-        raise KeysError(
-            f"name {name!r}: {len(name)} characters, a certificate takes {LONGEST_NAME}; "
-            "shorten the realm, the robot's name or the identity's"
-        )
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-
-
-def _write_pair(folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
-    form = serialization.PrivateFormat.PKCS8
-    secret = key.private_bytes(serialization.Encoding.PEM, form, serialization.NoEncryption())
-    _write(folder / f"{name}-key.pem", secret, 0o600)
-    _write(folder / f"{name}.pem", certificate.public_bytes(serialization.Encoding.PEM), 0o644)
-
-
-def _write_identities(folder: Path, order: Order, identities: Sequence[Identity]) -> None:
+def _write_list(folder: Path, listed: _Listed) -> None:
     given = {
-        "realm": order.realm,
-        "robot": order.robot,
-        "identities": [asdict(identity) for identity in identities],
+        "realm": listed.realm,
+        "robot": listed.robot,
+        "identities": [asdict(identity) for identity in listed.identities],
+        "revoked": dict(listed.revoked),
     }
-    _write(folder / IDENTITIES, json.dumps(given, indent=2).encode() + b"\n", 0o644)
+    write_new(folder / IDENTITIES, json.dumps(given, indent=2).encode() + b"\n", 0o644)
 
 
-def _write(path: Path, data: bytes, mode: int) -> None:
-    """A new file that never has a wider mode than its own."""
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _owner(folder: Path) -> tuple[str, str]:
+def _read_list(folder: Path) -> _Listed:
     try:
         given = json.loads((folder / IDENTITIES).read_text("utf-8"))
-        return str(given["realm"]), str(given["robot"])
+        realm, robot = str(given["realm"]), str(given["robot"])
+        revoked = {str(name): int(generation) for name, generation in given.get("revoked", {}).items()}
     except OSError as error:
         raise KeysError(f"{folder / IDENTITIES}: {error.strerror}; make the folder with `navloom keys new`") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise KeysError(f"{folder / IDENTITIES}: not a list of identities; restore it, or make a new folder") from None
+    try:
+        return _Listed(realm, robot, read_identities(folder, realm, robot), revoked)
+    except AccessError as error:
+        raise KeysError(str(error)) from None
+
+
+@contextlib.contextmanager
+def _changing(folder: Path) -> Iterator[tuple[Path, _Listed]]:
+    """A draft for new files of a folder, and its list, which no other process changes meanwhile."""
+    _read_list(folder)  # says what is wrong with a folder that is none
+    with _alone(folder), _writing(folder) as draft:
+        yield draft, _read_list(folder)
 
 
 @contextlib.contextmanager
@@ -311,15 +303,24 @@ def _alone(folder: Path) -> Iterator[None]:
         os.close(number)
 
 
-def _move_in(draft: Path, folder: Path, names: Sequence[str]) -> None:
-    """The list goes last: until then nobody rules by what is half there."""
-    placed: list[Path] = []
+def _install(draft: Path, folder: Path, files: Sequence[str], removed: Sequence[str] = ()) -> None:
+    """Put finished files in place, in this order, and remove others: all of it, or nothing."""
+    kept = draft / "kept"
+    kept.mkdir()
+    done: list[str] = []
     try:
-        for name in names:
-            os.link(draft / name, folder / name)
-            placed.append(folder / name)
-        (draft / IDENTITIES).replace(folder / IDENTITIES)
+        for file in (*files, *removed):
+            if (folder / file).exists():
+                shutil.copy2(folder / file, kept / file)
+            done.append(file)
+            if file in removed:
+                (folder / file).unlink(missing_ok=True)
+            else:
+                (draft / file).replace(folder / file)
     except OSError:
-        for path in placed:
-            path.unlink()
+        for file in done:
+            if (kept / file).exists():
+                (kept / file).replace(folder / file)
+            else:
+                (folder / file).unlink(missing_ok=True)
         raise

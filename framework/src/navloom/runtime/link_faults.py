@@ -11,7 +11,7 @@ from navloom.runtime.links import Endpoint, Link
 __all__ = ["why_not"]
 
 _WORDS = {
-    "CERTIFICATE_EXPIRED": "our certificate {own} has expired: make a new one with `navloom keys add`",
+    "CERTIFICATE_EXPIRED": "our certificate {own} has expired: `navloom keys renew` makes a new one",
     "UNKNOWN_CA": "our certificate {own} is not of the authority it trusts: both sides need certificates of one "
     "`navloom keys new`",
     "DECRYPT_ERROR": "our certificate {own} is not of the authority it trusts: both sides need certificates of one "

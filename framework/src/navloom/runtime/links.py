@@ -7,13 +7,14 @@ import re
 import socket
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from navloom.runtime.access import AccessError, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
-__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "peer_link", "settings"]
+__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "credential_files", "peer_link", "settings"]
 
 LEASE = 1000
 """ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
@@ -26,6 +27,8 @@ GATHER = 500
 back asks the others what it must not forget, such as a latched stop, as soon as it is open."""
 RETRY = 50, 200
 """ms between two calls to a neighbour that is not there, at first and at most: well below GATHER."""
+RETRY_GONE = 60_000
+"""ms between two calls to a router's predecessor, at most: once it has gone, it does not come back."""
 DROP_WAIT = 1000
 """us a droppable message waits for a place in the queue: a twentieth of the shortest usual period."""
 DROP_WAIT_FRAGMENTS = 50_000
@@ -64,6 +67,8 @@ class Link:
         realm, robot: Of the keys that the rules of a TLS listener protect.
         peers: Neighbours that opening waits for, as long as GATHER.
         shared_memory: Large messages come by it. Not for what only looks on, for as long as it likes: see POOL.
+        door: Of a router over TLS, the socket of this host where its successor joins it, when certificates change.
+        predecessor: Of a router that takes over from another, the door of that one.
     """
 
     mode: str
@@ -76,6 +81,8 @@ class Link:
     robot: str = "r1"
     peers: int = 0
     shared_memory: bool = True
+    door: str = ""
+    predecessor: str = ""
 
 
 def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:
@@ -177,8 +184,12 @@ class Endpoint:
         return mapped or address
 
 
-def settings(link: Link) -> dict[str, Any]:
+def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
     """What goes, as JSON, into Zenoh's configuration.
+
+    Args:
+        link: How to join.
+        now: With its time zone, for the validity of certificates; None for this host's clock.
 
     Raises:
         LinkError: The link is refused: unsafe, incomplete or not understood.
@@ -191,6 +202,9 @@ def settings(link: Link) -> dict[str, Any]:
         _refuse_listening(link, end)
     for end in connect:
         _refuse_connecting(link, end)
+    access = _access(link, listen) if any(end.is_secure for end in listen) else None
+    listen += [Endpoint.parse(link.door)] if link.door else []
+    connect += [Endpoint.parse(link.predecessor)] if link.predecessor else []
     ends = [*listen, *connect]
     is_client = link.mode == "client"
     found: dict[str, Any] = {
@@ -200,19 +214,23 @@ def settings(link: Link) -> dict[str, Any]:
             "multicast": {"enabled": False},
             "gossip": {"enabled": False},
         },
-        "listen": {"endpoints": list(link.listen), "exit_on_failure": True},
+        "listen": {"endpoints": [end.text for end in listen], "exit_on_failure": True},
         "connect": {
             "endpoints": [_two_links(end) if _leaves(end) else end.text for end in connect],
             "timeout_ms": _find_wait(connect) if is_client else -1,
             "exit_on_failure": is_client,
-            "retry": {"period_init_ms": RETRY[0], "period_max_ms": RETRY[1], "period_increase_factor": 2},
+            "retry": {
+                "period_init_ms": RETRY[0],
+                "period_max_ms": RETRY_GONE if link.predecessor else RETRY[1],
+                "period_increase_factor": 2,
+            },
         },
         "timestamping": {"enabled": False},
         "adminspace": {"enabled": False},
-        "transport": _transport(link, ends),
+        "transport": _transport(link, ends, now or datetime.now(UTC)),
     }
-    if any(end.is_secure for end in listen):
-        found["access_control"] = _access(link, listen)
+    if access is not None:
+        found["access_control"] = access
     return found
 
 
@@ -269,7 +287,7 @@ def _two_links(end: Endpoint) -> str | dict[str, Any]:
     return {"strategy": "allOf", "locators": [f"{end.text}?{URGENT}", f"{end.text}?{REST}"]}
 
 
-def _transport(link: Link, ends: list[Endpoint]) -> dict[str, Any]:
+def _transport(link: Link, ends: list[Endpoint], now: datetime) -> dict[str, Any]:
     two = any(_leaves(end) for end in ends)
     buffer = {"so_sndbuf": SEND_BUFFER} if two else {}
     queue = {
@@ -289,7 +307,7 @@ def _transport(link: Link, ends: list[Endpoint]) -> dict[str, Any]:
             "tx": {"lease": LEASE, "keep_alive": 4, "queue": queue},
             "rx": {"max_message_size": LARGEST + 2**20},
             "tcp": buffer,
-            "tls": {**_credentials(link), **buffer} if any(end.is_secure for end in ends) else {},
+            "tls": {**_credentials(link, now), **buffer} if any(end.is_secure for end in ends) else {},
         },
         "shared_memory": {
             "enabled": link.shared_memory,
@@ -298,21 +316,32 @@ def _transport(link: Link, ends: list[Endpoint]) -> dict[str, Any]:
     }
 
 
-def _credentials(link: Link) -> dict[str, Any]:
+def credential_files(link: Link) -> tuple[Path, Path, Path]:
+    """Certificates of the authority and of a link's own identity, and its private key."""
+    assert link.credentials is not None and link.identity is not None
+    names = ("ca.pem", f"{link.identity}.pem", f"{link.identity}-key.pem")
+    authority, certificate, key = (link.credentials / name for name in names)
+    return authority, certificate, key
+
+
+def _credentials(link: Link, now: datetime) -> dict[str, Any]:
     """Zenoh's TLS settings, with every file looked at: its own errors name none."""
     if link.credentials is None or link.identity is None:
         raise LinkError(
             "TLS without certificates: make them with `navloom keys new DIR`, then give --keys DIR or set live.keys"
         )
     folder = link.credentials
-    authority, certificate, key = (
-        folder / name for name in ("ca.pem", f"{link.identity}.pem", f"{link.identity}-key.pem")
-    )
+    authority, certificate, key = credential_files(link)
     for path in (authority, certificate, key):
         _refuse_unreadable(path, folder)
     mode = key.stat().st_mode
     if mode & 0o077:
         raise LinkError(f"private key {key}: other users can read it (mode {mode & 0o777:04o}); `chmod 600 {key}`")
+    from navloom.runtime.validity import why_unusable  # takes 60 ms to load, which only TLS has to pay
+
+    why = why_unusable(certificate, key, authority, now)
+    if why:
+        raise LinkError(why)
     return {
         "root_ca_certificate": str(authority),
         "listen_certificate": str(certificate),

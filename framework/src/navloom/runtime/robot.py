@@ -13,6 +13,7 @@ from navloom.engine.build import System
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running
+from navloom.runtime.joining import expiring
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.memory import Memory
 from navloom.runtime.monitor import Monitor
@@ -26,6 +27,8 @@ from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Robot", "StartError"]
 
+DAY = 86400.0
+"""s between two warnings of certificates that expire soon."""
 JOIN = 15.0
 """s to wait for a router of this host's own."""
 
@@ -70,9 +73,11 @@ class Robot:
         self._changed = threading.Condition()
         self._presence = Presence(self.keys, (), self._came)
         self._memory, self._ended = Memory(), threading.Event()
+        self._warned = -math.inf
 
     def __enter__(self) -> Robot:
         self.network.check()
+        self.warn_of_expiry()
         self.folder.make()
         if not self.folder.lock():
             running = self.folder.read()
@@ -104,6 +109,13 @@ class Robot:
             self._stop()
             raise
         return self
+
+    def warn_of_expiry(self) -> None:
+        """Say which certificates expire soon, once a day: when they do, the robot's links end, and it stops."""
+        if time.monotonic() - self._warned > DAY:
+            self._warned = time.monotonic()
+            for warning in expiring(self.network.folder):
+                self._say(warning)
 
     def _remember(self) -> None:
         """Keep what must outlive every process of the robot, where there may be one alone that knows it."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from navloom.runtime.links import Link
 from navloom.runtime.process import die_with_parent, end_on_signal, link_from_json
-from navloom.runtime.zenoh_bus import Bus
+from navloom.runtime.succession import Router
 
 __all__ = ["main", "route"]
 
@@ -22,14 +22,16 @@ LOOK = 0.5
 def route(
     link: Link,
     ending: threading.Event,
+    say: Callable[[str], None],
     ready: Callable[[], None] = lambda: None,
     alive: Callable[[], None] = lambda: None,
 ) -> None:
     """Pass messages on until told to end; `alive` is called now and then."""
-    with Bus(link):
+    with Router(link, say) as router:
         ready()
         while not ending.wait(LOOK):
             alive()
+            router.look(ending)
 
 
 def main() -> int:
@@ -39,7 +41,7 @@ def main() -> int:
     ending = threading.Event()
     end_on_signal(ending)
     try:
-        route(link_from_json(spec["link"]), ending)
+        route(link_from_json(spec["link"]), ending, lambda text: print(f"router: {text}", flush=True))
     except Exception as error:
         print(f"router: {error}", file=sys.stderr, flush=True)
         return 2

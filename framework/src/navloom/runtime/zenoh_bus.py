@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from types import TracebackType
@@ -15,9 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import zenoh
 
+from navloom.runtime.access import HERE, MOVED
+from navloom.runtime.file_watch import FileWatch
 from navloom.runtime.keyspace import LARGEST
 from navloom.runtime.link_faults import why_not
-from navloom.runtime.links import GATHER, Link, settings
+from navloom.runtime.links import GATHER, Link, credential_files, settings
 
 if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
     from navloom.runtime.quality import Quality
@@ -25,6 +29,16 @@ if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messag
 __all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
 
 MEDIA = "application/x-navloom;"
+CERTIFICATES = 1.0
+"""s between two looks whether the certificate files are new."""
+SPREAD = 1.0
+"""s over which processes of a host open their other sessions, so that they do not all want a processor at once."""
+SETTLE = 0.3
+"""s from the opening of another session until it is used: the network knows its streams by then."""
+LINGER = 2.5
+"""s a session stays open after another has taken over: longer than a question waits for its answer."""
+RECENT = 64
+"""Messages that a stream is known again by, where they come by two sessions."""
 STARTING = 2.0
 """s that a router of the same host may take to listen; who waits longer is told."""
 LOOK = 0.1
@@ -99,6 +113,11 @@ class Publication:
     def __init__(self) -> None:
         self._publisher: Any = None
 
+    @property
+    def leads(self) -> bool:
+        """There is a publisher that it sends by."""
+        return self._publisher is not None
+
     def lead_to(self, publisher: Any) -> None:
         """Send by this publisher from now on."""
         self._publisher = publisher
@@ -112,7 +131,9 @@ class Publication:
 class Bus:
     """One session on a robot's network. Use it in a `with` statement: an open session hangs the process at its end.
 
-    A client that lost its router joins anew, as another session with the same streams.
+    A client that lost its router joins anew, as another session with the same streams. One whose certificate was
+    renewed, or whose router has a successor, opens the other session before it closes the first: no message is lost or
+    comes twice, and nobody sees it go.
 
     Args:
         link: How to join.
@@ -122,6 +143,8 @@ class Bus:
 
     Attributes:
         losses: How often it lost its router and joined anew.
+        moves: How often it went over to another session without a loss.
+        denials: How often it stayed, because the router did not know its new certificate.
 
     Raises:
         LinkError: A link that is refused; BusError: one that does not work.
@@ -135,6 +158,8 @@ class Bus:
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
         self._config = json.dumps(settings(link))
+        self._numbers = itertools.count()
+        self._router = f"{link.realm}/{link.robot}/{HERE}"
         began, is_told = time.monotonic(), False
         while True:
             try:
@@ -153,8 +178,16 @@ class Bus:
         self._held: list[Any] = []
         self._lock = threading.Lock()
         self._closing = threading.Event()
-        self.losses = 0
+        self._used, self._used_number = self._session, self._number
+        self._old: Any = None
+        self._when_used: list[Callable[[], None]] = []
+        self._forget: list[Callable[[int], None]] = []
+        self._is_to_move = threading.Event()
+        self._credentials = None if link.credentials is None else FileWatch(credential_files(link))
+        self.losses = self.moves = self.denials = 0
         if link.mode == "client":
+            if self._credentials is not None:
+                self.subscribe(f"{link.realm}/{link.robot}/{MOVED}", lambda *_: self._is_to_move.set())
             threading.Thread(target=self._keep_joined, name="bus", daemon=True).start()
 
     def __enter__(self) -> Bus:
@@ -170,9 +203,11 @@ class Bus:
         self._closing.set()
         with self._lock:
             self._leave()
+            self._leave_old()
 
     def _open(self) -> None:
         self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+        self._number = next(self._numbers)
 
     def _leave(self) -> None:
         self._held.clear()
@@ -180,7 +215,8 @@ class Bus:
             self._session.close()  # type: ignore[no-untyped-call]
 
     def _keep_joined(self) -> None:
-        """Join anew whenever the router is lost."""
+        """Join anew whenever the router is lost; move where it has a successor, or the certificate is new."""
+        looked = time.monotonic()
         while not self._closing.wait(LOOK):
             if not self.neighbours():
                 with self._lock:
@@ -188,15 +224,82 @@ class Bus:
                         self.losses += 1
                         self._leave()
                         self._join_anew()
+            elif self._credentials is not None and time.monotonic() - looked > CERTIFICATES:
+                looked = time.monotonic()
+                if self._credentials.has_changed():
+                    self._is_to_move.set()
+            if self._is_to_move.is_set():
+                self._stay(SPREAD * (os.getpid() % 8) / 8)
+                self._is_to_move.clear()
+                self._move()
 
     def _join_anew(self) -> None:
+        lost = self._number
         while not self._closing.is_set():
             try:
                 self._open()
+                for forget in self._forget:  # who is still there is told of again
+                    forget(lost)
+                lost = self._number
+                self._use()
                 self._held = [declare() for declare in self._declared]
                 return
             except zenoh.ZError:
                 self._closing.wait(LOOK)
+
+    def _move(self) -> None:
+        """Open another session, use it once the network knows its streams, and close the first after a while."""
+        first = self._session, self._number, self._held
+        with self._lock:
+            if self._closing.is_set() or self._credentials is None:
+                return
+            self._credentials.take()
+            try:
+                self._open()
+            except zenoh.ZError:  # the first goes on; where its router ends, this process joins anew
+                return
+            self._old = first[0]
+            with contextlib.suppress(zenoh.ZError):  # a router that is lost at once is found lost
+                self._held = [declare() for declare in self._declared]
+        self._stay(SETTLE)
+        left = first
+        if _tokens(first[0], self._router) and not _tokens(self._session, self._router):
+            # The router does not know the new certificate. Its successor will, and says so.
+            left = self._session, self._number, self._held
+            with self._lock:
+                self._session, self._number, self._held = first
+                self._old = left[0]
+                self._when_used.clear()
+                self.denials += 1
+        else:
+            with self._lock:
+                self._use()
+                self.moves += 1
+            self._stay(LINGER)
+        with self._lock:
+            left[2].clear()
+            self._leave_old()
+            for forget in self._forget:
+                forget(left[1])
+
+    def _stay(self, seconds: float) -> None:
+        """Wait, unless the newest session is lost or this process leaves."""
+        limit = time.monotonic() + seconds
+        while self.neighbours() and time.monotonic() < limit and not self._closing.wait(LOOK):
+            pass
+
+    def _leave_old(self) -> None:
+        if self._old is not None:
+            with contextlib.suppress(zenoh.ZError):
+                self._old.close()
+            self._old = None  # not before: until it is closed, messages may come by both
+
+    def _use(self) -> None:
+        """Send, ask and answer by the newest session from now on."""
+        self._used, self._used_number = self._session, self._number
+        for use in self._when_used:
+            use()
+        self._when_used.clear()
 
     def _declare(self, declare: Callable[[], Any]) -> None:
         """Declare something now, and again in each session to come."""
@@ -218,6 +321,18 @@ class Bus:
         except zenoh.ZError:
             return 0
 
+    def clients(self) -> int:
+        """Clients that are linked to this router."""
+        try:
+            return sum(transport.whatami == zenoh.WhatAmI.CLIENT for transport in self._session.info.transports())
+        except zenoh.ZError:
+            return 0
+
+    def tell(self, key: str) -> None:
+        """Send an empty message, once, that must arrive."""
+        with contextlib.suppress(zenoh.ZError):
+            self._session.put(key, b"", congestion_control=zenoh.CongestionControl.BLOCK)
+
     def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
         """A stream to publish to; lossless waits where it would drop."""
         congestion = quality.off_host if self._off_host else quality.congestion
@@ -230,7 +345,10 @@ class Bus:
                 priority=_PRIORITY[quality.priority],
                 allowed_destination=zenoh.Locality.REMOTE,
             )
-            publication.lead_to(publisher)
+            if self._used_number == self._number or not publication.leads:
+                publication.lead_to(publisher)
+            else:
+                self._when_used.append(lambda: publication.lead_to(publisher))
 
         self._declare(declare)
         return publication
@@ -238,11 +356,23 @@ class Bus:
     def subscribe(self, key_expr: str, receive: Receive) -> None:
         """Hear a stream, or several with `*`, for as long as the session lasts."""
         single = "" if "*" in key_expr else key_expr
+        recent: deque[int] = deque(maxlen=RECENT)
+        lock = threading.Lock()
+
+        def is_known(key: str, data: bytes | None) -> bool:
+            """It has come by the other of two sessions."""
+            mark = hash((key, data))
+            with lock:
+                known = mark in recent
+                recent.append(mark)
+            return known
 
         def take(sample: Any) -> None:
             payload = sample.payload
             data = None if len(payload) > LARGEST else payload.to_bytes()
             with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
+                if self._old is not None and is_known(str(sample.key_expr), data):
+                    return
                 receive(single or str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
 
         def declare() -> Any:
@@ -257,39 +387,57 @@ class Bus:
     def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
         """Be told who is alive, who comes and who goes."""
 
-        there: set[str] = set()
+        seen: dict[str, set[int]] = {}
+        lock = threading.Lock()
 
-        def take(sample: Any) -> None:
-            with contextlib.suppress(Exception):
-                key, has_come = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
-                (there.add if has_come else there.discard)(key)
-                change(key, has_come)
+        def note(number: int, key: str, is_there: bool) -> None:
+            """A session sees a token, or no longer; one of two is enough."""
+            with lock:
+                sessions = seen.setdefault(key, set())
+                was_there = bool(sessions)
+                (sessions.add if is_there else sessions.discard)(number)
+                has_changed = bool(sessions) != was_there
+                if not sessions:
+                    del seen[key]
+            if has_changed:
+                with contextlib.suppress(Exception):
+                    change(key, is_there)
+
+        def forget(number: int) -> None:
+            with lock:
+                keys = sorted(seen)
+            for key in keys:
+                note(number, key, False)
 
         def declare() -> Any:
-            for key in sorted(there):  # lost with the session before; who is still there is told of again
-                there.discard(key)
-                change(key, False)
+            number = self._number
+
+            def take(sample: Any) -> None:
+                note(number, str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
             handler = zenoh.handlers.Callback(take, indirect=False)
             return self._session.liveliness().declare_subscriber(key_expr, handler, history=True)
 
+        self._forget.append(forget)
         self._declare(declare)
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
         """Tokens that are there."""
-        try:
-            replies = self._session.liveliness().get(key_expr, timeout=timeout)
-        except zenoh.ZError:
-            return []
-        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+        return _tokens(self._used, key_expr, timeout)
 
     def serve(self, key: str, take: Callable[[Question], None]) -> None:
         """Answer questions; `take` is called on the network's thread and must only pass them on."""
 
-        def pass_on(query: Any) -> None:
-            with contextlib.suppress(Exception):
-                take(Question(query))
-
         def declare() -> Any:
+            number = self._number
+
+            def pass_on(query: Any) -> None:
+                if number != self._used_number:  # of two sessions, one answers
+                    query.drop()
+                    return
+                with contextlib.suppress(Exception):
+                    take(Question(query))
+
             handler = zenoh.handlers.Callback(pass_on, indirect=False)
             return self._session.declare_queryable(key, handler, complete=True)
 
@@ -298,7 +446,7 @@ class Bus:
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
         """Answers of all who serve a key, as they come, for at most this many s."""
         try:
-            replies = self._session.get(
+            replies = self._used.get(
                 key_expr,
                 payload=data,
                 timeout=timeout,
@@ -316,6 +464,15 @@ class Bus:
                 yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
             elif reply.err is not None:
                 yield Answer("", b"", "", reply.err.payload.to_string())
+
+
+def _tokens(session: zenoh.Session, key_expr: str, timeout: float = 1.0) -> list[str]:
+    """Tokens that a session is shown."""
+    try:
+        replies = session.liveliness().get(key_expr, timeout=timeout)
+    except zenoh.ZError:
+        return []
+    return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
 
 def _why(link: Link, error: zenoh.ZError) -> str:

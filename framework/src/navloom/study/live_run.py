@@ -221,6 +221,7 @@ class LiveRun:
                     self._ask(client, request)
                 idle_since = time.monotonic()
             robot.supervisor.poll()
+            robot.warn_of_expiry()
             look(robot)
             if self.feedback is not None and self.feedback.goal_id and time.monotonic() - asked > ASK_AGAIN:
                 asked = time.monotonic()

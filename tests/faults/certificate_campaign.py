@@ -1,0 +1,228 @@
+"""Certificates that are renewed, replaced and revoked while a robot behind a TLS router drives at full speed.
+
+`python tests/faults/certificate_campaign.py --count 20` prints what became of the motors, as a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import socket
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import zenoh
+from fault_rig import FULL, Rig, rig, until
+from navloom.runtime.access import Identity
+from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.keys import add_identity, new_authority, renew, revoke
+from navloom.runtime.links import Link, settings
+
+__all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]
+
+WATCHED = 8.0
+"""s a robot is watched to which nothing is done."""
+DONE = "new certificates are in force for all"
+DAYS = 60
+TRIES = 20
+"""Commands and questions that a revoked operator sends."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one change.
+
+    Attributes:
+        took: s until the router had changed over.
+        zeros: Words to the motors that told them to stand.
+        slowest: Least speed of the robot meanwhile, m/s.
+        below: s that it was below 0.9 of its full speed.
+        restarts: Of any process.
+        locked_out: s from the revocation until its owner got no answer any more; None for other changes.
+        touched: Something was touched.
+    """
+
+    took: float
+    zeros: int
+    slowest: float
+    below: float
+    restarts: int
+    locked_out: float | None
+    touched: bool
+
+
+class Certificates:
+    """A robot that drives, and the folder of its certificates. Use `certificates`."""
+
+    def __init__(self, robot: Rig, folder: Path, end: str) -> None:
+        self.robot, self.folder, self.end = robot, folder, end
+
+    def change(self, kind: str) -> Outcome:
+        """One change, at full speed."""
+        robot = self.robot
+        if kind == "revoke an operator":
+            add_identity(self.folder, Identity("bob", "operator"), (), DAYS, datetime.now(UTC))
+            self._await_router(self._changes())
+        robot.wait_full_speed()
+        restarts = self._restarts()
+        began_ns, began = time.monotonic_ns(), time.monotonic()
+        locked_out = KINDS[kind](self)
+        took = time.monotonic() - began
+        ticks = [tick for tick in robot.motors.look().ticks if tick.time_ns > began_ns]
+        words = robot.motors.between(began_ns, time.monotonic_ns())
+        period = (ticks[-1].time_ns - ticks[0].time_ns) * 1e-9 / (len(ticks) - 1)
+        return Outcome(
+            took,
+            sum(not word.turns for word in words),
+            min(abs(tick.speed) for tick in ticks),
+            sum(abs(tick.speed) < 0.9 * FULL for tick in ticks) * period,
+            self._restarts() - restarts,
+            locked_out,
+            robot.motors.touched,
+        )
+
+    def nothing(self) -> None:
+        """What a machine that is shared with others does by itself."""
+        time.sleep(WATCHED)
+
+    def renew_all(self) -> None:
+        """New certificates of everybody."""
+        before = self._changes()
+        renew(self.folder, (), (), DAYS, datetime.now(UTC))
+        self._await_router(before)
+
+    def replace_nodes(self) -> None:
+        """The robot's own certificate is revoked and replaced."""
+        before = self._changes()
+        revoke(self.folder, "nodes", datetime.now(UTC), DAYS)
+        self._await_router(before)
+
+    def revoke_operator(self) -> float:
+        """An operator is locked out, who then tries all he may have been able to; gives the s until he was out."""
+        before, kept = self._changes(), self.folder.parent / "kept"
+        shutil.copytree(self.folder, kept)
+        try:
+            with self._hostile(self.folder) as bob:
+                assert self._hears(bob), "an operator that is not revoked gets answers"
+                began = time.monotonic()
+                revoke(self.folder, "bob", datetime.now(UTC))
+                last = began
+                while time.monotonic() - last < 1.5:
+                    if self._hears(bob):
+                        last = time.monotonic()
+                self._abuse(bob)
+            self._await_router(before)
+            with self._hostile(kept) as again:
+                self._abuse(again)
+        finally:
+            shutil.rmtree(kept)
+        return last - began
+
+    def kill_router(self) -> None:
+        """For comparison: the router ends, and is started again."""
+        os.kill(self.robot.pids()["router"], 9)
+        time.sleep(WATCHED)
+
+    @contextmanager
+    def _hostile(self, folder: Path) -> Iterator[zenoh.Session]:
+        """A session of bob's that goes by no rule but the router's."""
+        given = settings(Link("client", (), (self.end,), folder, "bob"))
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(given))) as session:
+            yield session
+
+    def _hears(self, session: zenoh.Session) -> bool:
+        with suppress(zenoh.ZError):
+            return any(reply.ok is not None for reply in session.get("lab/r1/gate/main/describe", timeout=0.3))
+        return False
+
+    def _abuse(self, session: zenoh.Session) -> None:
+        """Nothing of this may reach the robot."""
+        for _ in range(TRIES):
+            for service in ("gate/main/stop", "goal/main/cancel"):
+                with suppress(zenoh.ZError):
+                    assert not [r for r in session.get(f"lab/r1/{service}", payload=b"{}", timeout=0.02) if r.ok]
+            with suppress(zenoh.ZError):
+                session.put("lab/r1/operator/main/command", b"x")
+                session.put("lab/r1/gate/main/command", b"x")
+                session.put("lab/r1/@router/moved", b"")
+
+    def _changes(self) -> int:
+        return (self.robot.folder / "rt" / "lab.r1" / "router.log").read_text("utf-8").count(DONE)
+
+    def _await_router(self, before: int) -> None:
+        until(lambda: self._changes() > before, 30.0, "the router has changed over")
+        time.sleep(0.5)
+
+    def _restarts(self) -> int:
+        fates = json.loads((self.robot.folder / "rt" / "lab.r1" / "fates.json").read_text("utf-8"))
+        return sum(fate["restarts"] for fate in fates.values())
+
+
+KINDS: dict[str, Callable[[Certificates], float | None]] = {
+    "nothing": Certificates.nothing,
+    "renew all": Certificates.renew_all,
+    "replace nodes": Certificates.replace_nodes,
+    "revoke an operator": Certificates.revoke_operator,
+    "router killed": Certificates.kill_router,
+}
+
+
+@contextmanager
+def certificates() -> Iterator[Certificates]:
+    """A robot behind a TLS router on loopback that drives, gone afterwards whatever happens."""
+    with TemporaryDirectory(prefix="nk", dir="/tmp") as place:
+        folder = Path(place) / "keys"
+        new_authority(folder, Order("lab", "r1", HOSTS, DAYS, datetime.now(UTC)))
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            end = f"tls/127.0.0.1:{probe.getsockname()[1]}"
+        with rig(f'router = "{end}"\nkeys = "{folder}"\n') as robot:
+            yield Certificates(robot, folder, end)
+
+
+def table(outcomes: dict[str, list[Outcome]]) -> str:
+    """The distribution of each kind, as median (largest)."""
+
+    def spread(values: list[float], form: str = ".1f") -> str:
+        return f"{statistics.median(values):{form}} ({max(values):{form}})" if values else ""
+
+    rows = [
+        "| change | n | done, s | stops | slowest, m/s | below full speed, s | restarts | locked out, s | contact |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for kind, found in outcomes.items():
+        rows.append(
+            f"| {kind} | {len(found)} | {spread([one.took for one in found])} | {sum(one.zeros > 0 for one in found)} "
+            f"| {min(one.slowest for one in found):.2f} | {spread([one.below for one in found], '.2f')} "
+            f"| {sum(one.restarts for one in found)} "
+            f"| {spread([one.locked_out for one in found if one.locked_out is not None])} "
+            f"| {sum(one.touched for one in found)} |"
+        )
+    return "\n".join(rows)
+
+
+def main() -> None:
+    """Run the campaign."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--only", default="", help="changes whose name holds this")
+    given = parser.parse_args()
+    outcomes: dict[str, list[Outcome]] = {kind: [] for kind in KINDS if given.only in kind}
+    with certificates() as running:
+        for number in range(given.count):
+            for kind, found in outcomes.items():
+                found.append(running.change(kind))
+                print(f"{number + 1} {kind}: {found[-1]}, load {os.getloadavg()[0]:.1f}", flush=True)
+    print(table(outcomes))
+
+
+if __name__ == "__main__":
+    main()

@@ -150,4 +150,5 @@ def _is_description(given: Any) -> bool:
         and all(" " in node for node in places)
         and all(isinstance(counts, dict) and counts.keys() >= _COUNTED for counts in streams.values())
         and all(isinstance(counts[name], int) for counts in streams.values() for name in _COUNTED)
+        and all(isinstance(counts.get("misrouted", 0), int) for counts in streams.values())
     )

@@ -235,13 +235,19 @@ class Bus:
         self._declare(declare)
         return publication
 
-    def subscribe(self, key_expr: str, receive: Receive) -> None:
-        """Hear a stream, or several with `*`, for as long as the session lasts."""
+    def subscribe(self, key_expr: str, receive: Receive, most: int = LARGEST) -> None:
+        """Hear a stream, or several with `*`, for as long as the session lasts.
+
+        Args:
+            key_expr: The streams.
+            receive: Takes each message.
+            most: Bytes of a message at most: a larger one is not copied.
+        """
         single = "" if "*" in key_expr else key_expr
 
         def take(sample: Any) -> None:
             payload = sample.payload
-            data = None if len(payload) > LARGEST else payload.to_bytes()
+            data = None if len(payload) > most else payload.to_bytes()
             with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
                 receive(single or str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
 

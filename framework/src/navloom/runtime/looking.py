@@ -292,7 +292,7 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
 
         def receive(key: str, data: bytes | None, label: str, inlet: Inlet = inlet) -> None:
             if data is None:
-                inlet.refuse("it is larger than any message of this stream")
+                inlet.refuse("it is too large to be copied")
             else:
                 inlet.give(Packet(data, label))
 

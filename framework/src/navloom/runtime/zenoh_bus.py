@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import queue
 import re
 import threading
 import time
@@ -22,11 +23,15 @@ from navloom.runtime.links import GATHER, Link, settings
 if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
     from navloom.runtime.quality import Quality
 
-__all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
+__all__ = ["TIMED_OUT", "Answer", "Bus", "BusError", "Publication", "Question"]
 
 MEDIA = "application/x-navloom;"
 STARTING = 2.0
 """s that a router of the same host may take to listen; who waits longer is told."""
+TIMED_OUT = "Timeout"
+"""What Zenoh says in the place of an answer that does not come."""
+OVERDUE = 0.5
+"""s after the time of a question at which it ends, whatever Zenoh says of it."""
 LOOK = 0.1
 """s between two looks of a client at its router."""
 _CONGESTION = {
@@ -282,8 +287,9 @@ class Bus:
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
         """Tokens that are there."""
+        replies = _Replies(timeout)
         try:
-            replies = self._session.liveliness().get(key_expr, timeout=timeout)
+            self._session.liveliness().get(key_expr, replies.handler, timeout=timeout)
         except zenoh.ZError:
             return []
         return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
@@ -302,10 +308,16 @@ class Bus:
         self._declare(declare)
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
-        """Answers of all who serve a key, as they come, for at most this many s."""
+        """Answers of all who serve a key, as they come, for at most this many s.
+
+        Whoever has the question and does not answer it in that time gives the refusal TIMED_OUT. Without any answer
+        nobody serves the key, as far as this session knows.
+        """
+        replies = _Replies(timeout)
         try:
-            replies = self._session.get(
+            self._session.get(
                 key_expr,
+                replies.handler,
                 payload=data,
                 timeout=timeout,
                 target=zenoh.QueryTarget.ALL,
@@ -322,6 +334,20 @@ class Bus:
                 yield Answer(str(sample.key_expr), sample.payload.to_bytes(), label, "")
             elif reply.err is not None:
                 yield Answer("", b"", "", reply.err.payload.to_string())
+
+
+class _Replies:
+    """Replies to a question as they come, until Zenoh says that there are no more, or the time is over for sure."""
+
+    def __init__(self, timeout: float) -> None:
+        self._limit = time.monotonic() + timeout + OVERDUE
+        self._came: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self.handler = zenoh.handlers.Callback(self._came.put, lambda: self._came.put(None), indirect=False)
+
+    def __iter__(self) -> Iterator[Any]:
+        with contextlib.suppress(queue.Empty):
+            while (reply := self._came.get(timeout=max(0.0, self._limit - time.monotonic()))) is not None:
+                yield reply
 
 
 def _why(link: Link, error: zenoh.ZError) -> str:

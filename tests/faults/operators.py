@@ -1,18 +1,21 @@
 """Two operators who give goals and cancel them at random: `python tests/faults/operators.py --help`.
 
-Every request must end in an answer or in a typed error within its bound, and be done once at most. Sessions can also
-kill a process of the robot now and then, lose answers, or go by a router. It prints a line of JSON for each session.
+Every request must end in an answer or in a typed error within its bound, and be done once at most. The process with the
+goal's node can be ended now and then meanwhile. It prints a line of JSON for each session.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import itertools
 import json
 import os
 import random
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections import Counter
@@ -20,10 +23,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "live")]
+sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 
 from live_rig import Up, up
-from navloom.messages import GoalResult
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.joining import join
 
@@ -54,8 +56,12 @@ BOUND = 10.0
 """s after which a request that has not ended hangs: more than any client waits."""
 GOALS = 230 / 310
 """Share of goals among the requests; the others cancel."""
-KILL_EVERY = 4.0
-"""s between two deaths of the process with the goal's node."""
+AGAIN = 30.0
+"""s for a process that was killed to be there again."""
+KILL_EVERY = 3.0
+"""s between two ends of the process with the goal's node."""
+JOINED = 10
+"""Requests that an operator gives before he joins the robot's network again, as each command of the CLI does."""
 
 
 def operator(seed: int, requests: int) -> dict[str, Any]:
@@ -64,21 +70,22 @@ def operator(seed: int, requests: int) -> dict[str, Any]:
     ended: Counter[str] = Counter()
     goals: list[int] = []
     longest = 0.0
-    with join() as client:
-        _count_attempts(client, ended)
-        for _ in range(requests):
-            what = "submit" if source.random() < GOALS else "cancel"
-            given = {"x": source.uniform(-2.0, 2.0), "y": source.uniform(-2.0, 2.0)} if what == "submit" else {}
-            began, found = time.monotonic(), []
-            thread = threading.Thread(target=lambda: found.append(_ask(client, what, given)), daemon=True)  # noqa: B023
-            thread.start()
-            thread.join(BOUND)
-            longest = max(longest, time.monotonic() - began)
-            how, number = found[0] if found else ("hangs", 0)
-            ended[f"{what} {how}"] += 1
-            if what == "submit" and number:
-                goals.append(number)
-            time.sleep(source.uniform(0.0, 0.05))
+    for first in range(0, requests, JOINED):
+        with join() as client:
+            _count_attempts(client, ended)
+            for _ in range(min(JOINED, requests - first)):
+                what = "submit" if source.random() < GOALS else "cancel"
+                given = {"x": source.uniform(-2.0, 2.0), "y": source.uniform(-2.0, 2.0)} if what == "submit" else {}
+                began, found = time.monotonic(), []
+                thread = threading.Thread(target=lambda: found.append(_ask(client, what, given)), daemon=True)  # noqa: B023
+                thread.start()
+                thread.join(BOUND)
+                longest = max(longest, time.monotonic() - began)
+                how, number = found[0] if found else ("hangs", 0)
+                ended[f"{what} {how}"] += 1
+                if what == "submit" and number:
+                    goals.append(number)
+                time.sleep(source.uniform(0.0, 0.05))
     return {"ended": dict(sorted(ended.items())), "longest_s": round(longest, 2), "goals": goals}
 
 
@@ -115,7 +122,7 @@ def session(requests: int, seed: int, kills: bool, settings: list[str], folder: 
     with up(str(config), *settings) as robot:
         robot.wait_for("every node is there")
         ends = threading.Event()
-        killer = threading.Thread(target=_kill_now_and_then, args=(robot, ends))
+        killer = threading.Thread(target=_end_now_and_then, args=(robot, ends))
         if kills:
             killer.start()
         command = [sys.executable, __file__, "--operator"]
@@ -147,21 +154,22 @@ def _summed(said: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _last_goal(robot: Up) -> int:
-    """Number of the robot's last goal: how many it was given. One more is given and refused by nobody to find out."""
+    """How many goals the robot was given: one more is given, and its number tells."""
     os.environ["NAVLOOM_RUNTIME_DIR"] = robot.environment["NAVLOOM_RUNTIME_DIR"]
-    with join() as client:
-        number = int(client.call("goal", "main", "submit", {"x": 0.0, "y": 0.0})["goal_id"])
-        client.call("goal", "main", "cancel", {})
-        result = client.last("goal", "main", "result")
-        assert result is None or isinstance(result, GoalResult)
-        return number - 1
+    limit = time.monotonic() + AGAIN
+    while True:
+        with contextlib.suppress(ClientError, Refused), join() as client:
+            return int(client.call("goal", "main", "submit", {"x": 0.0, "y": 0.0})["goal_id"]) - 1
+        assert time.monotonic() < limit, "the goal's node is not there again"
 
 
-def _kill_now_and_then(robot: Up, ends: threading.Event) -> None:
+def _end_now_and_then(robot: Up, ends: threading.Event) -> None:
+    signals = itertools.cycle((signal.SIGTERM, signal.SIGKILL))
     while not ends.wait(KILL_EVERY):
-        pids = {node["pid"] for node in robot.json("list") if node["role"] == "goal" and node["pid"]}
-        for pid in pids:
-            os.kill(pid, signal.SIGKILL)
+        for node in robot.json("list"):
+            if node["role"] == "goal" and node["pid"]:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(node["pid"], next(signals))
 
 
 def main() -> None:
@@ -170,15 +178,13 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=1)
     parser.add_argument("--requests", type=int, default=310, help="of both operators together")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kills", action="store_true", help="the process with the goal's node dies every 4 s")
+    parser.add_argument("--kills", action="store_true", help="the process with the goal's node ends every 3 s")
     parser.add_argument("--set", action="append", default=[], help="as for `navloom up`")
     parser.add_argument("--operator", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.operator:
         print(json.dumps(operator(given.seed, given.requests)), flush=True)
         return
-    import tempfile
-
     for number in range(given.sessions):
         settings = [word for one in given.set for word in ("--set", one)]
         with tempfile.TemporaryDirectory() as folder:

@@ -151,7 +151,7 @@ def test_a_long_header_is_held_to_what_is_declared(name: str, value: bytes, text
 
 
 def test_a_map_with_far_more_fields_than_declared_is_refused() -> None:
-    many = b"\xde\x00\x40" + b"".join(msgpack.packb(f"f{n}") + b"\x00" for n in range(64)) 
+    many = b"\xde\x00\x40" + b"".join(msgpack.packb(f"f{n}") + b"\x00" for n in range(64))
     data = with_header(b"\x81" + msgpack.packb("fields") + many + bytes(2000))
     assert "a map of fields holds 64 entries, expected at most 41" in refusal(data, REPORT)
 

@@ -192,8 +192,10 @@ def test_malformed_messages_are_told_with_the_reader_and_the_complaint() -> None
 @pytest.mark.parametrize(
     ("misrouted", "severity", "advice"),
     [
-        (1, "note", "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"),
-        (20, "note", "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"),
+        (1, "note", "Zenoh can confuse two streams when a process restarts; "
+         "nothing to do while the count does not rise"),
+        (20, "note", "Zenoh can confuse two streams when a process restarts; "
+         "nothing to do while the count does not rise"),
         (21, "problem", "find who publishes there, such as a replay or a second robot of this name; if nobody does, "
          "restart its router, or the robot where it has none"),
     ],

@@ -29,7 +29,7 @@ __all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_leng
            "schema_label"]  # fmt: skip
 
 SHORT, SHORT_LIST = 4096, 256
-"""Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest way, at most 3 MB."""
+"""Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest, 3 MB at most."""
 _LENGTH = struct.Struct("<I")
 pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + PACKER.pack("envelope")

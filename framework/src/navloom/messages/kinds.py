@@ -10,8 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origi
 
 import numpy as np
 
-__all__ = ["DTYPES", "MAX_ARRAYS", "MAX_ITEMS", "RULES", "Array", "Heading", "Kind", "Message", "MessageError", "Most",
-           "Name", "NotNegative", "Positive", "Stamp", "Unbounded", "Words", "brief", "holds_array", "kind_of"]  # fmt: skip
+__all__ = ["DTYPES", "MAX_ARRAYS", "MAX_ITEMS", "MAX_TEXT", "RULES", "Array", "Heading", "Kind", "Message",
+           "MessageError", "Most", "Name", "NotNegative", "Positive", "Stamp", "Unbounded", "Words", "brief",
+           "holds_array", "kind_of"]  # fmt: skip
 
 DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")}
 """Element types of arrays, by the name they have in the bytes."""

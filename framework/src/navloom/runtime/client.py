@@ -100,8 +100,12 @@ class Client:
         while (left := began + timeout - time.monotonic()) > 0.0:
             lives = self.lives(role, instance)
             if asked and lives - asked:
-                raise Unanswered(f"robot {self.keys.prefix}: {who} began anew while it was asked ({service}); {UNKNOWN}")
-            answer = self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
+                raise Unanswered(
+                    f"robot {self.keys.prefix}: {who} began anew while it was asked ({service}); {UNKNOWN}"
+                )
+            answer = (
+                self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
+            )
             if answer is not None:
                 try:
                     return json.loads(answer.data)

@@ -210,7 +210,9 @@ class Services:
             number = self._memory.last_goal + 1
             self._memory.last_goal = number
         goal = Goal(number, x, y, heading, via)
-        self._apply(runner, lambda: runner.submit(OperatorRequest("goal", goal)), patience=max(0.0, limit - time.monotonic()))
+        self._apply(
+            runner, lambda: runner.submit(OperatorRequest("goal", goal)), patience=max(0.0, limit - time.monotonic())
+        )
         return {"goal_id": number}
 
     def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
@@ -261,7 +263,9 @@ class Services:
         if not done.wait(patience):
             node = " ".join(runner.cell.source)
             if waits or not begun.acquire(blocking=False):
-                raise ServiceError(f"{node} has been in one step for {patience:.1f} s: this is done once that has ended")
+                raise ServiceError(
+                    f"{node} has been in one step for {patience:.1f} s: this is done once that has ended"
+                )
             raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; ask again")
         if failure:
             raise ServiceError(str(failure[0]))

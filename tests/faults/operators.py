@@ -56,9 +56,11 @@ BOUND = 10.0
 """s after which a request that has not ended hangs: more than any client waits."""
 GOALS = 230 / 310
 """Share of goals among the requests; the others cancel."""
-AGAIN = 30.0
+AGAIN = 60.0
 """s for a process that was killed to be there again."""
-KILL_EVERY = 3.0
+PAUSE = 0.2
+"""s between two requests of an operator at most."""
+KILL_EVERY = 6.0
 """s between two ends of the process with the goal's node."""
 JOINED = 10
 """Requests that an operator gives before he joins the robot's network again, as each command of the CLI does."""
@@ -85,7 +87,7 @@ def operator(seed: int, requests: int) -> dict[str, Any]:
                 ended[f"{what} {how}"] += 1
                 if what == "submit" and number:
                     goals.append(number)
-                time.sleep(source.uniform(0.0, 0.05))
+                time.sleep(source.uniform(0.0, PAUSE))
     return {"ended": dict(sorted(ended.items())), "longest_s": round(longest, 2), "goals": goals}
 
 
@@ -160,7 +162,7 @@ def _last_goal(robot: Up) -> int:
     while True:
         with contextlib.suppress(ClientError, Refused), join() as client:
             return int(client.call("goal", "main", "submit", {"x": 0.0, "y": 0.0})["goal_id"]) - 1
-        assert time.monotonic() < limit, "the goal's node is not there again"
+        assert time.monotonic() < limit, f"the goal's node is not there again: {robot.said}"
 
 
 def _end_now_and_then(robot: Up, ends: threading.Event) -> None:
@@ -178,7 +180,7 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=1)
     parser.add_argument("--requests", type=int, default=310, help="of both operators together")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kills", action="store_true", help="the process with the goal's node ends every 3 s")
+    parser.add_argument("--kills", action="store_true", help="the process with the goal's node ends every 6 s")
     parser.add_argument("--set", action="append", default=[], help="as for `navloom up`")
     parser.add_argument("--operator", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()

@@ -6,7 +6,6 @@ Arrays lie behind the header, so that a header holds names, numbers, short texts
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 
 import numpy as np
 
@@ -27,16 +26,24 @@ KEY = 255
 _LENGTH, _NUMBER, _WHOLE_MAP, _NAMES, _DTYPE = 4, 9, 1, ("envelope", "fields", "arrays"), 4
 
 
-@cache
+_LIMITS: dict[type[Message], int] = {}
+
+
 def header_limit(cls: type[Message]) -> int:
     """Bytes of the header of a message of this class at most."""
+    limit = _LIMITS.get(cls)
+    if limit is None:
+        limit = _LIMITS[cls] = _header_limit(cls)
+    return limit
+
+
+def _header_limit(cls: type[Message]) -> int:
     envelope = 1 + _text(KEY) + 5 * _NUMBER
     arrays = 3 + min(MAX_ARRAYS * _entry(8), sum(_entry(len(array.shape)) for array in _arrays(cls)))
     names = sum(_text(len(name)) for name in _NAMES)
     return min(LARGEST_HEADER, _WHOLE_MAP + names + envelope + _fields(cls) + arrays + LATER)
 
 
-@cache
 def size_limit(cls: type[Message]) -> int | None:
     """Bytes of a whole message of this class at most; None where an array of it may have any size."""
     size = _aligned(_LENGTH + header_limit(cls))

@@ -106,4 +106,4 @@ class _Header:
         place = self._unpacker.tell()
         if place >= len(self._packed):
             raise MessageError(f"the header ends after {place} bytes, within a map or list")
-        return self._packed[place]
+        return int(self._packed[place])

@@ -32,7 +32,7 @@ class Goal(Message):
     x: float
     y: float
     heading: float | None
-    via: Annotated[tuple[Point2D, ...], Most(1024)]
+    via: Annotated[tuple[Point2D, ...], Most(512)]
 
 
 @message()

@@ -139,7 +139,9 @@ def session(requests: int, seed: int, kills: bool, settings: list[str], folder: 
         ends.set()
         if kills:
             killer.join()
-        return {**_summed(said), "goals_of_the_robot": _last_goal(robot)}
+        found = _summed(said)
+        print(json.dumps(found), file=sys.stderr, flush=True)
+        return {**found, "goals_of_the_robot": _last_goal(robot)}
 
 
 def _summed(said: list[dict[str, Any]]) -> dict[str, Any]:
@@ -160,9 +162,11 @@ def _last_goal(robot: Up) -> int:
     os.environ["NAVLOOM_RUNTIME_DIR"] = robot.environment["NAVLOOM_RUNTIME_DIR"]
     limit = time.monotonic() + AGAIN
     while True:
-        with contextlib.suppress(ClientError, Refused), join() as client:
-            return int(client.call("goal", "main", "submit", {"x": 0.0, "y": 0.0})["goal_id"]) - 1
-        assert time.monotonic() < limit, f"the goal's node is not there again: {robot.said}"
+        try:
+            with join() as client:
+                return int(client.call("goal", "main", "submit", {"x": 0.5, "y": 0.5})["goal_id"]) - 1
+        except (ClientError, Refused) as error:
+            assert time.monotonic() < limit, f"the goal's node is not there again: {error}"
 
 
 def _end_now_and_then(robot: Up, ends: threading.Event) -> None:

@@ -10,7 +10,9 @@ import pytest
 from navloom.engine.catalogue import specs_of
 from navloom.engine.streams import sensor_port
 from navloom.messages import SCHEMAS, Envelope, Message, RangeScan
-from navloom.messages.schema import Kind
+from navloom.messages.bounds import header_limit, size_limit
+from navloom.messages.kinds import MAX_ITEMS, MAX_TEXT, Kind
+from navloom.runtime.quality import quality_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "messages.md").read_text("utf-8")
 CLASSES = sorted(
@@ -32,6 +34,8 @@ def rows(title: str) -> list[list[str]]:
 
 RULES = {"": "", "heading": ", in [-π, π]", "positive": ", > 0", "not_negative": ", >= 0", "stamp": ", >= 0"}
 """How the page writes what a number is held to."""
+BOUNDED = {MAX_TEXT: "str", 255: "name"}
+"""How the page calls a text by its bound."""
 
 
 def written(kind: Kind) -> str:
@@ -45,9 +49,11 @@ def written(kind: Kind) -> str:
     elif kind.message is not None:
         text = kind.message.__name__
     elif kind.item is not None:
-        text = f"tuple of {written(kind.item)}"
+        text = f"tuple of {written(kind.item)}" + (f", at most {kind.most}" if kind.most != MAX_ITEMS else "")
     elif kind.choices:
         text = " / ".join(choice or "empty" for choice in kind.choices)
+    elif kind.form == "str":
+        text = "words" if kind.is_cut else BOUNDED.get(kind.most) or f"str, at most {kind.most} bytes"
     else:
         text = kind.form + (", +inf allowed" if kind.infinite else "") + RULES[kind.rule]
     return f"{text} or None" if kind.optional else text
@@ -82,3 +88,11 @@ def test_every_port_is_there_with_messages_that_exist() -> None:
 
 def test_the_form_of_a_key_is_there() -> None:
     assert "`<realm>/<robot>/<role>/<instance>/<port>`" in section("Keys")
+
+
+def test_the_bound_of_every_message_is_there_and_a_command_is_small() -> None:
+    bounds = [(cls.__name__, str(header_limit(cls)), str(size_limit(cls) or "arrays")) for cls in CLASSES]
+    assert [tuple(row) for row in rows("How large a message is")] == bounds
+    urgent = [cls for cls in CLASSES if quality_of(cls).priority == "real_time"]
+    assert [cls.__name__ for cls in urgent] == ["Command", "TrackingCommand"]
+    assert all((size_limit(cls) or 1 << 30) <= 704 for cls in urgent)

@@ -31,6 +31,7 @@ from navloom.messages import (
     Twist2D,
     message,
 )
+from navloom.messages.bounds import header_limit
 from navloom.messages.codec import CodecError, decode, encode, schema_label
 
 AT = Envelope("lab/r1/localizer/main/pose", 3, 4, 200_000_000, 150_000_000, 0)
@@ -360,9 +361,9 @@ def test_numbers_that_are_not_finite_in_the_bytes_of_an_array_are_refused(bad: f
     assert f"PoseTrack.poses: holds {bad}, expected finite numbers" in refusal(data, TRACK_LABEL)
 
 
-def test_more_than_256_arrays_are_refused() -> None:
+def test_more_arrays_than_the_class_can_hold_are_refused() -> None:
     data = changed(encode(TRACK, AT), lambda h: h["arrays"].extend([["<f8", [0], 0]] * 255))
-    assert "arrays is list, expected a list of at most 256" in refusal(data, TRACK_LABEL)
+    assert f"the header takes 2144 bytes, expected at most {header_limit(PoseTrack)}" in refusal(data, TRACK_LABEL)
 
 
 def test_a_message_with_more_than_256_arrays_is_not_encoded() -> None:
@@ -375,6 +376,8 @@ def test_a_message_with_more_than_256_arrays_is_not_encoded() -> None:
     assert isinstance(whole, Bundle) and len(whole.paths) == 256
     with pytest.raises(CodecError, match="holds 257 arrays, expected at most 256"):
         encode(Bundle((path,) * 257), AT)
+    more = changed(encode(Bundle((path,) * 256), AT), lambda h: h["arrays"].append(["<f8", [0], 0]))
+    assert "arrays: got 257 items, expected at most 256" in refusal(more, "navloom.Bundle/1")
 
 
 def test_arrays_of_every_element_type_and_in_tuples_come_back() -> None:

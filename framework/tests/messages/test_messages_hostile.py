@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import resource
 import struct
+import timeit
 import tracemalloc
 from typing import Any
 
 import msgpack
 import pytest
-from navloom.messages import Envelope, Point2D
-from navloom.messages.codec import CodecError, decode
+from navloom.messages import Envelope, Point2D, StepReport
+from navloom.messages.bounds import header_limit
+from navloom.messages.codec import CodecError, decode, encode, read_envelope
 
 AT = Envelope("lab/r1/localizer/main/pose", 3, 4, 200_000_000, 150_000_000, 0)
 POINT = "navloom.Point2D/1"
+REPORT = "navloom.StepReport/1"
 
 
 def with_header(header: Any) -> bytes:
@@ -48,7 +50,7 @@ def test_deep_nesting_is_refused_or_passed_over(depth: int, where: str, opening:
         parts[where] = deep
     packed = bytes([0x80 | len(parts)]) + b"".join(msgpack.packb(name) + part for name, part in parts.items())
     data = with_header(deep if where == "header" else packed)
-    if where == "unknown" and depth <= 1000:
+    if where == "unknown" and len(packed) <= header_limit(Point2D):
         assert decode(data, POINT) == (Point2D(1.0, 2.0), AT)
     else:
         assert len(refusal(data, POINT)) < 1000
@@ -73,14 +75,95 @@ def test_a_claimed_shape_allocates_nothing() -> None:
     assert peak_of_refusal(data, "navloom.PoseTrack/1") < 100_000
 
 
-def test_nested_lists_that_claim_more_than_they_hold_allocate_little() -> None:
-    claims = b"\xdd" + (4096).to_bytes(4, "big")
-    data = with_header(claims * 900 + bytes(2_000_000))
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    refusal(data, POINT)
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 80_000  # kB; 900 lists of 4096 are 29 MB
-    huge = with_header((b"\xdd" + (1_000_000).to_bytes(4, "big")) * 900 + bytes(2_000_000))
-    assert peak_of_refusal(huge, POINT) < 5_000_000
+@pytest.mark.parametrize("claim", [256, 4096, 1_000_000])
+def test_nested_lists_that_claim_more_than_they_hold_allocate_little(claim: int) -> None:
+    claims = b"\xdd" + claim.to_bytes(4, "big")
+    for label, size in ((POINT, 600), (REPORT, 1000), (REPORT, 250_000)):
+        nested = claims * min(900, size // 5 - 1)
+        data = with_header(b"\x81" + msgpack.packb("fields") + nested + bytes(size - len(nested)))
+        assert peak_of_refusal(data, label) < 5_000_000
+
+
+def nested(size: int) -> bytes:
+    """Lists of 15 empty maps, in lists of 15, and so on: the most objects for the fewest bytes."""
+    one = b"\x80"
+    while len(one) * 15 + 1 <= size:
+        one = b"\x9f" + one * 15
+    count = size // len(one)
+    return b"\xdd" + count.to_bytes(4, "big") + one * count
+
+
+def report_with(name: str, value: bytes) -> bytes:
+    """A step report with a field of these bytes."""
+    whole = encode(StepReport("tick", (), (), True, 1, 0, 5, "", ""), AT)
+    fields = msgpack.unpackb(whole[4:])["fields"]
+    fields.pop(name, None)
+    packed = b"".join(msgpack.packb(key) + msgpack.packb(entry) for key, entry in fields.items())
+    packed = bytes([0x81 + len(fields)]) + packed + msgpack.packb(name) + value
+    parts = {"envelope": msgpack.packb(AT), "fields": packed, "arrays": b"\x90"}
+    return with_header(b"\x83" + b"".join(msgpack.packb(key) + part for key, part in parts.items()))
+
+
+@pytest.mark.parametrize("size", [1 << 20, 16 << 20, 62 << 20], ids=["1 MB", "16 MB", "62 MB"])
+@pytest.mark.parametrize("label", [POINT, "navloom.Command/1", REPORT])
+def test_a_header_larger_than_its_class_allows_is_refused_unread(size: int, label: str) -> None:
+    data = report_with("unknown", nested(size))
+    assert "bytes, expected at most" in refusal(data, label)
+    assert peak_of_refusal(data, label) < 20_000
+    took = min(timeit.repeat(lambda: refusal(data, label), number=1, repeat=5))
+    assert took < 0.005, took  # it was 0.4 s for 1 MB
+
+
+def test_a_field_that_nobody_knows_is_skipped_and_not_built() -> None:
+    data = report_with("unknown", nested(200_000))
+    tracemalloc.start()
+    try:
+        assert decode(data, REPORT)[0] == StepReport("tick", (), (), True, 1, 0, 5, "", "")
+        assert read_envelope(data) == AT
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000  # built, they are 12 MB
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["trigger", "read", "published", "enabled", "duration_ns", "told"])
+def test_a_field_that_holds_what_it_cannot_is_refused_and_not_built(name: str) -> None:
+    data = report_with(name, nested(200_000))
+    assert len(refusal(data, REPORT)) < 200
+    assert peak_of_refusal(data, REPORT) < 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("trigger", b"\x80", "got a map, expected a single value"),
+        ("trigger", b"\x90", "got a list, expected a single value"),
+        ("read", b"\xdc\x04\x01" + b"\x80" * 1025, "read: got 1025 items, expected at most 1024"),
+        ("read", b"\xc0", "read: got NoneType, expected a list"),
+        ("read", b"\x91\x07", "read: got int, expected a map of fields"),
+        ("read", b"\x91\x81\xa5input\xa1a", "read: field 'sequences' is missing"),
+    ],
+)
+def test_a_long_header_is_held_to_what_is_declared(name: str, value: bytes, text: str) -> None:
+    long = msgpack.packb("x" * 5000)  # so that the header is long, whatever the value is
+    data = report_with(name, value + msgpack.packb("more") + long)
+    packed = data[4:].replace(b"fields\x8a", b"fields\x8b").replace(b"fields\x89", b"fields\x8a")
+    assert text in refusal(with_header(packed), REPORT)
+
+
+def test_a_map_with_far_more_fields_than_declared_is_refused() -> None:
+    many = b"\xde\x00\x40" + b"".join(msgpack.packb(f"f{n}") + b"\x00" for n in range(64))
+    data = with_header(b"\x81" + msgpack.packb("fields") + many + bytes(2000))
+    assert "a map of fields holds 64 entries, expected at most 41" in refusal(data, REPORT)
+
+
+def test_what_stands_behind_a_long_header_is_refused() -> None:
+    data = report_with("unknown", msgpack.packb("x" * 2000))
+    assert "the header has 3 bytes behind its end" in refusal(with_header(data[4:] + b"abc"), REPORT)
+
+
+@pytest.mark.parametrize("label", ["x" * 10_000, "navloom.Command/" + "9" * 10_000])
+def test_a_long_label_gives_a_short_text(label: str) -> None:
+    assert len(refusal(b"\0" * 8, label)) < 300
 
 
 @pytest.mark.parametrize(

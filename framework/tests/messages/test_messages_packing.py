@@ -41,7 +41,7 @@ def value(kind: Kind, rng: np.random.Generator, sizes: dict[str, int]) -> Any:
             return float(rng.uniform(1e-3, math.pi))
         return math.inf if kind.infinite and rng.random() < 0.5 else number * rng.choice([-1.0, 1.0])
     if kind.form == "str":
-        texts = kind.choices or TEXTS
+        texts = kind.choices or [text for text in TEXTS if len(text.encode()) <= kind.most]
         return texts[rng.integers(len(texts))]
     if kind.form == "bool":
         return bool(rng.random() < 0.5)

@@ -21,10 +21,14 @@ from navloom.messages import (
     Goal,
     GoalResult,
     HandOver,
+    InputRead,
     Message,
     MessageError,
+    Most,
+    Name,
     OccupancyGrid,
     Odometry,
+    Parameters,
     Path,
     Point2D,
     Pose2D,
@@ -176,10 +180,38 @@ def test_a_list_is_held_as_a_tuple_and_a_wrong_item_is_named_by_its_place() -> N
         Selection(1, 0, "mapper a")  # type: ignore[arg-type]
 
 
-def test_a_tuple_holds_4096_items_and_no_more() -> None:
-    assert len(Selection(1, 0, ("a",) * 4096).instances) == 4096
+def test_a_tuple_holds_as_many_items_as_declared_or_4096_and_no_more() -> None:
+    assert len(InputRead("scan", (1,) * 4096).sequences) == 4096
     with pytest.raises(MessageError, match="got 4097 items, expected at most 4096; use an array"):
-        Selection(1, 0, ("a",) * 4097)
+        InputRead("scan", (1,) * 4097)
+    assert len(Selection(1, 0, ("a",) * 64).instances) == 64
+    with pytest.raises(MessageError, match=r"Selection\.instances: got 65 items, expected at most 64"):
+        Selection(1, 0, ("a",) * 65)
+
+
+@pytest.mark.parametrize("letter", ["a", "ä", "€", "🤖"])
+def test_a_text_is_bounded_in_bytes_a_name_is_refused_and_words_are_cut(letter: str) -> None:
+    many = 1024 // len(letter.encode())
+    assert Parameters(1, (letter * many,)).values == (letter * many,)
+    with pytest.raises(MessageError, match=rf"values\[0\]: got a text of {len(letter.encode()) * 2000} bytes, .* 1024"):
+        Parameters(1, (letter * 2000,))
+    with pytest.raises(MessageError, match=r"InputRead\.input: got a text of .* bytes, expected at most 255"):
+        InputRead(letter * 256, ())
+    words = GoalResult(1, "error", letter * 2000, Point2D(0.0, 0.0)).reason
+    assert words == letter * ((1024 - 3) // len(letter.encode())) + "…" and len(words.encode()) <= 1024
+
+
+def test_a_bound_of_its_own_is_declared_with_most() -> None:
+    @message()
+    class Bounded(Message):
+        note: Annotated[str, Most(3)]
+        marks: Annotated[tuple[Name, ...], Most(2)] = ()
+
+    assert Bounded("abc", ("a", "b")).marks == ("a", "b")
+    with pytest.raises(MessageError, match=r"Bounded\.note: got a text of 4 bytes, expected at most 3"):
+        Bounded("abcd")
+    with pytest.raises(MessageError, match=r"Bounded\.marks: got 3 items, expected at most 2"):
+        Bounded("abc", ("a", "b", "c"))
 
 
 def test_none_is_a_value_only_where_it_is_declared() -> None:

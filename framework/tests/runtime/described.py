@@ -130,7 +130,7 @@ class BusInWords:
         told = {**node, "tick": tick, "wall_ns": time.time_ns() + node.get("wall_ns", 0)}
         return Answer(KEYS.port(node["role"], node["instance"], "describe"), json.dumps(told).encode(), "json", "")
 
-    def subscribe(self, key_expr: str, receive: Callable[[str, bytes | None, str], None]) -> None:
+    def subscribe(self, key_expr: str, receive: Callable[[str, bytes | None, str], None], most: int = 0) -> None:
         """Keep who listens."""
         self.listeners[key_expr] = receive
 

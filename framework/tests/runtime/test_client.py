@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from navloom.messages import GoalResult, Point2D
+from navloom.runtime import client as client_module
 from navloom.runtime import navigator
-from navloom.runtime.client import Client, ClientError
+from navloom.runtime.client import Client, ClientError, Refused, Unanswered
 from navloom.runtime.findings import differing, failing, flowing, sharing, unheard
 from navloom.runtime.looking import listing
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.metering import clock_offsets
 from navloom.runtime.navigator import GoalHandle, Streams
-from navloom.runtime.zenoh_bus import Answer
+from navloom.runtime.once import Once
+from navloom.runtime.zenoh_bus import TIMED_OUT, Answer
 
 from .described import KEYS, described
 
@@ -74,6 +77,81 @@ def test_who_answers_under_another_name_is_listed_under_its_own() -> None:
 def test_a_service_that_answers_nonsense_is_one_message() -> None:
     with pytest.raises(ClientError, match="avoider forces answers params/get with no JSON"):
         client(b"me").call("avoider", "forces", "params/get", {})
+
+
+class LossyBus(Bus):
+    """A service behind a network that loses what it is told to lose; everything it loses has been done."""
+
+    def __init__(self, *fates: str) -> None:
+        super().__init__()
+        self.fates = list(fates)
+        self.done = 0
+        self.asked: list[float] = []
+        self._handle = Once().guard(self._submit)
+
+    def _submit(self, given: dict[str, Any]) -> dict[str, Any]:
+        self.done += 1
+        return {"goal_id": self.done}
+
+    def ask(self, key: str, data: bytes = b"", timeout: float = 1.0) -> Iterator[Answer]:
+        fate = self.fates.pop(0) if self.fates else "answered"
+        self.asked.append(timeout)
+        if fate == "restarted":
+            self.lives = ["b"]
+        if fate == "refused":
+            yield Answer("", b"", "", "rejected: it is occupied")
+        if fate in ("answered", "lost", "late"):
+            answer = json.dumps(self._handle(json.loads(data))).encode()
+            if fate == "answered":
+                yield Answer(key, answer, "json", "")
+        if fate in ("late", "silent"):
+            yield Answer("", b"", "", TIMED_OUT)
+
+
+def submit(bus: Bus, timeout: float = 5.0) -> int:
+    asked = Client(bus, KEYS)  # type: ignore[arg-type]
+    return int(asked.call("goal", "main", "submit", {"x": 1.0, "y": 2.0}, timeout)["goal_id"])
+
+
+@pytest.mark.parametrize("fates", [(), ("lost",), ("late", "lost"), ("unheard", "silent", "lost", "lost")])
+def test_a_request_whose_answer_is_lost_is_asked_again_and_done_once(fates: tuple[str, ...]) -> None:
+    bus = LossyBus(*fates)
+    assert submit(bus) == 1
+    assert bus.done == 1 and len(bus.asked) == len(fates) + 1
+    assert submit(bus) == 2  # the next request is another one
+
+
+@pytest.mark.parametrize("fate", ["silent", "unheard", "lost"])
+def test_a_service_without_an_answer_ends_in_a_typed_error_within_its_time(fate: str) -> None:
+    bus = LossyBus(*[fate] * 1000)
+    began = time.monotonic()
+    with pytest.raises(Unanswered, match=r"goal main does not answer within 0\.2 s \(submit\); whether it was done"):
+        submit(bus, 0.2)
+    assert time.monotonic() - began < 1.0
+    assert all(0.0 < timeout <= 0.2 for timeout in bus.asked) and bus.done <= 1
+
+
+def test_a_refusal_is_an_answer_and_not_asked_again() -> None:
+    bus = LossyBus("refused")
+    with pytest.raises(Refused, match="rejected: it is occupied"):
+        submit(bus)
+    assert len(bus.asked) == 1
+
+
+def test_a_request_is_not_asked_again_of_a_process_that_began_anew_meanwhile() -> None:
+    bus = LossyBus("restarted")
+    with pytest.raises(Unanswered, match=r"goal main began anew while it was asked \(submit\)"):
+        submit(bus)
+    assert len(bus.asked) == 1
+
+
+def test_a_service_that_is_not_there_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client_module, "JOIN", 0.1)
+    bus = LossyBus()
+    bus.lives = []
+    with pytest.raises(ClientError, match=r"goal main does not answer \(submit\): it is not there") as caught:
+        submit(bus)
+    assert not isinstance(caught.value, Unanswered) and bus.asked == []
 
 
 class Clock:

@@ -212,6 +212,26 @@ def test_malformed_messages_are_told_with_the_reader_and_the_complaint() -> None
 
 
 @pytest.mark.parametrize(
+    ("misrouted", "severity", "advice"),
+    [
+        (1, "note", "Zenoh can confuse two streams when a process restarts; "
+         "nothing to do while the count does not rise"),
+        (20, "note", "Zenoh can confuse two streams when a process restarts; "
+         "nothing to do while the count does not rise"),
+        (21, "problem", "find who publishes there, such as a replay or a second robot of this name; if nobody does, "
+         "restart its router, or the robot where it has none"),
+    ],
+)  # fmt: skip
+def test_messages_of_another_stream_are_no_matter_of_versions(misrouted: int, severity: str, advice: str) -> None:
+    streams = {"avoider/vfh/command": counts(misrouted=misrouted, origin="lab/r1/goal/main/step")}
+    found = only(flowing(everyone(gate={"streams": streams})))
+    assert found == Finding(severity, (  # type: ignore[arg-type]
+        f"gate main: {misrouted} messages on avoider/vfh/command belong to another stream and were refused, the last "
+        "to lab/r1/goal/main/step"
+    ), advice)  # fmt: skip
+
+
+@pytest.mark.parametrize(
     ("given", "is_said"),
     [
         (counts(dropped=101), True),

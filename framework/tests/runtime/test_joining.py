@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from navloom.runtime.directory import DirectoryError
+from navloom.runtime import joining
+from navloom.runtime.client import ClientError
+from navloom.runtime.directory import DirectoryError, RobotFolder, Running
 from navloom.runtime.joining import join, split_name
-from navloom.runtime.links import LinkError, certificate
+from navloom.runtime.keyspace import KeySpace
+from navloom.runtime.links import LinkError, certificate, peer_link
 from navloom.runtime.network import Network
+from navloom.runtime.zenoh_bus import Bus
 
 ROUTER = "tls/127.0.0.1:9"
 
@@ -67,6 +74,27 @@ def test_processes_show_the_certificate_that_was_named_and_the_router_and_tools_
     tool = network.outsider(None, [], "operator")  # type: ignore[arg-type]
     assert (tool.credentials, tool.identity) == (Path("keys"), "operator")
     assert network.folder == Path("keys")
+
+
+def test_a_tool_that_joins_while_a_process_restarts_reaches_it_when_it_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp", prefix="nl") as short:  # a socket's path has room for 100 characters
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
+        folder, keys = RobotFolder("lab", "r1"), KeySpace("lab", "r1")
+        folder.make()
+        ends = tuple(folder.socket(name) for name in ("robot", "think"))
+        running = Running("lab", "r1", os.getpid(), ends, False, "robot.toml", False)
+        monkeypatch.setattr(joining, "find_robot", lambda robot: running)
+        robot, think = (replace(peer_link(end, ends, "lab", "r1"), peers=0) for end in ends)
+        with Bus(robot), join() as client:
+            with pytest.raises(ClientError, match="it is not there"):
+                client.call("goal", "main", "submit", {}, timeout=0.2)
+            with Bus(think) as bus:
+                key = keys.port("goal", "main", "submit")
+                bus.serve(key, lambda question: question.answer(key, b'{"goal_id": 1}', "json"))
+                bus.announce(keys.alive("goal", "main", "a"))
+                assert client.call("goal", "main", "submit", {}, timeout=10.0) == {"goal_id": 1}
 
 
 def test_without_keys_nobody_shows_anything() -> None:

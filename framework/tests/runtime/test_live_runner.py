@@ -55,7 +55,7 @@ class Wire:
     def serve(self, key: str, take: object) -> None:
         pass
 
-    def subscribe(self, key: str, receive: object) -> None:
+    def subscribe(self, key: str, receive: object, most: int) -> None:
         pass
 
 

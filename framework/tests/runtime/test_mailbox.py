@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 import pytest
-from navloom.messages import Contact, Envelope, Message, StepReport
+from navloom.messages import Command, Contact, Envelope, Message, StepReport
+from navloom.messages.bounds import size_limit
 from navloom.messages.codec import encode, schema_label
+from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
+from navloom.runtime.switchboard import Switchboard
 
 KEY = "lab/r1/platform/p/contact"
 
@@ -117,15 +121,31 @@ def test_of_many_that_ring_at_once_none_goes_unheard() -> None:
     assert mailbox.news == each * givers
 
 
-def test_a_message_of_another_stream_or_of_another_kind_is_malformed() -> None:
+def test_a_message_of_another_kind_is_malformed_and_one_of_another_stream_misrouted() -> None:
     inlet = Inlet(KEY, Mailbox(), 4)
     data, label = packet(1).data, packet(1).label
     inlet.give(Packet(data, label, KEY, Contact))
     inlet.give(Packet(data, label, "lab/r1/platform/q/contact", Contact))
     inlet.give(Packet(data, label, KEY, StepReport))
     assert sequences(inlet) == [1]
-    assert inlet.counts.malformed == 2
+    assert (inlet.counts.malformed, inlet.counts.misrouted) == (1, 1)
     assert inlet.counts.complaint == f"Contact came by {KEY}, which carries StepReport"
+    assert inlet.counts.summary()["origin"] == KEY
+
+
+def test_what_is_too_large_for_its_stream_is_counted_and_not_handed_on() -> None:
+    class Bus:
+        def subscribe(self, key: str, receive: Callable[[str, bytes | None, str], None], most: int) -> None:
+            self.receive, self.most = receive, most
+
+    bus, keys = Bus(), KeySpace("lab", "r1")
+    board = Switchboard(bus, keys, False)  # type: ignore[arg-type]
+    inlet = board.inlet(("gate", "main"), "command", Mailbox(), 1)
+    board.connect()
+    assert bus.most == size_limit(Command) and bus.most < 700
+    bus.receive(inlet.key, None, schema_label(Command))
+    assert (inlet.counts.received, inlet.counts.malformed) == (1, 1) and not list(inlet.take())
+    assert inlet.counts.complaint == f"no Command is larger than {bus.most} bytes"
 
 
 def test_what_derives_from_the_future_is_refused_and_does_not_hide_what_comes_after() -> None:

@@ -111,8 +111,8 @@ class Speaking(BusInWords):
         super().__init__(everyone())
         self._told = told
 
-    def subscribe(self, key_expr, receive) -> None:  # type: ignore[no-untyped-def]
-        super().subscribe(key_expr, receive)
+    def subscribe(self, key_expr, receive, most=0) -> None:  # type: ignore[no-untyped-def]
+        super().subscribe(key_expr, receive, most)
         for data, label in self._told.get(key_expr.removeprefix(f"{KEYS.prefix}/"), ()):
             receive(key_expr, data, label)
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
+from typing import Any, ClassVar
 
 import pytest
 from navloom.messages import Command
+from navloom.runtime import zenoh_bus
 from navloom.runtime.links import Link
 from navloom.runtime.quality import quality_of
-from navloom.runtime.zenoh_bus import Bus, Question
+from navloom.runtime.zenoh_bus import TIMED_OUT, Bus, Question
 
 SOON = 20.0
 
@@ -66,6 +69,53 @@ def test_streams_tokens_and_answers_are_there_again_after_the_router_was(
         until(lambda: alive[-1] == ("lab/r1/gate/main/alive/1", True))
         assert ("lab/r1/gate/main/alive/1", False) in alive
         until(lambda: [found.data for found in second.ask("lab/r1/gate/main/describe")] == [b"here"])
+
+
+def test_a_question_ends_with_an_answer_a_timeout_or_the_end_of_the_session(clients: tuple[Bus, Bus, Bus]) -> None:
+    _, first, second = clients
+    held: list[Question] = []
+    first.serve("lab/r1/goal/main/submit", held.append)
+    until(lambda: bool(held), lambda: list(second.ask("lab/r1/goal/main/submit", timeout=0.05)))
+    began = time.monotonic()
+    assert [answer.refusal for answer in second.ask("lab/r1/goal/main/submit", timeout=0.3)] == [TIMED_OUT]
+    assert 0.3 <= time.monotonic() - began < 2.0
+    asking = threading.Thread(target=lambda: list(second.ask("lab/r1/goal/main/submit", timeout=60.0)))
+    asked = len(held)
+    asking.start()
+    until(lambda: len(held) > asked)
+    second.close()
+    asking.join(SOON)
+    assert not asking.is_alive()
+
+
+def test_a_question_that_zenoh_never_ends_ends_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Mute:
+        """A session that takes questions and says nothing more of them."""
+
+        handlers: ClassVar[list[Any]] = []
+
+        def get(self, key: str, handler: Any, **_: Any) -> None:
+            self.handlers.append(handler)
+
+    monkeypatch.setattr(zenoh_bus, "OVERDUE", 0.1)
+    with Bus(Link("peer", (), ())) as bus, monkeypatch.context() as changed:
+        changed.setattr(bus, "_session", Mute())
+        began = time.monotonic()
+        assert list(bus.ask("lab/r1/goal/main/submit", timeout=0.1)) == []
+        assert time.monotonic() - began < 2.0
+
+
+def test_a_message_larger_than_its_stream_carries_is_not_copied(clients: tuple[Bus, Bus, Bus]) -> None:
+    _, first, second = clients
+    heard: list[int | None] = []
+    key = "lab/r1/gate/main/command"
+    second.subscribe(key, lambda key, data, label: heard.append(None if data is None else len(data)), 640)
+    stream = first.publication(key, quality_of(Command))
+    until(lambda: bool(heard), lambda: stream.put(b"begin", "Command 1"))
+    stream.put(bytes(641), "Command 1")
+    stream.put(bytes(640), "Command 1")
+    until(lambda: 640 in heard)
+    assert heard[-2:] == [None, 640]
 
 
 def test_between_two_routers_nothing_is_asked_for_in_vain_and_the_end_is_quick(

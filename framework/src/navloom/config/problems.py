@@ -32,6 +32,7 @@ _EXPECTED = {
     "too_short": "at least {min_length} entries",
     "too_long": "at most {max_length} entries",
     "string_too_short": "a text that is not empty",
+    "string_too_long": "at most {max_length} characters",
     "multiple_of": "a multiple of {multiple_of}",
 }
 """What each kind of error of pydantic expects."""

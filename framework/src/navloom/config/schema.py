@@ -22,6 +22,8 @@ RoleName = Literal["platform", "localizer", "mapper", "planner", "controller", "
 ROLE_TABLES = ROLES.keys()
 """Roles, each with a table of its name: those of the framework have one in every config, others where it is given."""
 OWN_NODES = ("goal", "reference", "gate")
+LONGEST_NAME = 48
+"""Characters of a name: a key is made of five, and has 255 bytes at most."""
 
 
 class Table(StrictModel):
@@ -67,8 +69,8 @@ class FootprintTable(Table):
 class RobotTable(Table):
     """What every plugin is told about the robot; the gate enforces the limits."""
 
-    realm: str = Field(default="lab", pattern=r"^[A-Za-z0-9_-]+$")
-    name: str = Field(default="r1", pattern=r"^[A-Za-z0-9_-]+$")
+    realm: str = Field(default="lab", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
+    name: str = Field(default="r1", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
     footprint: FootprintTable = FootprintTable(length=0.8, width=0.8)
     height: Positive = Field(default=1.2, description="m")
     wheel_radius: Positive = Field(default=0.05, description="m")
@@ -119,7 +121,9 @@ class RoleTable(OpenTable):
     """A role's plugin; the keys not named here are its parameters."""
 
     plugin: str = Field(min_length=1)
-    name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance")
+    name: str | None = Field(
+        default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
+    )
     sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
     latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
@@ -143,7 +147,7 @@ class AlternativeTable(RoleTable):
 class SensorTable(OpenTable):
     """One sensor; the keys not named here are its settings."""
 
-    name: str = Field(pattern=r"^[a-z][A-Za-z0-9_]*$")
+    name: str = Field(max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$")
     kind: str = Field(min_length=1)
 
 

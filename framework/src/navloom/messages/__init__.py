@@ -41,10 +41,13 @@ from navloom.messages.schema import (
     Heading,
     Message,
     MessageError,
+    Most,
+    Name,
     NotNegative,
     Positive,
     Stamp,
     Unbounded,
+    Words,
     message,
 )
 from navloom.messages.sensing import RangeScan, Sweep, SweepRequest
@@ -73,6 +76,8 @@ __all__ = [
     "MapUpdate",
     "Message",
     "MessageError",
+    "Most",
+    "Name",
     "NotNegative",
     "OccupancyGrid",
     "Odometry",
@@ -103,5 +108,6 @@ __all__ = [
     "Truth",
     "Twist2D",
     "Unbounded",
+    "Words",
     "message",
 ]

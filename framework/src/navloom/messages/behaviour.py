@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages.motion import Twist2D
-from navloom.messages.schema import Array, Message, Unbounded, message
+from navloom.messages.schema import Array, Message, Unbounded, Words, message
 
 __all__ = ["Avoidance", "AvoiderDiagnostics", "AvoiderStatus", "HandOver", "RecoveryRequest", "RecoveryStep"]
 
@@ -38,7 +38,7 @@ class AvoiderDiagnostics(Message):
     threshold: float
     slots: Annotated[Floats, Array("float64", ("k", 2))]
     chosen: float | None
-    why: str
+    why: Words
 
 
 @message()
@@ -77,7 +77,7 @@ class RecoveryRequest(Message):
 
     active: bool
     attempt: int
-    reason: str
+    reason: Words
 
 
 @message()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages.kinds import MAX_ITEMS, Array, Kind, MessageError, brief
+from navloom.messages.kinds import Array, Kind, MessageError, brief
 
 __all__ = ["Check", "checker"]
 
@@ -109,12 +109,20 @@ def _str_checker(cls: str, kind: Kind) -> Check:
         if kind.choices and text not in kind.choices:
             raise MessageError(f"{cls}.{name}: got {brief(text)}, expected one of {', '.join(kind.choices)}")
         try:
-            text.encode()
+            size = len(text.encode())
         except UnicodeEncodeError:
             raise MessageError(f"{cls}.{name}: got {brief(text)}, expected text without lone surrogates") from None
-        return text
+        if size <= kind.most or kind.choices:
+            return text
+        if not kind.is_cut:
+            raise MessageError(f"{cls}.{name}: got a text of {size} bytes, expected at most {kind.most}")
+        return text.encode()[: kind.most - len(_CUT.encode())].decode(errors="ignore") + _CUT
 
     return check
+
+
+_CUT = "…"
+"""Where a text for people ends that was too long."""
 
 
 def _message_checker(cls: str, kind: Kind) -> Check:
@@ -136,8 +144,8 @@ def _tuple_checker(cls: str, kind: Kind) -> Check:
     def check(name: str, value: Any, sizes: dict[str, int]) -> Any:
         if not isinstance(value, (tuple, list)):
             raise MessageError(f"{cls}.{name}: got {type(value).__name__}, expected a tuple")
-        if len(value) > MAX_ITEMS:
-            raise MessageError(f"{cls}.{name}: got {len(value)} items, expected at most {MAX_ITEMS}; use an array")
+        if len(value) > kind.most:
+            raise MessageError(f"{cls}.{name}: got {len(value)} items, expected at most {kind.most}; use an array")
         return tuple([item(f"{name}[{i}]", entry, {}) for i, entry in enumerate(value)])
 
     return check

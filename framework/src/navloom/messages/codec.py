@@ -3,8 +3,8 @@
 Layout: `u32 length of the header (little endian) | header | padding to 64 | array | padding to 64 | array …`. The
 header is a map: `envelope` (key, sequence, tick, stamp_ns, cause_ns, epoch), `fields` by name, and `arrays`, a list of
 (dtype, shape, offset from the first array). In `fields` an array is its place in that list. Schema name and version
-travel beside the bytes. Nothing is executed in decoding, and nothing is allocated beyond the header's own values:
-arrays are read-only views of the bytes.
+travel beside the bytes. Nothing is executed in decoding, and nothing is allocated beyond the values that a header's
+class declares: a header longer than that class allows is refused unread, and arrays are read-only views of the bytes.
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.messages.bounds import ALIGNMENT, LARGEST_HEADER, header_limit
 from navloom.messages.envelope import Envelope
-from navloom.messages.kinds import DTYPES, MAX_ITEMS, Kind, Message, MessageError, brief
-from navloom.messages.packing import ALIGNMENT, PACKER, PAD, Arrays, Pads, writer_of
+from navloom.messages.headers import read_header
+from navloom.messages.kinds import DTYPES, MAX_ARRAYS, Kind, Message, MessageError, brief
+from navloom.messages.packing import PACKER, PAD, Arrays, Pads, writer_of
 from navloom.messages.schema import SCHEMAS
 
 __all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_length", "pack_time", "read_envelope",
            "schema_label"]  # fmt: skip
 
-MAX_ARRAYS = 256
+SHORT, SHORT_LIST = 4096, 256
+"""Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest, 3 MB at most."""
 _LENGTH = struct.Struct("<I")
 pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + PACKER.pack("envelope")
@@ -41,7 +44,8 @@ class CodecError(ValueError):
     """Bytes that are not the message they claim to be; the text names the place, the value and the expectation."""
 
 
-_READERS: dict[type[Message], Read] = {}
+_READERS: dict[type[Message], tuple[Read, int]] = {}
+"""How each class is read, and bytes of its header at most."""
 
 
 def schema_label(cls: type[Message]) -> str:
@@ -57,6 +61,8 @@ def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int,
         raise CodecError(f"{schema_label(cls)}: holds {len(arrays)} arrays, expected at most {MAX_ARRAYS}")
     lead = _ENVELOPE + PACKER.pack(envelope)
     length = len(lead) + len(rest)
+    if length > SHORT and length > header_limit(cls):
+        raise CodecError(f"{schema_label(cls)}: the header takes {length} bytes, expected at most {header_limit(cls)}")
     if not size:
         return pack_length(length) + lead + rest
     pieces: list[Any] = [pack_length(length), lead, rest]
@@ -103,6 +109,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
     """
     cls = _class_of(label)
+    read, most = _READERS.get(cls) or _reader(cls)
     if data.__class__ is not bytes:
         data = memoryview(data).cast("B").toreadonly()
     if len(data) < 4:
@@ -110,15 +117,12 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     end = 4 + _LENGTH.unpack_from(data)[0]
     if end > len(data):
         raise CodecError(f"{label}: the header claims {end - 4} bytes, {len(data) - 4} are there")
+    if end - 4 > most:
+        raise CodecError(f"{label}: the header takes {end - 4} bytes, expected at most {most}")
     try:
-        header = msgpack.unpackb(data[4:end], max_array_len=min(end, MAX_ITEMS))
-    except Exception as error:
-        raise CodecError(f"{label}: the header is not MessagePack: {brief(error)}") from None
-    if not isinstance(header, dict):
-        raise CodecError(f"{label}: the header is {type(header).__name__}, expected a map")
-    try:
+        header = _header(data[4:end], cls)
         arrays = _arrays(header.get("arrays"), data, end + -end % ALIGNMENT)
-        message = _reader(cls)(header.get("fields"), arrays)
+        message = read(header.get("fields"), arrays)
         return message, _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
@@ -130,20 +134,44 @@ def read_envelope(data: bytes | memoryview) -> Envelope:
     end = 4 + _LENGTH.unpack_from(view)[0] if len(view) >= 4 else 0
     if not 4 < end <= len(view):
         raise CodecError(f"got {len(view)} bytes, expected a header that fits into them")
+    if end - 4 > LARGEST_HEADER:
+        raise CodecError(f"the header takes {end - 4} bytes, expected at most {LARGEST_HEADER}")
     try:
-        header = msgpack.unpackb(view[4:end], max_array_len=min(end, MAX_ITEMS))
+        return _envelope(_header(view[4:end], None).get("envelope"))
+    except MessageError as error:
+        raise CodecError(str(error)) from None
+
+
+def _header(packed: bytes | memoryview, cls: type[Message] | None) -> dict[Any, Any]:
+    """The map that a header is: of a long one only what is declared, for None the envelope alone."""
+    try:
+        header = _built(packed, cls) if cls is not None and len(packed) <= SHORT else read_header(packed, cls)
+    except MessageError:
+        raise
     except Exception as error:
         raise CodecError(f"the header is not MessagePack: {brief(error)}") from None
-    return _envelope(header.get("envelope") if isinstance(header, dict) else None)
+    if not isinstance(header, dict):
+        raise CodecError(f"the header is {type(header).__name__}, expected a map")
+    return header
+
+
+def _built(packed: bytes | memoryview, cls: type[Message]) -> Any:
+    """A short header, built as a whole; one with a long list in it is read as a long header is."""
+    try:
+        return msgpack.unpackb(packed, max_array_len=SHORT_LIST)
+    except ValueError:
+        if len(packed) <= SHORT_LIST:
+            raise
+        return read_header(packed, cls)
 
 
 def _class_of(label: str) -> type[Message]:
     name, _, version = label.partition("/")
     cls = SCHEMAS.get(name)
     if cls is None:
-        raise CodecError(f"schema {label!r} is unknown here: the sender runs another set of plugins or versions")
+        raise CodecError(f"schema {brief(label)} is unknown here: the sender runs another set of plugins or versions")
     if version != str(cls.schema_version):
-        raise CodecError(f"schema {label!r}: this side speaks version {cls.schema_version}; update the older side")
+        raise CodecError(f"schema {brief(label)}: this side speaks version {cls.schema_version}; update the older side")
     return cls
 
 
@@ -196,11 +224,11 @@ def _arrays(table: Any, data: bytes | memoryview, start: int) -> list[NDArray[An
     return arrays
 
 
-def _reader(cls: type[Message]) -> Read:
-    read = _READERS.get(cls)
-    if read is None:
-        read = _READERS[cls] = _make_reader(cls)
-    return read
+def _reader(cls: type[Message]) -> tuple[Read, int]:
+    found = _READERS.get(cls)
+    if found is None:
+        found = _READERS[cls] = _make_reader(cls), header_limit(cls)
+    return found
 
 
 def _make_reader(cls: type[Message]) -> Read:
@@ -241,7 +269,7 @@ def _value_reader(kind: Kind) -> Read | None:
         return _read_array
     if kind.form == "message":
         assert kind.message is not None
-        return _reader(kind.message)
+        return _reader(kind.message)[0]
     if kind.form == "tuple":
         assert kind.item is not None
         item, optional = _value_reader(kind.item), kind.item.optional

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from navloom.messages.motion import Point2D
-from navloom.messages.schema import Message, message
+from navloom.messages.schema import Message, Most, Name, Words, message
 
 __all__ = ["OUTCOMES", "Drive", "Feedback", "Goal", "GoalResult", "OperatorRequest", "Outcome"]
 
@@ -32,7 +32,7 @@ class Goal(Message):
     x: float
     y: float
     heading: float | None
-    via: tuple[Point2D, ...]
+    via: Annotated[tuple[Point2D, ...], Most(512)]
 
 
 @message()
@@ -48,9 +48,9 @@ class OperatorRequest(Message):
 
     do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen"]
     goal: Goal | None = None
-    role: str = ""
-    instance: str = ""
-    values: tuple[str, ...] = ()
+    role: Name = ""
+    instance: Name = ""
+    values: Annotated[tuple[str, ...], Most(256)] = ()
 
 
 @message()
@@ -90,7 +90,7 @@ class Feedback(Message):
     time_left: float
     cross_track: float
     recoveries: int
-    localizer: str = ""
+    localizer: Words = ""
 
 
 @message()
@@ -99,5 +99,5 @@ class GoalResult(Message):
 
     goal_id: int
     outcome: Outcome
-    reason: str
+    reason: Words
     place: Point2D

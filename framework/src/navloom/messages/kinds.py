@@ -10,14 +10,21 @@ from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origi
 
 import numpy as np
 
-__all__ = ["DTYPES", "MAX_ITEMS", "RULES", "Array", "Heading", "Kind", "Message", "MessageError", "NotNegative",
-           "Positive", "Stamp", "Unbounded", "brief", "holds_array", "kind_of"]  # fmt: skip
+__all__ = ["DTYPES", "MAX_ARRAYS", "MAX_ITEMS", "MAX_TEXT", "RULES", "Array", "Heading", "Kind", "Message",
+           "MessageError", "Most", "Name", "NotNegative", "Positive", "Stamp", "Unbounded", "Words", "brief",
+           "holds_array", "kind_of"]  # fmt: skip
 
 DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")}
 """Element types of arrays, by the name they have in the bytes."""
 
+MAX_ARRAYS = 256
+"""Most arrays of a message."""
+
 MAX_ITEMS = 4096
-"""Most items a tuple field holds: what a decoder may set aside for a claimed length before it has seen the items."""
+"""Most items of a tuple field whose declaration sets no other bound with `Most`."""
+
+MAX_TEXT = 1024
+"""Most bytes of a text field whose declaration sets no other bound with `Most`."""
 
 
 class MessageError(ValueError):
@@ -43,6 +50,19 @@ class Array:
     at_most: float | None = None
     may_be_empty: bool = True
 
+
+@dataclass(frozen=True)
+class Most:
+    """Bound of a text field, bytes of UTF-8, or of a tuple field, items: `Annotated[tuple[Point2D, ...], Most(16)]`."""
+
+    count: int
+
+
+Name = Annotated[str, Most(255)]
+"""A name: of a role, an instance, a port."""
+
+Words = Annotated[str, "words"]
+"""Text for people. What exceeds the bound is cut, since no explanation is worth losing its message for."""
 
 Unbounded = Annotated[float, "infinite"]
 """A float that may be `+inf` (the clearance in an empty world); never NaN or `-inf`."""
@@ -76,6 +96,8 @@ class Kind:
         message: Class of a nested message.
         infinite: A float that may be infinite.
         rule: One of RULES that a number is held to; empty for none.
+        most: Most items of a tuple, or bytes of a text.
+        is_cut: Text beyond that is cut; else it is refused.
     """
 
     form: str
@@ -86,6 +108,8 @@ class Kind:
     message: type[Message] | None = None
     infinite: bool = False
     rule: str = ""
+    most: int = 0
+    is_cut: bool = False
 
 
 class Message:
@@ -114,23 +138,34 @@ def kind_of(hint: Any) -> Kind:
         if len(inner) == 1:
             return Kind(**{**kind_of(inner[0]).__dict__, "optional": True})
     elif origin is Annotated:
-        base, mark = args[:2]
-        if not isinstance(mark, Array):
-            kind = replace(kind_of(base), infinite=base is float and mark == "infinite")
-            return replace(kind, rule=mark) if isinstance(mark, str) and RULES.get(mark) is base else kind
-        if np.dtype(mark.dtype).str in DTYPES:
-            return Kind("array", array=mark)
+        return _marked(*args[:2])
     elif origin is Literal:
         if all(type(choice) is str for choice in args):
             return Kind("str", choices=args)
     elif origin is tuple:
         if len(args) == 2 and args[1] is Ellipsis:
-            return Kind("tuple", item=kind_of(args[0]))
+            return Kind("tuple", item=kind_of(args[0]), most=MAX_ITEMS)
     elif isinstance(hint, type) and issubclass(hint, Message):
         return Kind("message", message=hint)
     elif hint in (float, int, bool, str):
-        return Kind(hint.__name__)
+        return Kind(hint.__name__, most=MAX_TEXT if hint is str else 0)
     raise TypeError(f"a message field cannot be annotated {hint!r}")
+
+
+def _marked(base: Any, mark: Any) -> Kind:
+    """The kind of `Annotated[base, mark]`."""
+    if isinstance(mark, Array):
+        if np.dtype(mark.dtype).str not in DTYPES:
+            raise TypeError(f"a message field cannot be annotated {mark!r}")
+        return Kind("array", array=mark)
+    kind = kind_of(base)
+    if isinstance(mark, Most) and kind.most:
+        return replace(kind, most=mark.count)
+    if mark == "words" and base is str:
+        return replace(kind, is_cut=True)
+    if mark == "infinite" and base is float:
+        return replace(kind, infinite=True)
+    return replace(kind, rule=mark) if isinstance(mark, str) and RULES.get(mark) is base else kind
 
 
 def holds_array(kind: Kind) -> bool:

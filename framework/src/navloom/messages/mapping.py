@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages.motion import Point2D, Pose2D
-from navloom.messages.schema import Array, Message, NotNegative, Positive, Stamp, message
+from navloom.messages.schema import Array, Message, Most, Name, NotNegative, Positive, Stamp, Words, message
 
 __all__ = ["ClearRequest", "Count", "MapUpdate", "OccupancyGrid", "Path", "PlanFailure", "PlanRequest"]
 
@@ -34,7 +34,7 @@ class OccupancyGrid(Message):
 class Count(Message):
     """One named number of a diagnosis."""
 
-    name: str
+    name: Name
     value: int
 
 
@@ -52,7 +52,7 @@ class MapUpdate(Message):
     stamp_ns: Stamp
     grid: OccupancyGrid
     segments: Annotated[Floats, Array("float64", ("n", 4))]
-    counts: tuple[Count, ...]
+    counts: Annotated[tuple[Count, ...], Most(64)]
 
 
 @message()
@@ -108,4 +108,4 @@ class PlanFailure(Message):
     request_id: int
     kind: Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
     place: Point2D
-    detail: str
+    detail: Words

@@ -7,12 +7,14 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.messages.schema import Array, Heading, Message, Stamp, Unbounded, message
+from navloom.messages.schema import Array, Heading, Message, Most, Name, Stamp, Unbounded, Words, message
 
 __all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", "PoseEstimate", "PoseTrack",
            "Reference", "Selection", "TrackingCommand", "Trajectory", "Truth", "Twist2D"]  # fmt: skip
 
 Floats = NDArray[np.float64]
+Instances = Annotated[tuple[Name, ...], Most(64)]
+"""One "role instance" of each role at most."""
 
 
 @message()
@@ -78,7 +80,7 @@ class Truth(Message):
     pose: Pose2D
     twist: Twist2D
     clearance: Unbounded
-    nearest: str
+    nearest: Words
     touching: bool
 
 
@@ -100,7 +102,7 @@ class PoseEstimate(Message):
     twist: Twist2D
     covariance: Annotated[Floats, Array("float64", (3, 3))]
     state: Literal["tracking", "searching", "lost"] = "tracking"
-    reason: str = ""
+    reason: Words = ""
 
 
 @message()
@@ -202,11 +204,11 @@ class GateStatus(Message):
     """
 
     source: Literal["none", "controller", "avoider", "recovery", "operator"]
-    instance: str
+    instance: Name
     stopped: bool
     latched: bool
-    reason: str
-    pending: tuple[str, ...]
+    reason: Words
+    pending: Instances
     share: float = 1.0
     limit: Literal["", "obstacle", "unseen", "overridden"] = ""
     place: Point2D | None = None
@@ -225,7 +227,7 @@ class Selection(Message):
 
     epoch: int
     from_tick: int
-    instances: tuple[str, ...]
+    instances: Instances
 
     @property
     def chosen(self) -> dict[str, str]:

@@ -14,11 +14,11 @@ from typing import Any
 import msgpack
 from numpy.typing import NDArray
 
+from navloom.messages.bounds import ALIGNMENT
 from navloom.messages.kinds import Kind, Message, holds_array
 
-__all__ = ["ALIGNMENT", "PACKER", "PAD", "Arrays", "Pads", "Write", "writer_of"]
+__all__ = ["PACKER", "PAD", "Arrays", "Pads", "Write", "writer_of"]
 
-ALIGNMENT = 64
 Arrays = Sequence[NDArray[Any]]
 Pads = Sequence[bytes | None]
 Write = Callable[[Any], tuple[bytes, Arrays, Pads, int]]

@@ -16,16 +16,19 @@ from navloom.messages.kinds import (
     Kind,
     Message,
     MessageError,
+    Most,
+    Name,
     NotNegative,
     Positive,
     Stamp,
     Unbounded,
+    Words,
     holds_array,
     kind_of,
 )
 
-__all__ = ["SCHEMAS", "Array", "Heading", "Kind", "Message", "MessageError", "NotNegative", "Positive", "Stamp",
-           "Unbounded", "message"]  # fmt: skip
+__all__ = ["SCHEMAS", "Array", "Heading", "Kind", "Message", "MessageError", "Most", "Name", "NotNegative", "Positive",
+           "Stamp", "Unbounded", "Words", "message"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 
@@ -84,7 +87,7 @@ _FITS = {
     "float": "{0}.__class__ is float and -_inf < {0} < _inf",
     "int": "{0}.__class__ is int and -0x8000000000000000 <= {0} <= 0x7fffffffffffffff",
     "bool": "({0} is True or {0} is False)",
-    "str": "{0}.__class__ is str and {0}.isascii()",
+    "str": "{0}.__class__ is str and {0}.isascii() and len({0}) <= {most}",
     "message": "{0}.__class__ is _class_{0}",
     "tuple": "{0}.__class__ is tuple and not {0}",
 }
@@ -140,7 +143,7 @@ def _unless_it_fits(name: str, kind: Kind) -> str:
     """The condition, as source, under which the check of a field must be called; empty for always."""
     if kind.form == "array":
         return f"if {name} is not None: " if kind.optional else ""
-    fits = (_FITS_RULE[kind.rule] if kind.rule else _FITS[kind.form]).format(name)
+    fits = (_FITS_RULE[kind.rule] if kind.rule else _FITS[kind.form]).format(name, most=kind.most)
     if kind.infinite:
         fits = f"{name}.__class__ is float and -_inf < {name} <= _inf"
     if kind.choices:

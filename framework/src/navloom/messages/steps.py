@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from navloom.messages.schema import Message, message
+from typing import Annotated
+
+from navloom.messages.schema import Message, Most, Name, Words, message
 
 __all__ = ["InputRead", "Parameters", "PortMark", "StepReport"]
 
@@ -17,7 +19,7 @@ class InputRead(Message):
             and the last number of each run without a gap.
     """
 
-    input: str
+    input: Name
     sequences: tuple[int, ...]
 
 
@@ -25,7 +27,7 @@ class InputRead(Message):
 class PortMark(Message):
     """High-water mark of a port: sequence of the last message published there, 0 for none yet."""
 
-    port: str
+    port: Name
     sequence: int
 
 
@@ -47,15 +49,15 @@ class StepReport(Message):
             `engine.own_nodes`.
     """
 
-    trigger: str
-    read: tuple[InputRead, ...]
-    published: tuple[PortMark, ...]
+    trigger: Name
+    read: Annotated[tuple[InputRead, ...], Most(1024)]
+    published: Annotated[tuple[PortMark, ...], Most(256)]
     enabled: bool
     params_version: int
     resets: int
     duration_ns: int
-    fault: str
-    told: str = ""
+    fault: Words
+    told: Annotated[str, Most(1 << 17)] = ""
 
 
 @message()
@@ -63,4 +65,4 @@ class Parameters(Message):
     """Parameters of an instance that were changed while it ran: TOML assignments `name = value`, one a string."""
 
     version: int
-    values: tuple[str, ...]
+    values: Annotated[tuple[str, ...], Most(256)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import time
+import uuid
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,12 +13,16 @@ from navloom.messages import Message
 from navloom.messages.codec import CodecError, decode
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.zenoh_bus import Answer, Bus
+from navloom.runtime.once import REQUEST
+from navloom.runtime.zenoh_bus import TIMED_OUT, Answer, Bus
 
-__all__ = ["OPEN", "Client", "ClientError", "Refused"]
+__all__ = ["OPEN", "Client", "ClientError", "Refused", "Unanswered"]
 
 JOIN = 2.0
 """s until a tool has found the robot's processes."""
+ATTEMPT, PAUSE = 2.4, 0.05
+"""s to wait for an answer before asking again, which is longer than a service takes, and s before that."""
+UNKNOWN = "whether it was done is not known: `navloom status` shows it, `navloom doctor` why there was no answer"
 
 OPEN: Mapping[str, Any] = {
     **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
@@ -50,6 +55,10 @@ class ClientError(RuntimeError):
     """Nobody answers; the text says who was asked and what to do."""
 
 
+class Unanswered(ClientError):
+    """It was asked and gave no answer, so that it may have been done or not."""
+
+
 class Refused(ValueError):
     """The robot answered, but does not do it; the text says why."""
 
@@ -79,32 +88,52 @@ class Client:
         """Lives in which an instance is there: one, of which another takes the place when it begins anew."""
         return {key.rpartition("/")[2] for key in self.bus.alive(self.keys.alive(role, instance, "*"))}
 
-    def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 4.0) -> Any:
-        """What an instance answers.
+    def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 5.0) -> Any:
+        """What an instance answers, within this many s.
+
+        The request has a name of its own, so that the instance does it once, however often it is asked again because
+        an answer was lost. Where another life of the instance has taken over meanwhile, it is not asked again.
 
         Raises:
-            Refused: It says no; ClientError: nobody answers within s.
+            Refused: It says no; ClientError: nobody is there; Unanswered: somebody is, and no answer came.
         """
-        key, data = self.keys.port(role, instance, service), json.dumps(given).encode()
-        limit = time.monotonic() + min(JOIN, timeout)
-        while True:
-            for answer in self.bus.ask(key, data, timeout):
-                if answer.refusal:
-                    if answer.refusal == "Timeout":
-                        break
-                    raise Refused(answer.refusal)
+        who, data = f"{role} {instance}", json.dumps({**given, REQUEST: uuid.uuid4().hex}).encode()
+        began, asked = time.monotonic(), frozenset[str]()
+        while (left := began + timeout - time.monotonic()) > 0.0:
+            lives = self.lives(role, instance)
+            if asked and lives - asked:
+                raise Unanswered(
+                    f"robot {self.keys.prefix}: {who} began anew while it was asked ({service}); {UNKNOWN}"
+                )
+            answer = (
+                self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
+            )
+            if answer is not None:
                 try:
                     return json.loads(answer.data)
                 except ValueError:
-                    raise ClientError(
-                        f"robot {self.keys.prefix}: {role} {instance} answers {service} with no JSON"
-                    ) from None
-            if time.monotonic() > limit:
-                raise ClientError(
-                    f"robot {self.keys.prefix}: {role} {instance} does not answer ({service}); "
-                    "`navloom list` shows who is there, `navloom doctor` why not; a certificate may not be let ask this"
-                )
-            time.sleep(0.05)
+                    raise ClientError(f"robot {self.keys.prefix}: {who} answers {service} with no JSON") from None
+            asked |= lives
+            if not asked and time.monotonic() - began > JOIN:
+                break
+            time.sleep(PAUSE)
+        if asked:
+            raise Unanswered(
+                f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({service}); {UNKNOWN}; "
+                "a certificate may not be let ask this"
+            )
+        raise ClientError(
+            f"robot {self.keys.prefix}: {who} does not answer ({service}): it is not there; `navloom list` shows who "
+            "is, `navloom doctor` why not"
+        )
+
+    def _asked_once(self, key: str, data: bytes, timeout: float) -> Answer | None:
+        """One try: the answer, or None where there was none. Raises Refused."""
+        for answer in self.bus.ask(key, data, timeout):
+            if answer.refusal in ("", TIMED_OUT):
+                return None if answer.refusal else answer
+            raise Refused(answer.refusal)
+        return None
 
     def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
         """The last message of a stream whose publisher keeps it; None where there is none."""
@@ -152,4 +181,5 @@ def _is_description(given: Any) -> bool:
         and all(" " in node for node in places)
         and all(isinstance(counts, dict) and counts.keys() >= _COUNTED for counts in streams.values())
         and all(isinstance(counts[name], int) for counts in streams.values() for name in _COUNTED)
+        and all(isinstance(counts.get("misrouted", 0), int) for counts in streams.values())
     )

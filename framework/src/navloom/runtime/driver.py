@@ -12,7 +12,7 @@ from navloom.messages import Command, Envelope, GateStatus, Message, Odometry, T
 from navloom.messages.codec import CodecError, decode, encode, schema_label
 from navloom.runtime.client import Client, ClientError
 from navloom.runtime.looking import NO_PATH, who_drives, why_stopped
-from navloom.runtime.quality import quality_of
+from navloom.runtime.quality import most_of, quality_of
 
 __all__ = ["Driver", "limit_in_words"]
 
@@ -74,11 +74,11 @@ class Driver:
         keys, bus = self._client.keys, self._client.bus
         self._key = keys.port("operator", "main", "command")
         self._publication = bus.publication(self._key, quality_of(Command))
-        bus.subscribe(keys.port("platform", "*", "odometry"), self._hear)
+        bus.subscribe(keys.port("platform", "*", "odometry"), self._hear, most_of(Odometry))
         if not self._heard.wait(HEAR):
             raise ClientError(f"robot {keys.prefix}: its platform is not heard; `navloom doctor` says why")
-        for port in ("status", "command"):
-            bus.subscribe(keys.port("gate", "main", port), self._hear_gate)
+        for port, kind in (("status", GateStatus), ("command", Command)):
+            bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
         self._heed(self._client.last("gate", "main", "status"))
         self._refuse_where_it_stands()
         if self._enters_unseen:

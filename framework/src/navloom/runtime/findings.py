@@ -166,11 +166,23 @@ def flowing(nodes: Sequence[Node]) -> list[Finding]:
                 found.append(
                     Finding("problem", what, "find who sends them; both ends need the same version of navloom")
                 )
+            if counts.get("misrouted"):
+                found.append(_misrouted(f"{named(node)}: {counts['misrouted']} messages on {stream}", counts))
             if not is_slow(node) and not counts["latest"] and counts["dropped"] > max(FEW, counts["received"] // 10):
                 what = f"{named(node)}: {counts['dropped']} of {counts['received']} messages on {stream} dropped unread"
                 remedy = "it is slower than the stream: give its process a core of its own, or lower the rate"
                 found.append(Finding("problem", what, remedy))
     return found
+
+
+def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
+    """Messages of other streams: a few come of restarts, many of somebody who publishes under a wrong key."""
+    what = f"{which} belong to another stream and were refused, the last to {counts.get('origin', 'an unknown one')}"
+    if counts["misrouted"] <= FEW:
+        remedy = "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"
+        return Finding("note", what, remedy)
+    remedy = "find who publishes there, such as a replay or a second robot of this name; if nobody does, restart its "
+    return Finding("problem", what, remedy + "router, or the robot where it has none")
 
 
 def differing(nodes: Sequence[Node]) -> list[Finding]:

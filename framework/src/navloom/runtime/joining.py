@@ -15,7 +15,7 @@ from navloom.plugins.registry import close_to
 from navloom.runtime.client import Client
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running, robots
 from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.links import Link, certificate
+from navloom.runtime.links import Endpoint, Link, certificate
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["expiring", "find_robot", "join", "joined", "split_name"]
@@ -102,8 +102,10 @@ def join(
             shown = _shown(keys or running.keys, identity)
             link = Link("client", (), running.endpoints, *shown, insecure, realm, name)
         else:
-            sockets = tuple(RobotFolder(realm, name).sockets()) or running.endpoints
-            link = Link("peer", (), sockets, realm=realm, robot=name)
+            # A process that is just restarting has no socket: it is called all the same, until it is there. Peers pass
+            # nothing on, so that without a link of its own a tool would get no word from it, in all its session.
+            sockets = sorted({*RobotFolder(realm, name).sockets(), *running.endpoints})
+            link = Link("peer", (), tuple(sockets), realm=realm, robot=name)
     for warning in expiring(link.credentials):
         say(warning)
     with joined(link) as bus:
@@ -121,9 +123,16 @@ def expiring(folder: Path | None) -> tuple[str, ...]:
 
 @contextmanager
 def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
-    """A tool's session, once it has found whom its link calls. Raises BusError: nobody is there for s."""
+    """A tool's session, once it has found who listens where its link calls. Raises BusError: nobody is there for s."""
     with Bus(replace(link, shared_memory=False), patience) as bus:
         limit = time.monotonic() + FOUND
-        while bus.neighbours() < (len(link.connect) if link.mode == "peer" else 1) and time.monotonic() < limit:
+        wanted = sum(_may_listen(end) for end in link.connect) if link.mode == "peer" else 1
+        while bus.neighbours() < wanted and time.monotonic() < limit:
             time.sleep(0.01)
         yield bus
+
+
+def _may_listen(end: str) -> bool:
+    """Whether somebody may listen at an endpoint: at a socket only where there is a file of it."""
+    endpoint = Endpoint.parse(end)
+    return endpoint.protocol != "unixsock-stream" or Path(endpoint.host).exists()

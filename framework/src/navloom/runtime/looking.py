@@ -15,7 +15,7 @@ from navloom.messages.codec import CodecError, decode
 from navloom.navigation.gate import OBSTACLE
 from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
-from navloom.runtime.quality import is_retained
+from navloom.runtime.quality import is_retained, kind_of, most_of
 
 __all__ = [
     "NO_GOAL",
@@ -296,7 +296,8 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
             else:
                 inlet.give(Packet(data, label))
 
-        client.bus.subscribe(f"{client.keys.prefix}/{stream}", receive)
+        role, _, port = stream.split("/", 2)
+        client.bus.subscribe(f"{client.keys.prefix}/{stream}", receive, most_of(kind_of(role, port)))
     return taps
 
 

@@ -12,9 +12,21 @@ from typing import Any
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError, decode
 
-__all__ = ["Inlet", "Mailbox", "Packet", "StreamCounts"]
+__all__ = ["Inlet", "Mailbox", "Misrouted", "Packet", "StreamCounts"]
 
 AGES = 256
+
+
+class Misrouted(CodecError):
+    """A message that the network delivered to another stream than its own.
+
+    Attributes:
+        origin: Key of its own stream.
+    """
+
+    def __init__(self, origin: str, key: str) -> None:
+        super().__init__(f"a message of stream {origin} came by {key}")
+        self.origin = origin
 
 
 class Packet:
@@ -55,7 +67,7 @@ class Packet:
     def _decode(self) -> tuple[Message, Envelope]:
         message, envelope = decode(self.data, self.label)
         if self._key is not None and envelope.key != self._key:
-            raise CodecError(f"a message of stream {envelope.key} came by {self._key}")
+            raise Misrouted(envelope.key, self._key)
         if self._kind is not None and not isinstance(message, self._kind):
             raise CodecError(f"{type(message).__name__} came by {self._key}, which carries {self._kind.__name__}")
         return message, envelope
@@ -70,13 +82,24 @@ class Packet:
 
 @dataclass
 class StreamCounts:
-    """What became of a stream's messages on their way into one node; `ages` in s, newest last."""
+    """What became of a stream's messages on their way into one node.
+
+    Attributes:
+        received: All that came.
+        dropped: Pushed out unread by newer ones.
+        malformed: No messages of this stream, and `complaint` why the last one was none.
+        misrouted: Sound messages of other streams, and `origin` the stream of the last one.
+        late: Passed over for what had come before.
+        ages: s, newest last.
+    """
 
     received: int = 0
     dropped: int = 0
     malformed: int = 0
+    misrouted: int = 0
     late: int = 0
     complaint: str = ""
+    origin: str = ""
     ages: deque[float] = field(default_factory=lambda: deque(maxlen=AGES))
 
     def summary(self) -> dict[str, Any]:
@@ -86,10 +109,13 @@ class StreamCounts:
             "received": self.received,
             "dropped": self.dropped,
             "malformed": self.malformed,
+            "misrouted": self.misrouted,
             "late": self.late,
         }
         if self.complaint:
             found["complaint"] = self.complaint
+        if self.origin:
+            found["origin"] = self.origin
         if ages:
             found["age_p50_s"] = ages[len(ages) // 2]
             found["age_p99_s"] = ages[min(len(ages) - 1, len(ages) * 99 // 100)]
@@ -222,6 +248,10 @@ class Inlet:
                 self.arrived_ns = item.arrived_ns
                 try:
                     item = item.open()
+                except Misrouted as error:
+                    self.counts.misrouted += 1
+                    self.counts.origin = error.origin
+                    continue
                 except CodecError as error:
                     self.counts.malformed += 1
                     self.counts.complaint = str(error)

@@ -14,6 +14,7 @@ from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.joining import join
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
+from navloom.runtime.quality import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
 
@@ -253,5 +254,5 @@ class Navigator:
             if data is not None:
                 inlet.give(Packet(data, label))
 
-        self.client.bus.subscribe(key, receive)
+        self.client.bus.subscribe(key, receive, most_of(kind_of(role, port)))
         return inlet

@@ -6,9 +6,10 @@ from navloom.engine import catalogue  # noqa: F401  (declares the ports)
 from navloom.engine.ports import Ports, Quality, known_ports
 from navloom.engine.streams import STATE, WORD, sensor_quality
 from navloom.messages import Message, Parameters, StepReport
-from navloom.runtime.keyspace import STEP
+from navloom.messages.bounds import size_limit
+from navloom.runtime.keyspace import LARGEST, STEP
 
-__all__ = ["PARAMETERS", "Quality", "is_retained", "kind_of", "quality_of", "retained_ports"]
+__all__ = ["PARAMETERS", "Quality", "is_retained", "kind_of", "most_of", "quality_of", "retained_ports"]
 
 PARAMETERS = "parameters"
 """Port on which every instance keeps its parameters once they were changed."""
@@ -26,6 +27,12 @@ def kind_of(role: str, port: str) -> type[Message] | None:
         return StepReport
     declared = Ports.known.get((role, port))
     return None if declared is None else declared.carries
+
+
+def most_of(kind: type[Message] | None) -> int:
+    """Bytes of a message at most on a stream that carries this class; None for any class."""
+    limit = None if kind is None else size_limit(kind)
+    return LARGEST if limit is None else min(limit, LARGEST)
 
 
 def retained_ports(role: str = "") -> list[tuple[str, str]]:

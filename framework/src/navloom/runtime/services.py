@@ -28,6 +28,7 @@ from navloom.runtime.live_gate import LiveGate
 from navloom.runtime.live_goal import LiveGoal
 from navloom.runtime.live_platform import LivePlatform
 from navloom.runtime.memory import Memory
+from navloom.runtime.once import Once
 from navloom.runtime.placing import spread
 from navloom.runtime.provenance import distributions
 from navloom.runtime.run_clock import RunClock
@@ -67,6 +68,7 @@ class Services:
         self._system, self._process, self._keys, self._bus = system, process, keys, bus
         self._hosted, self._live, self._memory, self._clock, self._board = hosted, live, memory, clock, board
         self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="service")
+        self._once = Once()
         self._goals = threading.Lock()
         self._began = time.monotonic()
         shares = spread(system.config, all_sources(system), None)
@@ -94,7 +96,7 @@ class Services:
         self._bus.serve(self._keys.process(self._process, "config"), self._show_config)
 
     def _serve(self, source: Source, service: str, handler: Handler) -> None:
-        key = self._keys.port(*source, service)
+        key, handler = self._keys.port(*source, service), self._once.guard(handler)
 
         def pass_on(question: Question) -> None:
             self._pool.submit(self._handle, key, question, handler)
@@ -109,7 +111,7 @@ class Services:
             question.answer(key, json.dumps(handler(given)).encode(), "json")
         except (ServiceError, ConfigError) as error:
             question.refuse(str(error))
-        except (ValueError, KeyError, TypeError) as error:
+        except Exception as error:  # whatever it is: a question that is let go has no answer, not even a timeout
             question.refuse(f"request not understood: {type(error).__name__}: {error}")
 
     def _recall(self, question: Question) -> None:
@@ -211,7 +213,9 @@ class Services:
             number = self._memory.last_goal + 1
             self._memory.last_goal = number
         goal = Goal(number, x, y, heading, via)
-        self._apply(runner, lambda: runner.submit(OperatorRequest("goal", goal)))
+        self._apply(
+            runner, lambda: runner.submit(OperatorRequest("goal", goal)), patience=max(0.0, limit - time.monotonic())
+        )
         return {"goal_id": number}
 
     def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
@@ -234,13 +238,16 @@ class Services:
         self._apply(runner, lambda: runner.obey(OperatorRequest(do)), waits=do == "stop")  # type: ignore[arg-type]
         return {"done": do}
 
-    def _apply(self, runner: LiveRunner, change: Callable[[], None], waits: bool = False) -> None:
+    def _apply(
+        self, runner: LiveRunner, change: Callable[[], None], waits: bool = False, patience: float = APPLY
+    ) -> None:
         """Have a node's own thread do something, and wait for it.
 
         Args:
             runner: The node's.
             change: What it is to do.
             waits: It is to be done whenever the node comes to it. Else a refusal holds: it is not done afterwards.
+            patience: s to wait for it.
 
         Raises:
             ServiceError: The node does not come to it, or it cannot be done.
@@ -256,11 +263,13 @@ class Services:
                 done.set()
 
         runner.change(do)
-        if not done.wait(APPLY):
+        if not done.wait(patience):
             node = " ".join(runner.cell.source)
             if waits or not begun.acquire(blocking=False):
-                raise ServiceError(f"{node} has been in one step for {APPLY:g} s: this is done once that has ended")
-            raise ServiceError(f"{node} has been in one step for {APPLY:g} s: nothing was changed; ask again")
+                raise ServiceError(
+                    f"{node} has been in one step for {patience:.1f} s: this is done once that has ended"
+                )
+            raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; ask again")
         if failure:
             raise ServiceError(str(failure[0]))
 

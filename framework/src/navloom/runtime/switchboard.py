@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Iterable
 
 from navloom.messages import Message
-from navloom.runtime.keyspace import LARGEST, KeySpace
+from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
-from navloom.runtime.quality import PARAMETERS, is_retained, kind_of, retained_ports
+from navloom.runtime.quality import PARAMETERS, is_retained, kind_of, most_of, retained_ports
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
@@ -59,7 +59,7 @@ class Switchboard:
             if key in self._outlets:
                 self._outlets[key].readers = inlets
             else:
-                self.bus.subscribe(key, self._receive)
+                self.bus.subscribe(key, self._receive, most_of(self._kinds[key]))
 
     def fetch(self, source: tuple[str, str]) -> None:
         """Ask an instance that came up for the last messages of what it keeps."""
@@ -79,8 +79,10 @@ class Switchboard:
     def _receive(self, key: str, data: bytes | None, label: str, asked_ns: int = 0) -> None:
         inlets = self._inlets.get(key, ())
         if data is None:
+            kind = self._kinds.get(key)
+            carries = "no message" if kind is None else f"no {kind.__name__}"
             for inlet in inlets:
-                inlet.refuse(f"larger than {LARGEST} bytes")
+                inlet.refuse(f"{carries} is larger than {most_of(kind)} bytes")
             return
         packet = Packet(data, label, key, self._kinds.get(key), asked_ns)
         for inlet in inlets:

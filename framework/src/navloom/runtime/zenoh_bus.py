@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import json
 import os
+import queue
 import re
 import threading
 import time
@@ -26,7 +27,7 @@ from navloom.runtime.links import GATHER, Link, credential_files, settings
 if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
     from navloom.runtime.quality import Quality
 
-__all__ = ["Answer", "Bus", "BusError", "Publication", "Question"]
+__all__ = ["TIMED_OUT", "Answer", "Bus", "BusError", "Publication", "Question"]
 
 MEDIA = "application/x-navloom;"
 CERTIFICATES = 1.0
@@ -41,6 +42,10 @@ RECENT = 64
 """Messages that a stream is known again by, where they come by two sessions."""
 STARTING = 2.0
 """s that a router of the same host may take to listen; who waits longer is told."""
+TIMED_OUT = "Timeout"
+"""What Zenoh says in the place of an answer that does not come."""
+OVERDUE = 0.5
+"""s after the time of a question at which it ends, whatever Zenoh says of it."""
 LOOK = 0.1
 """s between two looks of a client at its router."""
 _CONGESTION = {
@@ -353,8 +358,14 @@ class Bus:
         self._declare(declare)
         return publication
 
-    def subscribe(self, key_expr: str, receive: Receive) -> None:
-        """Hear a stream, or several with `*`, for as long as the session lasts."""
+    def subscribe(self, key_expr: str, receive: Receive, most: int = LARGEST) -> None:
+        """Hear a stream, or several with `*`, for as long as the session lasts.
+
+        Args:
+            key_expr: The streams.
+            receive: Takes each message.
+            most: Bytes of a message at most: a larger one is not copied.
+        """
         single = "" if "*" in key_expr else key_expr
         recent: deque[int] = deque(maxlen=RECENT)
         lock = threading.Lock()
@@ -369,7 +380,7 @@ class Bus:
 
         def take(sample: Any) -> None:
             payload = sample.payload
-            data = None if len(payload) > LARGEST else payload.to_bytes()
+            data = None if len(payload) > most else payload.to_bytes()
             with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
                 if self._old is not None and is_known(str(sample.key_expr), data):
                     return
@@ -444,10 +455,16 @@ class Bus:
         self._declare(declare)
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
-        """Answers of all who serve a key, as they come, for at most this many s."""
+        """Answers of all who serve a key, as they come, for at most this many s.
+
+        Whoever has the question and does not answer it in that time gives the refusal TIMED_OUT. Without any answer
+        nobody serves the key, as far as this session knows.
+        """
+        replies = _Replies(timeout)
         try:
-            replies = self._used.get(
+            self._used.get(
                 key_expr,
+                replies.handler,
                 payload=data,
                 timeout=timeout,
                 target=zenoh.QueryTarget.ALL,
@@ -468,11 +485,26 @@ class Bus:
 
 def _tokens(session: zenoh.Session, key_expr: str, timeout: float = 1.0) -> list[str]:
     """Tokens that a session is shown."""
+    replies = _Replies(timeout)
     try:
-        replies = session.liveliness().get(key_expr, timeout=timeout)
+        session.liveliness().get(key_expr, replies.handler, timeout=timeout)
     except zenoh.ZError:
         return []
     return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+
+
+class _Replies:
+    """Replies to a question as they come, until Zenoh says that there are no more, or the time is over for sure."""
+
+    def __init__(self, timeout: float) -> None:
+        self._limit = time.monotonic() + timeout + OVERDUE
+        self._came: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self.handler = zenoh.handlers.Callback(self._came.put, lambda: self._came.put(None), indirect=False)
+
+    def __iter__(self) -> Iterator[Any]:
+        with contextlib.suppress(queue.Empty):
+            while (reply := self._came.get(timeout=max(0.0, self._limit - time.monotonic()))) is not None:
+                yield reply
 
 
 def _why(link: Link, error: zenoh.ZError) -> str:

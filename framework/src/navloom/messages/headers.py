@@ -1,0 +1,109 @@
+"""A header, read no further than its class is declared: what is unknown is skipped, and none of it is built."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgpack
+
+from navloom.messages.bounds import LATER_FIELDS
+from navloom.messages.kinds import MAX_ARRAYS, Kind, Message, MessageError
+
+__all__ = ["read_header"]
+
+_MAPS, _LISTS, _NIL = frozenset([*range(0x80, 0x90), 0xDE, 0xDF]), frozenset([*range(0x90, 0xA0), 0xDC, 0xDD]), 0xC0
+"""How a map, a list and None begin in MessagePack."""
+_ENVELOPE, _DIMENSIONS = 16, 8
+"""Items of an envelope, and dimensions of an array, at most."""
+
+Read = Callable[[], Any]
+
+
+def read_header(packed: bytes | memoryview, cls: type[Message] | None) -> Any:
+    """What a header holds, of what its class declares; for None its envelope alone.
+
+    Every map and list is as long as its declaration allows at most, and nothing is nested deeper than it. What is not
+    built can be nested as deep as msgpack goes, 1024.
+
+    Raises:
+        MessageError: It is not of that form; ValueError, msgpack's own: it is no MessagePack.
+    """
+    header = _Header(packed)
+    parts: dict[str, Read] = {"envelope": lambda: header.items("envelope", _ENVELOPE, header.scalar)}
+    if cls is not None:
+        parts["fields"] = lambda: header.message(cls.kinds)
+        parts["arrays"] = lambda: header.items("arrays", MAX_ARRAYS, header.array)
+    found = header.fields("the header", parts)
+    header.finish()
+    return found
+
+
+class _Header:
+    """A place in a header, which moves on with everything that is read."""
+
+    def __init__(self, packed: bytes | memoryview) -> None:
+        self._packed = packed
+        self._unpacker = msgpack.Unpacker(max_buffer_size=len(packed))
+        self._unpacker.feed(packed)
+
+    def fields(self, where: str, known: Mapping[str, Read]) -> Any:
+        """A map of these names; whatever else stands there is read as it is, for the check that refuses it."""
+        if self._next() not in _MAPS:
+            return self.scalar()
+        count = self._unpacker.read_map_header()
+        if count > len(known) + LATER_FIELDS:
+            raise MessageError(f"{where} holds {count} entries, expected at most {len(known) + LATER_FIELDS}")
+        found = {}
+        for _ in range(count):
+            name = self.scalar()
+            if name in known:
+                found[name] = known[name]()
+            else:
+                self._unpacker.skip()
+        return found
+
+    def message(self, kinds: Mapping[str, Kind]) -> Any:
+        """The map of a message's fields."""
+        return self.fields("a map of fields", {name: self._reader(name, kind) for name, kind in kinds.items()})
+
+    def items(self, where: str, most: int, read: Read) -> Any:
+        """A list; whatever else stands there is read as it is."""
+        if self._next() not in _LISTS:
+            return self.scalar()
+        count = self._unpacker.read_array_header()
+        if count > most:
+            raise MessageError(f"{where}: got {count} items, expected at most {most}")
+        return [read() for _ in range(count)]
+
+    def array(self) -> Any:
+        """An entry of the table of arrays: element type, shape, offset."""
+        return self.items("arrays", 3, lambda: self.items("arrays", _DIMENSIONS, self.scalar))
+
+    def scalar(self) -> Any:
+        """A number, a text, None, True or False."""
+        begin = self._next()
+        if begin in _MAPS or begin in _LISTS:
+            raise MessageError(f"got a {'map' if begin in _MAPS else 'list'}, expected a single value")
+        return self._unpacker.unpack()
+
+    def finish(self) -> None:
+        """Refuse what stands behind the end."""
+        left = len(self._packed) - self._unpacker.tell()
+        if left:
+            raise MessageError(f"the header has {left} bytes behind its end")
+
+    def _reader(self, name: str, kind: Kind) -> Read:
+        if kind.message is not None:
+            inner = kind.message.kinds
+            return lambda: self.message(inner)
+        if kind.item is not None:
+            read = self._reader(name, kind.item)
+            return lambda: self.items(name, kind.most, read)
+        return self.scalar
+
+    def _next(self) -> int:
+        place = self._unpacker.tell()
+        if place >= len(self._packed):
+            raise MessageError(f"the header ends after {place} bytes, within a map or list")
+        return int(self._packed[place])

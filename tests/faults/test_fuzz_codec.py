@@ -1,0 +1,15 @@
+"""Spoiled messages: typed errors only, whatever comes, and little time and memory for each."""
+
+from __future__ import annotations
+
+import fuzz_codec
+import pytest
+
+
+@pytest.mark.parametrize("count", [5_000, pytest.param(200_000, marks=pytest.mark.slow)])
+def test_spoiled_messages_give_typed_errors_and_cost_little(count: int) -> None:
+    found = fuzz_codec.fuzz_codec(count, seed=count)
+    assert found.wrong == []
+    assert found.refused > count / 2 and found.decoded > count / 100
+    assert found.worst_bytes < 4_000_000
+    assert found.worst_s < 0.05, found.slowest

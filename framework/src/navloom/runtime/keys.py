@@ -21,6 +21,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from navloom.config.schema import ROLE_TABLES
+from navloom.inputs.bounds import TEXT_MB, read_file
+from navloom.inputs.texts import json_of
 from navloom.runtime.access import IDENTITIES, KINDS, AccessError, Identity, common_name, read_identities
 from navloom.runtime.links import LinkError
 
@@ -188,13 +190,15 @@ def _make_authority(folder: Path, order: Order) -> _Authority:
 
 def _read_authority(folder: Path) -> _Authority:
     try:
-        certificate = x509.load_pem_x509_certificate((folder / "ca.pem").read_bytes())
-        key = serialization.load_pem_private_key((folder / "ca-key.pem").read_bytes(), None)
+        certificate = x509.load_pem_x509_certificate(read_file(folder / "ca.pem", TEXT_MB, KeysError))
+        key = serialization.load_pem_private_key(read_file(folder / "ca-key.pem", TEXT_MB, KeysError), None)
     except OSError as error:
         raise KeysError(
             f"{error.filename}: {error.strerror}; add certificates where `navloom keys new` made the folder: "
             "the authority's private key stays there"
         ) from None
+    except KeysError:
+        raise
     except (ValueError, TypeError):
         raise KeysError(
             f"{folder}: ca.pem or ca-key.pem is broken; make a new folder with `navloom keys new`"
@@ -276,11 +280,11 @@ def _write(path: Path, data: bytes, mode: int) -> None:
 
 def _owner(folder: Path) -> tuple[str, str]:
     try:
-        given = json.loads((folder / IDENTITIES).read_text("utf-8"))
+        given = json_of(read_file(folder / IDENTITIES, TEXT_MB, KeysError), str(folder / IDENTITIES), KeysError)
         return str(given["realm"]), str(given["robot"])
     except OSError as error:
         raise KeysError(f"{folder / IDENTITIES}: {error.strerror}; make the folder with `navloom keys new`") from None
-    except (ValueError, KeyError, TypeError):
+    except (KeyError, TypeError):
         raise KeysError(f"{folder / IDENTITIES}: not a list of identities; restore it, or make a new folder") from None
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navloom.inputs.bounds import open_file
 from navloom.runtime.access import AccessError, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
@@ -327,7 +328,7 @@ def _credentials(link: Link) -> dict[str, Any]:
 
 def _refuse_unreadable(path: Path, folder: Path) -> None:
     try:
-        with path.open("rb") as file:
+        with open_file(path, LinkError) as file:
             is_pem = file.read(11) == b"-----BEGIN "
     except OSError as error:
         there = sorted(other.stem for other in folder.glob("*.pem") if (folder / f"{other.stem}-key.pem").exists())

@@ -95,7 +95,9 @@ def _bounded_memory(bag: Path) -> Iterator[None]:
     try:
         yield
     except MemoryError:
-        raise RecordingError(too_large(f"{bag}: takes more memory to read", limit)) from None
+        raise RecordingError(
+            too_large(f"{bag}: not a bag that can be read, or a large one: it takes more memory", limit)
+        ) from None
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
 

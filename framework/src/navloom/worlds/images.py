@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import struct
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,6 +117,8 @@ def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) ->
 def _png(content: bytes, path: Path) -> Shades:
     from PIL import Image
 
+    if len(content) >= 24:  # before Pillow, which has a bound of its own
+        _check_size(path, *struct.unpack_from(">II", content, 16))
     try:
         with warnings.catch_warnings():
             # Pillow's own warning of large images: the check below is the stricter one.

@@ -203,7 +203,7 @@ class _Work:
         self.mount_of: dict[str, Mount] = {}
         for topic in self.topics.values():
             count = self.reader.topics[topic.name].msgcount
-            if topic.type in _CONVERT and count:
+            if topic.type in _CONVERT and topic.name in self.frame_of:
                 frame = self.frame_of[topic.name].lstrip("/")
                 mount = self.mounts.get(topic.sensor) or self._mount(frame)
                 if mount is not None:
@@ -220,7 +220,8 @@ class _Work:
             elif topic.type == _ODOMETRY and count:
                 topic.skipped[f"{self.odometry} is taken; choose with --odom {topic.name}"] = count
             else:
-                topic.skipped["not a type that is read" if count else "empty"] = count
+                is_read = topic.type in _CONVERT or not count
+                topic.skipped["empty" if is_read else "not a type that is read"] = count
                 topic.sensor = ""
         if self.odometry is None and not any(self.frames.parent(name) == ODOM for name in (self.base, *BASES)):
             raise RecordingError(

@@ -42,12 +42,13 @@ from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 from navloom.worlds import SCHEMES, WorldError
 from PIL import Image
 
-SLOWEST = 20.0
-"""Wall time after which a case counts as a defect, s."""
+SLOWEST, LONGEST = 20.0, 200.0
+"""Processor time and wall time after which a case counts as a defect, s: it computes, or it waits, for ever."""
 NUMBERS = [0, 1, 2, 127, 128, 255, 256, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1]
 TEXTS = b"""[[ ]] { } , . = : " ' \"\"\" ''' # \n \r\n \0 - + e E inf nan 1e309 -1 0x 0b 1_0 !! & * << ? | > % @ true
 false null [] {} [[[[[[ }}}}}} 9999999999999999999999 0.0000001 1979-05-27
-\xff\xfe \xef\xbb\xbf \xe2\x80\xa8 ../../etc/passwd .toml #1 ?unknown=free ?height=2 a.b.c [[box]] [raster] [robot] [[sensor]] name plugin rate_hz""".split()
+\xff\xfe \xef\xbb\xbf \xe2\x80\xa8 ../../etc/passwd
+.toml #1 ?unknown=free ?height=2 a.b.c [[box]] [raster] [robot] [[sensor]] name plugin rate_hz""".split()
 
 
 class TooSlow(BaseException):
@@ -111,6 +112,7 @@ def fuzz(decoder: Decoder, count: int, seconds: float, seed: int, keep: Path | N
     """Read `count` files, or as many as `seconds` allow."""
     rng, result = random.Random(f"{decoder.name} {seed}"), Result()
     signal.signal(signal.SIGALRM, _too_slow)
+    signal.signal(signal.SIGPROF, _too_slow)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     end = time.monotonic() + seconds
     shared = Path("/dev/shm")
@@ -120,7 +122,8 @@ def fuzz(decoder: Decoder, count: int, seconds: float, seed: int, keep: Path | N
             content = decoder.pack(mutated(decoder.seeds, rng))
             (folder / "f").write_bytes(content)
             began, defect = time.process_time(), ""
-            signal.setitimer(signal.ITIMER_REAL, SLOWEST)
+            signal.setitimer(signal.ITIMER_PROF, SLOWEST)
+            signal.setitimer(signal.ITIMER_REAL, LONGEST)
             try:
                 decoder.read(folder / "f")
                 result.read += 1
@@ -132,6 +135,7 @@ def fuzz(decoder: Decoder, count: int, seconds: float, seed: int, keep: Path | N
             except BaseException as error:
                 defect = f"{type(error).__name__}: {str(error)[:80]} {_place(error)}"
             finally:
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
             result.count += 1
             result.slowest = max(result.slowest, time.process_time() - began)
@@ -304,8 +308,6 @@ def read_map(path: Path) -> None:
 
 def read_bag(name: str) -> Callable[[Path], object]:
     def read(path: Path) -> object:
-        if name == "metadata.yaml":
-            shutil.copy(path.parent / "a.db3", path.parent / "bag.db3")
         bag, out = path.with_name(name), path.with_name("out.mcap")
         out.unlink(missing_ok=True)
         shutil.copy(path, bag)
@@ -352,6 +354,7 @@ def bag_seeds(folder: Path) -> dict[str, bytes]:
     bags.Writer2 = lambda path, version: Writer2(path, version=version, storage_plugin=StoragePlugin.MCAP)
     (recorded,) = bags.room_bag(folder / "c", 2).glob("*.mcap")
     found["x.mcap"] = recorded.read_bytes()
+    bags.Writer2 = Writer2
     return found
 
 

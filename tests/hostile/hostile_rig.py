@@ -16,7 +16,8 @@ from navloom.cli import main
 
 BOUND_MB = 4
 MEMORY_MB = 3000
-SECONDS = 20
+SECONDS, WAIT = 20, 120
+"""Processor time and wall time after which a command is killed, s."""
 ZEROS = 100_000_000
 """Bytes that a bomb unpacks to."""
 NOTICES = ("dropped", "later ones load them")
@@ -55,7 +56,9 @@ def _run(words: tuple[str, ...], said: Path, told: Path, bound_mb: float) -> Non
     """Never returns."""
     code = -1
     try:
-        signal.alarm(SECONDS)
+        signal.alarm(WAIT)
+        limit = round(time.process_time()) + SECONDS
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
         os.environ["NAVLOOM_MAX_INPUT_MB"] = str(bound_mb)
         sys.argv = ["navloom", *words]
         sys.stdout = io.StringIO()
@@ -96,3 +99,10 @@ def laughs(levels: int, item: str) -> str:
     lines = [f"a0: &a0 {item}"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, levels)]
     return "\n".join([*lines, f"image: *a{levels - 1}", MAP_YAML[1:-1].replace(", ", "\n").partition("\n")[2]])
+
+
+def merges(levels: int) -> str:
+    """The same by merging tables, which copies them."""
+    lines = ["a0: &a0 {x: 1}"]
+    lines += [f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 9)}]}}" for n in range(1, levels)]
+    return "\n".join(lines)

@@ -11,7 +11,7 @@ from pathlib import Path
 import bags
 import pytest
 import zstandard
-from hostile_rig import ZEROS, laughs, navloom, refused
+from hostile_rig import ZEROS, merges, navloom, refused
 from navloom.config import load_config
 from navloom.recording.header import header_of
 
@@ -105,29 +105,33 @@ def test_a_bag_whose_file_unpacks_to_more_than_the_bound_is_refused(tmp_path: Pa
     refused(tmp_path, "unpacks to more than 4 MB", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
 
 
-ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT x"
-TOPICS = "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT)"
+ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT x AS id, 1 AS topic_id,"
+COMPUTED = {
+    "view": f"CREATE VIEW messages AS {ENDLESS} x AS timestamp, x AS data FROM n",
+    "column": "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data AS (zeroblob(1000000000)))",
+}
 
 
-@pytest.mark.parametrize(
-    "messages",
-    [
-        f"CREATE VIEW messages AS {ENDLESS} AS id, 1 AS topic_id, x AS timestamp, x AS data FROM n",
-        "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data AS (zeroblob(1000000000)))",
-    ],
-    ids=["view", "column"],
-)
-def test_a_bag_whose_tables_are_computed_is_refused(tmp_path: Path, messages: str) -> None:
-    (tmp_path / "metadata.yaml").write_text(BAG % ("", ""))
-    with sqlite3.connect(tmp_path / "a.db3") as database:
-        database.execute(TOPICS)
-        database.execute(messages)
+def computed_bag(path: Path, kind: str) -> Path:
+    """A good bag, but for its messages."""
+    bag = bags.room_bag(path, 2)
+    database = sqlite3.connect(next(bag.glob("*.db3")))
+    database.executescript(f"DROP TABLE messages; {COMPUTED[kind]};")
+    if kind == "column":
+        database.execute("INSERT INTO messages SELECT 1, id, 1 FROM topics")
+    database.commit()
     database.close()
-    refused(tmp_path, "'messages' is computed, expected", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
+    return bag
+
+
+@pytest.mark.parametrize("kind", COMPUTED)
+def test_a_bag_whose_tables_are_computed_is_refused(tmp_path: Path, kind: str) -> None:
+    bag = computed_bag(tmp_path / "bag", kind)
+    refused(tmp_path, "'messages' is computed, expected", "import", str(bag), "--out", str(tmp_path / "o.mcap"))
 
 
 def test_a_bag_described_with_aliases_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "metadata.yaml").write_text(laughs(8, "[x]"))
+    (tmp_path / "metadata.yaml").write_text(merges(8))
     refused(tmp_path, "alias 'a0'", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
 
 

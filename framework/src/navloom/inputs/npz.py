@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import warnings
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,9 @@ class Arrays:
         with self._archive.open(member) as file:
             if npy.read_magic(file) != (1, 0):
                 raise _Refused(" has no header of version 1.0, expected plain numbers")
-            shape, column_first, dtype = npy.read_array_header_1_0(file)
+            with warnings.catch_warnings():  # of headers by Python 2, which are read all the same
+                warnings.simplefilter("ignore")
+                shape, column_first, dtype = npy.read_array_header_1_0(file)
             if dtype.kind not in "biuf" or dtype.itemsize > 16 or any(size < 0 for size in shape):
                 raise _Refused(f" of {_words(dtype)} {_words(shape)}, expected numbers")
             count = math.prod(shape)

@@ -7,7 +7,7 @@ import resource
 import sqlite3
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -89,9 +89,10 @@ def _bounded_memory(bag: Path) -> Iterator[None]:
     """Lets the system refuse memory beyond the bound: what a bag claims and packs is unpacked by foreign code."""
     limit = bytes_of(BAG_MB, RecordingError)
     before = resource.getrlimit(resource.RLIMIT_AS)
-    used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
-    least = min((one for one in before if one != resource.RLIM_INFINITY), default=used + limit)
-    resource.setrlimit(resource.RLIMIT_AS, (min(used + limit, least), before[1]))
+    with suppress(OSError):  # what is allocated already, only Linux says
+        used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
+        least = min((one for one in before if one != resource.RLIM_INFINITY), default=used + limit)
+        resource.setrlimit(resource.RLIMIT_AS, (min(used + limit, least), before[1]))
     try:
         yield
     except MemoryError:

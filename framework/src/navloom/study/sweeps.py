@@ -74,7 +74,7 @@ def read_recording(path: Path) -> Recording:
         raise ConfigError(f"{path}: there is no such file") from None
     missing = [name for name in ARRAYS if name not in found.names]
     if missing:
-        raise ConfigError(f"{path}: array {missing[0]!r} is missing; expected {', '.join(ARRAYS)}")
+        raise ConfigError(f"{path}: array {missing[0]!r} is missing; expected ranges_m, pitch_deg and beam_deg")
     ranges, pitches, beams = (found.read(name).astype(np.float64) for name in ARRAYS)
     if ranges.ndim != 2 or ranges.shape != (*pitches.shape, *beams.shape) or not ranges.size:
         raise ConfigError(

@@ -182,7 +182,7 @@ def test_a_damaged_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="there is no such file"):
         read_recording(path)
     path.write_bytes(b"PK nonsense")
-    with pytest.raises(ConfigError, match=r"not an \.npz of arrays"):
+    with pytest.raises(ConfigError, match=r"damaged \.npz file"):
         read_recording(path)
     np.savez(path, ranges_m=np.ones((3, 4)), pitch_deg=np.ones(3), beam_deg=np.ones(5))
     with pytest.raises(ConfigError, match=r"beam_deg \(5,\)"):

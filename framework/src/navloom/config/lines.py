@@ -3,44 +3,53 @@
 from __future__ import annotations
 
 import tomllib
+from bisect import bisect_left
 from typing import Any
 
+from navloom.inputs.texts import TOML_TOKENS
+
 __all__ = ["line_of"]
+
+LARGEST = 32_000
+"""Characters of a file in which lines are looked for: each look parses it about ten times."""
 
 
 def line_of(text: str, place: str) -> int | None:
     """Line, from 1, on which the value of a dotted place begins; of what is not there, that of the table round it.
 
-    The parser keeps no positions, so the shortest beginnings of the file that parse and hold the place are searched.
+    The parser keeps no positions, so the shortest beginning of the file that parses and holds the place is searched.
     Tables of an array are counted from 0, as in `sensor.1.layout`.
     """
-    lines = text.splitlines(keepends=True)
-    keys = place.split(".")
-    while keys and not _holds(_parsed(lines), keys):
+    if len(text) > LARGEST:
+        return None
+    lines, ends = text.split("\n"), _statement_ends(text)
+    tree, keys = _parsed(lines), place.split(".")
+    while keys and not _holds(tree, keys):
         keys.pop()
     if not keys:
         return None
-    low, high = 0, len(lines)
-    while high - low > 1:
-        middle = (low + high) // 2
-        known = _longest(lines, low, middle)
-        if _holds(_parsed(lines[:known]), keys):
-            high = middle
-        else:
-            low = middle
-    return _longest(lines, 0, high - 1) + 1
+    first = bisect_left(ends, True, key=lambda end: _holds(_parsed(lines[:end]), keys))
+    return ends[first - 1] + 1 if first else 1
 
 
-def _longest(lines: list[str], low: int, high: int) -> int:
-    """Number of lines of the longest beginning that parses, at most `high` and at least `low`."""
-    while high > low and _parsed(lines[:high]) is None:
-        high -= 1
-    return high
+def _statement_ends(text: str) -> list[int]:
+    """Numbers of lines after which neither a bracket nor a string is open: the beginnings that parse."""
+    depth = line = 0
+    ends = []
+    for match in TOML_TOKENS.finditer(text):
+        token = match[0]
+        depth += 1 if token in ("[", "{") else -1 if token in ("]", "}") else 0
+        line += token.count("\n")
+        if token == "\n" and depth == 0:
+            ends.append(line)
+    if not text.endswith("\n"):
+        ends.append(line + 1)
+    return ends
 
 
 def _parsed(lines: list[str]) -> Any:
     try:
-        return tomllib.loads("".join(lines))
+        return tomllib.loads("\n".join(lines))
     except tomllib.TOMLDecodeError:
         return None
 

@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from importlib.resources import files
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,11 +18,16 @@ from pydantic import ValidationError
 from navloom.config.lines import line_of
 from navloom.config.problems import ConfigError, check_params, problems_of
 from navloom.config.schema import DEFAULT_PLUGINS, ROLE_TABLES, Config
+from navloom.inputs.bounds import DEEPEST, TEXT_MB, read_file
+from navloom.inputs.texts import refuse_deep_toml, refuse_deep_tree, toml_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles.base import RESERVED_KEYS
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
+
+SHOWN = 50
+"""Most problems that an error lists."""
 
 Source = Literal["default", "file", "--set"]
 
@@ -103,10 +109,7 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
     if seed is not None and not 0 <= seed < 2**63:
         raise ConfigError(f"--seed {seed}: expected a whole number of 0 to {2**63 - 1}")
     text, base = _read(reference)
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{reference}: not TOML: {error}") from None
+    tree = toml_of(text, reference, ConfigError)
     sources: dict[str, Source] = {place: "file" for place, _ in leaves(tree)}
     dropped: list[str] = []
     changes = list(overrides) + ([f"run.seed={seed}"] if seed is not None else [])
@@ -124,14 +127,16 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
 def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, Source]) -> ConfigError:
     """The error of problems that begin with their places, led by the file and line, or the `--set`, of each."""
     lines: list[tuple[float, str]] = []
-    for problem in problems:
+    first = list(islice(problems, SHOWN + 1))
+    for problem in first[:SHOWN]:
         place = problem.partition(": ")[0]
         if any(known == place or known.startswith(f"{place}.") for known in sources if sources[known] == "--set"):
             lines.append((math.inf, f"--set {problem}"))
         else:
             line = line_of(text, place) if text and " " not in place else None
             lines.append((line or 0, f"{name}:{line}: {problem}" if line else f"{name}: {problem}"))
-    return ConfigError(*(text for _, text in sorted(lines, key=lambda entry: entry[0])))
+    more = [f"{name}: more problems; mend the first {SHOWN}"] if len(first) > SHOWN else []
+    return ConfigError(*(text for _, text in sorted(lines, key=lambda entry: entry[0])), *more)
 
 
 def _problems_of_params(tree: dict[str, Any]) -> list[str]:
@@ -162,7 +167,7 @@ def _read(reference: str) -> tuple[str, Path]:
         return shipped[reference], Path.cwd()
     path = Path(reference)
     try:
-        return path.read_text("utf-8"), path.parent
+        return read_file(path, TEXT_MB, ConfigError).decode("utf-8"), path.parent
     except (FileNotFoundError, NotADirectoryError):
         raise ConfigError(
             f"config {reference!r}: no such file, and no shipped config of that name{nearest(reference, list(shipped))}"
@@ -237,12 +242,17 @@ def parse_override(change: str) -> tuple[str, Any]:
     key, equals, text = change.partition("=")
     if not equals or not key.strip():
         raise ConfigError(f"--set {change}: expected PATH=VALUE, as in --set controller.k3=1.0")
-    return key.strip(), _value(text)
+    if key.count(".") >= DEEPEST:
+        raise ConfigError(f"--set {key[:57]}...: a key of {key.count('.') + 1} parts, expected at most {DEEPEST}")
+    return key.strip(), _value(text, f"--set {key.strip()}")
 
 
-def _value(text: str) -> Any:
+def _value(text: str, where: str) -> Any:
     """A TOML value, or the text itself where it is none."""
+    refuse_deep_toml(text, where, ConfigError)
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text.strip()
+    refuse_deep_tree(value, where, ConfigError)
+    return value

@@ -24,6 +24,7 @@ from navloom.engine.stepper import fault_text
 from navloom.engine.streams import sensor_port
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
+from navloom.inputs.texts import toml_of
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
 from navloom.navigation import blocking, handover, monitor, projection, trajectory
 from navloom.navigation.handover import HandOverRule
@@ -303,11 +304,9 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
 
 def changed_params(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> Any:
     """An instance's parameters with some changed. Raises ConfigError that names the one that does not fit."""
-    import tomllib
-
     part = system.parts[(role, instance)]
     current = part.params if part.plugin is None else part.plugin.params
-    values = {**current.model_dump(exclude_unset=True), **tomllib.loads("\n".join(assignments))}
+    values = {**current.model_dump(exclude_unset=True), **toml_of("\n".join(assignments), "parameters", ConfigError)}
     return check_params(part.cls.Params, values, role if part.place == role else f"{role}.{instance}")
 
 

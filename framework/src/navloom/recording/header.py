@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
 from navloom.config import Loaded
+from navloom.inputs.texts import json_of
 
 __all__ = ["HEADER", "Kind", "RecordingError", "RecordingHeader", "header_of"]
 
@@ -74,7 +75,7 @@ class RecordingHeader:
     def from_text(cls, text: str) -> RecordingHeader:
         """From its JSON; what a later version added is passed over. Raises RecordingError for anything else."""
         try:
-            given = json.loads(text)
+            given = json_of(text, "JSON", ValueError)
             known = {one.name for one in fields(cls)}
             return cls(**{name: value for name, value in given.items() if name in known})
         except (ValueError, TypeError, AttributeError) as error:

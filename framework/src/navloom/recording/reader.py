@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import io
-import json
 import mmap
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from navloom.inputs.bounds import CHUNK_MB, TEXT_MB, bytes_of, open_file, too_large
+from navloom.inputs.texts import json_of, shortened
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import CodecError, decode
 from navloom.recording.header import HEADER, RecordingError, RecordingHeader
@@ -23,8 +25,6 @@ __all__ = ["COUNTS", "RawRecorded", "Recorded", "Recording"]
 MAGIC = b"\x89MCAP0\r\n"
 COUNTS = "recorder/main/counts"
 """Where the recorder's counters are, below REALM/ROBOT: JSON, once a second and at the end."""
-LARGEST_CHUNK = 1 << 30
-"""Bytes that a chunk may claim to unpack to."""
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -104,10 +104,12 @@ class Recording:
         self._blocks: list[_Block] = []
         self._metadata: list[tuple[str, dict[str, str]]] = []
         self._attachments: dict[str, tuple[int, int]] = {}
+        self._texts_size = 0
         self._view = _mapped(self.path)
         if bytes(self._view[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{self.path}: not a recording (it does not begin as an MCAP file does)")
-        self._scan()
+        with self._damage("its records"):
+            self._scan()
         self.header = self._head()
 
     def __enter__(self) -> Recording:
@@ -152,9 +154,8 @@ class Recording:
                 or (until_ns is not None and block.first_ns >= until_ns)
             ):
                 continue
-            for opcode, content in _records(self._unpacked(block)):
+            for opcode, content in self._records(block):
                 if opcode != _MESSAGES:
-                    self._learn(opcode, content)
                     continue
                 number, sequence, received_ns, _ = _MESSAGE.unpack_from(content)
                 if (since_ns is not None and received_ns < since_ns) or (
@@ -171,8 +172,8 @@ class Recording:
         """Every key, in alphabetical order. Reads the whole file where it was not closed in order."""
         if not self.is_complete:
             for block in self._blocks:
-                for opcode, content in _records(self._unpacked(block)):
-                    self._learn(opcode, content)
+                for _ in self._records(block):
+                    pass
         return sorted({channel.key for channel in self._channels.values() if channel.encoding == ENCODING})
 
     def span_ns(self) -> tuple[int, int]:
@@ -184,17 +185,23 @@ class Recording:
         """The recorder's last word on what it kept and lost: `messages`, and by key `dropped`, `lost`, `malformed`."""
         for name, values in reversed(self._metadata):
             if name == COUNTS:
-                return dict(json.loads(values["counts"]))
+                return self._counts(values.get("counts", ""))
         last: dict[str, Any] = {}
         for block in reversed(self._blocks):
-            for opcode, content in _records(self._unpacked(block)):
-                if opcode != _MESSAGES:
-                    self._learn(opcode, content)
-                elif self._channels[_MESSAGE.unpack_from(content)[0]].key.endswith(COUNTS):
-                    last = json.loads(bytes(content[_MESSAGE.size :]))
+            for opcode, content in self._records(block):
+                if opcode == _MESSAGES:
+                    channel = self._channels.get(_MESSAGE.unpack_from(content)[0])
+                    if channel is not None and channel.key.endswith(COUNTS):
+                        last = self._counts(bytes(content[_MESSAGE.size :]))
             if last:
                 return last
         return {}
+
+    def _counts(self, text: str | bytes) -> dict[str, Any]:
+        found = json_of(text, f"{self.path}: the recorder's counters", RecordingError)
+        if not isinstance(found, dict):
+            raise RecordingError(f"{self.path}: the recorder's counters are {shortened(found)}, expected a table")
+        return found
 
     def attachment(self, name: str) -> bytes | None:
         """Content of an attachment; None where there is none of that name."""
@@ -247,10 +254,12 @@ class Recording:
             from mcap.data_stream import ReadDataStream
             from mcap.records import Metadata
 
+            self._count_text(length)
             found = Metadata.read(ReadDataStream(io.BytesIO(content)))
             self._metadata.append((found.name, found.metadata))
         elif opcode == _ATTACHMENT:
             (size,) = struct.unpack_from("<I", content, 16)
+            self._count_text(size)
             name = bytes(content[20 : 20 + size]).decode()
             (media,) = struct.unpack_from("<I", content, 20 + size)
             (data,) = struct.unpack_from("<Q", content, 24 + size + media)
@@ -263,15 +272,27 @@ class Recording:
         from mcap.records import Channel, Schema
 
         if opcode == _SCHEMA:
+            if struct.unpack_from("<H", content)[0] in self._schemas:
+                return
+            self._count_text(len(content))
             schema = Schema.read(ReadDataStream(io.BytesIO(content)))
             self._schemas[schema.id] = schema.name
             self._texts[schema.name] = schema.data.decode()
         elif opcode == _CHANNEL:
             number = struct.unpack_from("<H", content)[0]
             if number not in self._channels:
+                self._count_text(len(content))
                 channel = Channel.read(ReadDataStream(io.BytesIO(content)))
                 label = self._schemas.get(channel.schema_id, "")
                 self._channels[number] = _Channel(channel.topic, channel.message_encoding, label)
+
+    def _count_text(self, size: int) -> None:
+        """Before a record is kept for as long as the recording is: all of them together are bounded."""
+        self._texts_size += size + _HEAD.size
+        limit = bytes_of(TEXT_MB, RecordingError)
+        if self._texts_size > limit:
+            what = f"{self.path}: metadata, schemas and channels of {self._texts_size / 1e6:.6g} MB"
+            raise RecordingError(too_large(what, limit))
 
     def _unpacked(self, block: _Block) -> memoryview:
         """Content of a chunk. Raises RecordingError where it was damaged."""
@@ -279,37 +300,67 @@ class Recording:
         _, _, size, crc = _TIMES.unpack_from(content)
         at = _TIMES.size
         (length,) = struct.unpack_from("<I", content, at)
-        how = bytes(content[at + 4 : at + 4 + length]).decode()
+        how = bytes(content[at + 4 : at + 4 + min(length, 20)]).decode()
         packed = content[at + 4 + length + 8 :]
-        if how not in ("", "zstd") or size > LARGEST_CHUNK:
-            raise RecordingError(f"{self.path}: a chunk of {size} bytes packed as {how!r}; expected zstd")
-        data: Any = packed
-        if how == "zstd":
-            import zstandard
-
-            try:
-                data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-            except zstandard.ZstdError as error:
-                raise RecordingError(f"{self.path}: the chunk at byte {block.start} is damaged: {error}") from None
+        if how not in ("", "zstd"):
+            raise RecordingError(f"{self.path}: the chunk at byte {block.start} is packed as {how!r}; expected zstd")
+        limit = bytes_of(CHUNK_MB, RecordingError)
+        if size > limit:
+            what = f"{self.path}: the chunk at byte {block.start} unpacks to {size / 1e6:.6g} MB"
+            raise RecordingError(too_large(what, limit))
+        data: Any = _unzstd(packed, size) if how == "zstd" else packed
+        if data is None or len(data) != size:
+            raise RecordingError(
+                f"{self.path}: the chunk at byte {block.start} is damaged: expected {size} bytes in it"
+            )
         if crc and zlib.crc32(data) != crc:
             raise RecordingError(f"{self.path}: the chunk at byte {block.start} is damaged: its checksum does not fit")
         return memoryview(data)
 
+    def _records(self, block: _Block) -> Iterator[tuple[int, memoryview]]:
+        """Records of a chunk; its schemas and channels are learned. Raises RecordingError where it is damaged."""
+        with self._damage(f"the chunk at byte {block.start}"):
+            data, at = self._unpacked(block), 0
+            while at + _HEAD.size <= len(data):
+                opcode, length = _HEAD.unpack_from(data, at)
+                at += _HEAD.size
+                content = data[at : at + length]
+                if len(content) != length or (opcode == _MESSAGES and length < _MESSAGE.size):
+                    raise RecordingError(f"{self.path}: the chunk at byte {block.start} is damaged: a record is torn")
+                if opcode != _MESSAGES:
+                    self._learn(opcode, content)
+                yield opcode, content
+                at += length
 
-def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Records of an unpacked chunk."""
-    at = 0
-    while at + _HEAD.size <= len(data):
-        opcode, length = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
-        yield opcode, data[at : at + length]
-        at += length
+    @contextmanager
+    def _damage(self, what: str) -> Iterator[None]:
+        """Makes a RecordingError of what the parsers of records raise at records that are none."""
+        from mcap.exceptions import McapError
+
+        try:
+            yield
+        except (struct.error, UnicodeDecodeError, McapError) as error:
+            text = str(error) or type(error).__name__
+            raise RecordingError(f"{self.path}: {what}: damaged: {text[:100]}") from None
+
+
+def _unzstd(packed: memoryview, size: int) -> bytes | None:
+    """The one frame of a chunk; None where it is damaged or claims another size, which would be allocated for it."""
+    import zstandard
+
+    try:
+        claimed = zstandard.get_frame_parameters(packed).content_size
+        if claimed not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            return None
+        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if size else b""
+    except zstandard.ZstdError:
+        return None
 
 
 def _mapped(path: Path) -> memoryview:
     """A file's content, read as it is looked at."""
     try:
-        with path.open("rb") as file:
+        with open_file(path, RecordingError) as file:
             if file.seek(0, io.SEEK_END) == 0:
                 return memoryview(b"")
             return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))

@@ -16,6 +16,7 @@ from navloom.config.schema import Config
 from navloom.messages import Envelope, Message, MessageError, Odometry, Pose2D, Twist2D
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.header import RecordingError, header_of
+from navloom.recording.ros_bags import deserialized, messages, opened
 from navloom.recording.ros_convert import (
     ConversionError,
     laser_scan,
@@ -99,8 +100,7 @@ def import_bag(
         RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use; or there is such a file.
         WriteError: The disk is full; nothing is left.
     """
-    reader = _open(bag)
-    with reader:
+    with opened(bag) as reader:
         work = _Work(reader, dict(names or {}), dict(mounts or {}), odometry_topic)
         header = header_of(work.loaded(bag), "imported", {})
         header = replace(header, clock="wall", origin=bag.name)
@@ -113,29 +113,6 @@ def import_bag(
             if isinstance(error, WriteError):
                 raise WriteError(f"{out}: {error.why}; nothing of the import is kept", error.why) from None
             raise
-
-
-def _open(bag: Path) -> Any:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.highlevel.anyreader import AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise RecordingError(
-            "reading ROS bags needs the extra `bags`: uv sync --group bags, or pip install 'navloom[bags]'"
-        ) from None
-    if not bag.exists():
-        raise RecordingError(f"{bag}: no such bag")
-    path = bag.parent if bag.suffix in (".db3", ".mcap") and (bag.parent / "metadata.yaml").exists() else bag
-    try:
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
-        reader.open()
-        reader.close()
-    except (AnyReaderError, AssertionError, ValueError, OSError) as error:
-        raise RecordingError(
-            f"{bag}: not a bag that can be read ({error}); expected F.bag or a ROS 2 bag's folder"
-        ) from None
-    return reader
 
 
 class _Work:
@@ -210,12 +187,12 @@ class _Work:
         self.frame_of: dict[str, str] = {}
         self.child = ""
         wanted = [c for c in self.reader.connections if c.msgtype in {_ODOMETRY, *_TRANSFORMS, *_CONVERT}]
-        for connection, _, raw in self.reader.messages(connections=wanted) if wanted else ():
+        for connection, _, raw in messages(self.reader, wanted):
             if connection.msgtype in _TRANSFORMS:
-                message = self.reader.deserialize(raw, connection.msgtype)
+                message = deserialized(self.reader, raw, connection)
                 self.frames.add(message, connection.topic.endswith("tf_static"))
             elif connection.topic not in self.frame_of:
-                message = self.reader.deserialize(raw, connection.msgtype)
+                message = deserialized(self.reader, raw, connection)
                 self.frame_of[connection.topic] = message.header.frame_id
                 if connection.topic == self.odometry:
                     self.child = message.child_frame_id
@@ -226,7 +203,7 @@ class _Work:
         self.mount_of: dict[str, Mount] = {}
         for topic in self.topics.values():
             count = self.reader.topics[topic.name].msgcount
-            if topic.type in _CONVERT and count:
+            if topic.type in _CONVERT and topic.name in self.frame_of:
                 frame = self.frame_of[topic.name].lstrip("/")
                 mount = self.mounts.get(topic.sensor) or self._mount(frame)
                 if mount is not None:
@@ -243,7 +220,8 @@ class _Work:
             elif topic.type == _ODOMETRY and count:
                 topic.skipped[f"{self.odometry} is taken; choose with --odom {topic.name}"] = count
             else:
-                topic.skipped["not a type that is read" if count else "empty"] = count
+                is_read = topic.type in _CONVERT or not count
+                topic.skipped["empty" if is_read else "not a type that is read"] = count
                 topic.sensor = ""
         if self.odometry is None and not any(self.frames.parent(name) == ODOM for name in (self.base, *BASES)):
             raise RecordingError(
@@ -270,11 +248,10 @@ class _Work:
         wanted = [c for c in self.reader.connections if c.topic in self.mount_of or c.topic == self.odometry]
         if self.odometry is None:
             wanted += [c for c in self.reader.connections if c.msgtype in _TRANSFORMS]
-        for connection, received_ns, raw in self.reader.messages(connections=wanted):
+        for connection, received_ns, raw in messages(self.reader, wanted):
             topic = self.topics[connection.topic]
-            message = self.reader.deserialize(raw, connection.msgtype)
             try:
-                self._convert(topic, message, received_ns)
+                self._convert(topic, deserialized(self.reader, raw, connection), received_ns)
             except (ConversionError, MessageError) as error:
                 topic.skipped[str(error)] += 1
         writer.close({"messages": writer.messages})

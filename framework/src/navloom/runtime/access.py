@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from navloom.inputs.bounds import TEXT_MB, read_file
+from navloom.inputs.texts import json_of
 
 __all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "HERE", "MOVED", "AccessError", "Identity", "common_name",
            "read_identities", "rules"]  # fmt: skip
@@ -105,7 +107,7 @@ def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...
     """
     path = folder / IDENTITIES
     try:
-        given = json.loads(path.read_text("utf-8"))
+        given = json_of(read_file(path, TEXT_MB, AccessError), str(path), AccessError)
         owner = f"{given['realm']}/{given['robot']}"
         found = tuple(
             Identity(str(entry["name"]), str(entry["kind"]), str(entry["instance"]), int(entry.get("generation", 1)))
@@ -116,6 +118,8 @@ def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...
             f"{path}: {error.strerror}; who listens over TLS rules by it: "
             f"copy it from the folder that `navloom keys new` made"
         ) from None
+    except AccessError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError):
         raise AccessError(
             f"{path}: not a list of identities as `navloom keys` writes it; copy it from the folder it made"

@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.runtime.access import Identity, common_name
 from navloom.runtime.links import LinkError
 
@@ -71,7 +72,7 @@ def alternative_name(host: str) -> x509.GeneralName:
 def hosts_of(path: Path) -> tuple[str, ...]:
     """Names and addresses that a certificate is for. Raises KeysError where there is none to read."""
     try:
-        names = x509.load_pem_x509_certificate(path.read_bytes()).extensions.get_extension_for_class(
+        names = x509.load_pem_x509_certificate(read_file(path, TEXT_MB, KeysError)).extensions.get_extension_for_class(
             x509.SubjectAlternativeName
         )
     except OSError as error:
@@ -111,13 +112,15 @@ def make_authority(folder: Path, order: Order) -> Authority:
 def read_authority(folder: Path) -> Authority:
     """The authority of a folder. Raises KeysError where it is not there, or broken."""
     try:
-        certificate = x509.load_pem_x509_certificate((folder / "ca.pem").read_bytes())
-        key = serialization.load_pem_private_key((folder / "ca-key.pem").read_bytes(), None)
+        certificate = x509.load_pem_x509_certificate(read_file(folder / "ca.pem", TEXT_MB, KeysError))
+        key = serialization.load_pem_private_key(read_file(folder / "ca-key.pem", TEXT_MB, KeysError), None)
     except OSError as error:
         raise KeysError(
             f"{error.filename}: {error.strerror}; make certificates where `navloom keys new` made the folder: "
             "the authority's private key stays there"
         ) from None
+    except KeysError:
+        raise
     except (ValueError, TypeError):
         raise KeysError(
             f"{folder}: ca.pem or ca-key.pem is broken; make a new folder with `navloom keys new`"

@@ -15,6 +15,8 @@ from datetime import datetime
 from pathlib import Path
 
 from navloom.config.schema import ROLE_TABLES
+from navloom.inputs.bounds import TEXT_MB, read_file
+from navloom.inputs.texts import json_of
 from navloom.runtime.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
 from navloom.runtime.certificates import (
     AUTHORITY_DAYS,
@@ -255,11 +257,13 @@ def _write_list(folder: Path, listed: _Listed) -> None:
 
 def _read_list(folder: Path) -> _Listed:
     try:
-        given = json.loads((folder / IDENTITIES).read_text("utf-8"))
+        given = json_of(read_file(folder / IDENTITIES, TEXT_MB, KeysError), str(folder / IDENTITIES), KeysError)
         realm, robot = str(given["realm"]), str(given["robot"])
         revoked = {str(name): int(generation) for name, generation in given.get("revoked", {}).items()}
     except OSError as error:
         raise KeysError(f"{folder / IDENTITIES}: {error.strerror}; make the folder with `navloom keys new`") from None
+    except KeysError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError):
         raise KeysError(f"{folder / IDENTITIES}: not a list of identities; restore it, or make a new folder") from None
     try:

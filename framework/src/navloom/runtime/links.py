@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from navloom.inputs.bounds import open_file
 from navloom.runtime.access import AccessError, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
@@ -356,7 +357,7 @@ def _credentials(link: Link, now: datetime) -> dict[str, Any]:
 
 def _refuse_unreadable(path: Path, folder: Path) -> None:
     try:
-        with path.open("rb") as file:
+        with open_file(path, LinkError) as file:
             is_pem = file.read(11) == b"-----BEGIN "
     except OSError as error:
         there = sorted(other.stem for other in folder.glob("*.pem") if (folder / f"{other.stem}-key.pem").exists())

@@ -18,6 +18,7 @@ from navloom.config import ConfigError
 from navloom.engine.build import System, changed_params, configure
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
+from navloom.inputs.texts import refuse_deep_toml
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
 from navloom.plugins.registry import nearest
 from navloom.runtime.cell import Source
@@ -317,6 +318,7 @@ def _name(assignment: str) -> str:
 
 
 def _refuse_doubles(values: tuple[str, ...]) -> None:
+    refuse_deep_toml("\n".join(values), "parameters", ServiceError)
     try:
         tomllib.loads("\n".join(values))
     except tomllib.TOMLDecodeError as error:

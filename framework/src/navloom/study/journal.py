@@ -15,6 +15,8 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.files import write_each, write_whole
+from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
+from navloom.inputs.texts import json_of
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.rows import Row
 from navloom.study.tracks import FOLDER, file_of
@@ -129,9 +131,11 @@ class StudyFolder:
 
     def _check(self, told: Path) -> None:
         try:
-            before = json.loads(told.read_text("utf-8"))
-        except ValueError:
-            raise ConfigError(f"{told}: damaged; name another folder with --out") from None
+            before = json_of(read_file(told, TEXT_MB, ConfigError), str(told), ValueError)
+        except ConfigError:
+            raise
+        except ValueError as error:
+            raise ConfigError(f"{error}; name another folder with --out") from None
         found = list(_differences(before, self.request))
         if found:
             more = f" (and {len(found) - SHOWN} more)" if len(found) > SHOWN else ""
@@ -143,10 +147,10 @@ class StudyFolder:
     def _read(self, journal: Path) -> None:
         """Take over what has ended before; what comes after the first line that is cut short never ended."""
         whole = 0
-        for line in journal.read_bytes().splitlines(keepends=True):
+        for line in io.BytesIO(read_file(journal, IMAGE_MB, ConfigError)):
             try:
-                row = Row.from_json(json.loads(line)) if line.endswith(b"\n") else None
-            except (ValueError, KeyError, TypeError):
+                row = Row.from_json(json_of(line, str(journal), ValueError)) if line.endswith(b"\n") else None
+            except (ValueError, KeyError, TypeError, AttributeError):
                 row = None
             if row is None:
                 break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import json
+import io
 import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,6 +15,8 @@ import numpy as np
 
 from navloom.config import ConfigError
 from navloom.geometry.world import World
+from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
+from navloom.inputs.texts import json_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.study.episode_key import EpisodeKey
@@ -135,7 +137,7 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
         raise ConfigError(f"{folder}: holds no study: study.json is missing; name the --out of `navloom compare`")
     if not (folder / "episodes.csv").is_file():
         raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` goes on with it")
-    request = _read(folder / "study.json", lambda path: json.loads(path.read_text("utf-8")))
+    request = _read(folder / "study.json", _json)
     rows = _read(folder / "episodes.csv", _table)
     try:
         names, told = list(request["methods"]), list(request["metrics"])
@@ -148,7 +150,7 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
         raise ConfigError(f"{folder / 'episodes.csv'}: is not the table of study.json; the same compare writes it anew")
     if baseline not in names:
         raise ConfigError(f"--baseline {baseline}: no such method in {folder}{nearest(baseline, names)}")
-    timing = _optional(folder / "timing.json", lambda path: json.loads(path.read_text("utf-8")), {})
+    timing = _optional(folder / "timing.json", _json, {})
     open_loop = _optional(folder / "open_loop.csv", _table, []) if "open_loop" in request else []
     discovery = Discovery()
     known = {metric.name: metric for metric in _installed(discovery)}
@@ -170,13 +172,19 @@ def _unknown(name: str) -> Metric:
 
 
 def _table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    text = read_file(path, IMAGE_MB, ConfigError).decode("utf-8")
+    return list(csv.DictReader(io.StringIO(text, newline="")))
+
+
+def _json(path: Path) -> Any:
+    return json_of(read_file(path, TEXT_MB, ConfigError), str(path), ValueError)
 
 
 def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
     try:
         return reader(path)
+    except ConfigError:
+        raise
     except (ValueError, csv.Error):
         raise ConfigError(f"{path}: damaged; make the study again in another folder") from None
 

@@ -16,6 +16,7 @@ from navloom.config import ConfigError, check_params
 from navloom.config.loader import parse_override
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
+from navloom.inputs.npz import Arrays
 from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery
 from navloom.roles import Context, Mapper, MapperInput, RobotSpec
@@ -23,6 +24,8 @@ from navloom.roles import Context, Mapper, MapperInput, RobotSpec
 __all__ = ["MappedSweep", "Recording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
 
 Floats = NDArray[np.float64]
+ARRAYS = ("ranges_m", "pitch_deg", "beam_deg")
+"""What a recorded sweep holds."""
 FRAME_TIME = 0.0133
 """s between frames where the file does not say: 75 frames a second."""
 SMALLEST = 0.3
@@ -66,18 +69,13 @@ def read_recording(path: Path) -> Recording:
         ConfigError: Missing, damaged, or arrays that do not fit each other.
     """
     try:
-        with np.load(path, allow_pickle=False) as found:
-            arrays = {name: found[name].astype(np.float64) for name in ("ranges_m", "pitch_deg", "beam_deg")}
+        found = Arrays(path, ConfigError)
     except FileNotFoundError:
         raise ConfigError(f"{path}: there is no such file") from None
-    except KeyError as error:
-        raise ConfigError(f"{path}: {error.args[0]}; expected ranges_m, pitch_deg and beam_deg") from None
-    except Exception as error:
-        # Whatever a damaged or foreign file makes the reader say, its advice to trust the file is not ours.
-        raise ConfigError(
-            f"{path}: not an .npz of arrays ({type(error).__name__}); expected ranges_m, pitch_deg and beam_deg"
-        ) from None
-    ranges, pitches, beams = arrays["ranges_m"], arrays["pitch_deg"], arrays["beam_deg"]
+    missing = [name for name in ARRAYS if name not in found.names]
+    if missing:
+        raise ConfigError(f"{path}: array {missing[0]!r} is missing; expected ranges_m, pitch_deg and beam_deg")
+    ranges, pitches, beams = (found.read(name).astype(np.float64) for name in ARRAYS)
     if ranges.ndim != 2 or ranges.shape != (*pitches.shape, *beams.shape) or not ranges.size:
         raise ConfigError(
             f"{path}: ranges_m is {ranges.shape}, pitch_deg {pitches.shape}, beam_deg {beams.shape}; "

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom.inputs.npz import Arrays
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.shadows import Disagreement
 from navloom.study.trail import Trail
@@ -98,8 +99,8 @@ def encoded(
 def read_track(folder: Path, key: EpisodeKey) -> Track | None:
     """An episode's way; None where none was kept, or what is there is no such file."""
     try:
-        with np.load(folder / FOLDER / file_of(key), allow_pickle=False) as held:
-            arrays = {name: np.asarray(held[name]) for name in held.files}
+        held = Arrays(folder / FOLDER / file_of(key), ValueError)
+        arrays = {name: held.read(name) for name in held.names}
         goal = arrays["goal_mm"] * MILLI if "goal_mm" in arrays else None
         told = [name for name in arrays if name.startswith("shadow ") and not name.endswith(" ms")]
         return Track(
@@ -111,7 +112,7 @@ def read_track(folder: Path, key: EpisodeKey) -> Track | None:
             {name.removeprefix("shadow "): arrays[f"{name} ms"] * MILLI for name in told},
             {name.removeprefix("shadow "): arrays[name] * MILLI for name in told},
         )
-    except (OSError, EOFError, ValueError, KeyError, IndexError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError, IndexError):
         return None
 
 

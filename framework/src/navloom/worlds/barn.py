@@ -7,22 +7,19 @@ where scores are to be relative to it, `path_len_m` (n,) the organisers' way thr
 
 from __future__ import annotations
 
-import io
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
-from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from navloom.geometry.world import Cylinder, Place, World
-from navloom.worlds.errors import WorldError, did_you_mean, file_of, read_bytes
+from navloom.inputs.npz import Arrays
+from navloom.worlds.errors import WorldError, did_you_mean, file_of, readable
 
 __all__ = ["barn_numbers", "barn_world"]
 
-_MAX_FILE = 200_000_000
-_MAX_NUMBERS = 10_000_000
+_MOST = 100_000
+"""Most cylinders of one world: each becomes an object."""
 _MARGIN = 1.0
 Floats = NDArray[np.float64]
 
@@ -44,12 +41,14 @@ def barn_world(argument: str, base: Path) -> World:
     numbers = arrays.read("world", (len(offsets) - 1,)).astype(np.int64)
     matches = np.flatnonzero(numbers == int(number)) if len(number) < 10 else np.zeros(0, dtype=np.int64)
     if not matches.size:
-        there = ", ".join(str(n) for n in numbers.tolist()[:400])
+        there = ", ".join(str(n) for n in numbers[:400].tolist())
         raise WorldError(f"{path}: there is no world {number}; the file has {there}")
     cylinders = arrays.read("cyl", (-1, 3))
     first, last = offsets[matches[0] : matches[0] + 2].tolist()
     if not 0 <= first <= last <= len(cylinders):
         raise WorldError(f"{path}: cylinders {first} to {last} of world {number}, expected 0 to {len(cylinders)}")
+    if last - first > _MOST:
+        raise WorldError(f"{path}: {last - first} cylinders of world {number}, expected at most {_MOST}")
     reference = None
     if arrays.has("path_len_m"):
         reference = float(arrays.read("path_len_m", (len(numbers),))[matches[0]])
@@ -84,19 +83,16 @@ def _world(name: str, cylinders: Floats, arrays: _Arrays, reference: float | Non
 
 
 class _Arrays:
-    """Arrays of an `.npz` file: each one's size is checked before anything is allocated for it."""
+    """The arrays of a file, each checked."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._content = read_bytes(path, _MAX_FILE)
+        with readable(path):
+            self._arrays = Arrays(path, WorldError)
 
     def has(self, name: str) -> bool:
-        """Whether there is an array of that name. Raises WorldError: the file is damaged."""
-        try:
-            with zipfile.ZipFile(io.BytesIO(self._content)) as archive:
-                return f"{name}.npy" in archive.namelist()
-        except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
-            raise WorldError(f"{self.path}: damaged .npz file: {error}; copy the file again") from None
+        """Whether there is an array of that name."""
+        return name in self._arrays.names
 
     def read(self, name: str, shape: tuple[int, ...]) -> Floats:
         """One array as float64; -1 in `shape` is any length.
@@ -104,7 +100,9 @@ class _Arrays:
         Raises:
             WorldError: The array is missing, damaged, of another shape, or has anything but finite numbers.
         """
-        array = self._load(name)
+        if not self.has(name):
+            raise WorldError(f"{self.path}: array {name!r} is missing; {did_you_mean(name, self._arrays.names)}")
+        array = self._arrays.read(name)
         fits = len(array.shape) == len(shape) and all(w in (-1, g) for w, g in zip(shape, array.shape, strict=True))
         if not fits or array.dtype.kind not in "iuf":
             raise WorldError(f"{self.path}: array {name!r} of {array.dtype} {array.shape}, expected numbers {shape}")
@@ -112,26 +110,3 @@ class _Arrays:
         if not (np.abs(numbers) <= 1e7).all():
             raise WorldError(f"{self.path}: array {name!r} has a value beyond ±1e7, expected metres and seconds")
         return numbers
-
-    def _load(self, name: str) -> NDArray[np.generic]:
-        try:
-            with zipfile.ZipFile(io.BytesIO(self._content)) as archive:
-                members = [m.removesuffix(".npy") for m in archive.namelist()]
-                if name not in members:
-                    raise WorldError(f"{self.path}: array {name!r} is missing; {did_you_mean(name, members)}")
-                with archive.open(f"{name}.npy") as file:
-                    version = npy.read_magic(file)
-                    header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-                    shape, column_first, dtype = header(file)
-                    count = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
-                    if dtype.hasobject or not 0 <= count <= _MAX_NUMBERS or dtype.itemsize > 16:
-                        raise WorldError(f"{self.path}: array {name!r} of {dtype} {shape}, expected numbers")
-                    values = np.frombuffer(file.read(count * dtype.itemsize), dtype=dtype, count=count)
-                    return values.reshape(shape, order="F" if column_first else "C")
-        except WorldError:
-            raise
-        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, KeyError, NotImplementedError) as error:
-            raise WorldError(f"{self.path}: damaged .npz file at {name!r}: {error}; copy the file again") from None
-        except (RuntimeError, TypeError, SyntaxError, OverflowError, IndexError, MemoryError) as error:
-            # RuntimeError: an encrypted member; the others: array headers that numpy's parser trips over.
-            raise WorldError(f"{self.path}: damaged .npz file at {name!r}: {error}; copy the file again") from None

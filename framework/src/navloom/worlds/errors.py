@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from urllib.parse import parse_qsl
 
-__all__ = ["WorldError", "did_you_mean", "file_of", "options_of", "read_bytes"]
+from navloom.inputs.bounds import read_file
+
+__all__ = ["WorldError", "did_you_mean", "file_of", "options_of", "read_bytes", "readable"]
+
+
+_SHOWN = 30
+"""Most names that an error lists."""
 
 
 class WorldError(ValueError):
@@ -20,7 +27,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     close = get_close_matches(name, names, n=1, cutoff=0.6)
     if close:
         return f"did you mean {close[0]!r}?"
-    return f"known are {', '.join(names)}" if names else "none is known"
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"known are {', '.join(names[:_SHOWN])}{more}" if names else "none is known"
 
 
 def file_of(text: str, base: Path) -> Path:
@@ -58,22 +66,25 @@ def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, 
     return name, options
 
 
-def read_bytes(path: Path, limit: int) -> bytes:
+def read_bytes(path: Path, megabytes: float) -> bytes:
     """All of a file.
 
     Raises:
-        WorldError: The file is missing, unreadable or larger than `limit`, bytes.
+        WorldError: The file is missing, unreadable, no file, or larger than its bound, MB.
     """
+    with readable(path):
+        return read_file(path, megabytes, WorldError)
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Makes a WorldError of what the system says of a file that is missing or cannot be read."""
     try:
-        if path.stat().st_size > limit:
-            raise WorldError(f"{path}: {path.stat().st_size} bytes, expected at most {limit}")
-        return path.read_bytes()
+        yield
     except FileNotFoundError:
         raise WorldError(f"{path}: there is no such file; {_others(path)}") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, WorldError):
-            raise
-        raise WorldError(f"{path}: cannot be read: {error}") from None
+    except OSError as error:
+        raise WorldError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
 def _others(path: Path) -> str:

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import io
 import re
+import struct
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.grid import MAX_CELLS
+from navloom.inputs.bounds import IMAGE_MB
 from navloom.worlds.errors import WorldError, read_bytes
 
 __all__ = ["Shades", "read_image"]
 
-_MAX_FILE = 512_000_000
+_HEADER = 65536
+"""Bytes that the header of a PGM with its comments may take."""
+_STRIP = 1 << 20
+"""Pixels that are converted at once."""
 _PGM = re.compile(
-    rb"P([25])((?:\s+|#[^\n\r]*[\n\r])+)(\d{1,9})((?:\s+|#[^\n\r]*[\n\r])+)(\d{1,9})((?:\s+|#[^\n\r]*[\n\r])+)(\d{1,9})"
+    rb"P([25])(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})"
 )
+_SPACE = re.compile(rb"\s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +55,7 @@ def read_image(path: Path) -> Shades:
     Raises:
         WorldError: The file is missing, of another format, damaged, truncated, or larger than a map can be.
     """
-    content = read_bytes(path, _MAX_FILE)
+    content = read_bytes(path, IMAGE_MB)
     if content[:2] in (b"P2", b"P5"):
         return _pgm(content, path)
     if content[:8] == b"\x89PNG\r\n\x1a\n":
@@ -62,10 +69,10 @@ def _check_size(path: Path, width: int, height: int) -> None:
 
 
 def _pgm(content: bytes, path: Path) -> Shades:
-    header = _PGM.match(content)
+    header = _PGM.match(content[:_HEADER])
     if header is None:
         raise WorldError(f"{path}: PGM header {content[:24]!r}, expected P2 or P5, width, height and highest value")
-    width, height, top = int(header[3]), int(header[5]), int(header[7])
+    width, height, top = int(header[2]), int(header[3]), int(header[4])
     _check_size(path, width, height)
     if not 1 <= top <= 65535:
         raise WorldError(f"{path}: highest value {top} in the PGM header, expected 1 to 65535")
@@ -77,14 +84,23 @@ def _pgm(content: bytes, path: Path) -> Shades:
 
 
 def _plain_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
-    body = re.sub(rb"#[^\n\r]*", b"", content[start:])
+    """The numbers of a P2 image, in pieces: parsed as a whole they would take eight times the file."""
+    body = content[start:] if b"#" not in content[start:] else re.sub(rb"#[^\n\r]*", b"", content[start:])
     wrong = re.search(rb"[^0-9\s]|[0-9]{7}", body)
     if wrong is not None:
         raise WorldError(f"{path}: {body[wrong.start() : wrong.start() + 8]!r} among the pixels, expected numbers")
-    values = np.fromstring(body.decode("ascii"), dtype=np.int64, sep=" ") if body.strip() else np.zeros(0, np.int64)
-    if values.size < count:
-        raise WorldError(f"{path}: truncated: {values.size} pixels, expected {count}; copy the file again")
-    return values[:count]
+    pieces: list[NDArray[np.integer]] = []
+    left, at = count, 0
+    while left > 0 and at < len(body):
+        gap = _SPACE.search(body, at + _STRIP)
+        end = gap.start() if gap is not None else len(body)
+        piece = body[at:end].strip()
+        values = np.fromstring(piece.decode("ascii"), dtype=np.int64, sep=" ") if piece else np.zeros(0, np.int64)
+        pieces.append(values[:left].astype(np.int32))
+        left, at = left - values.size, end
+    if left > 0:
+        raise WorldError(f"{path}: truncated: {count - left} pixels, expected {count}; copy the file again")
+    return np.concatenate(pieces)
 
 
 def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
@@ -101,6 +117,8 @@ def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) ->
 def _png(content: bytes, path: Path) -> Shades:
     from PIL import Image
 
+    if len(content) >= 24:  # before Pillow, which has a bound of its own
+        _check_size(path, *struct.unpack_from(">II", content, 16))
     try:
         with warnings.catch_warnings():
             # Pillow's own warning of large images: the check below is the stricter one.
@@ -110,14 +128,28 @@ def _png(content: bytes, path: Path) -> Shades:
         image.load()
         if image.mode.startswith("I"):
             return Shades(np.clip(np.asarray(image), 0, 65535).astype(np.uint16), 65535)
-        transparent = "A" in image.getbands() or "transparency" in image.info
-        pixels = np.asarray(image.convert("RGBA" if transparent else "RGB"), dtype=np.uint16)
+        return _colours(image)
     except WorldError:
         raise
     except Exception as error:
         # Pillow gives no list of what it raises on damaged files: OSError, SyntaxError, ValueError, struct.error, ...
         raise WorldError(f"{path}: damaged PNG: {error}; copy the file again") from error
-    if not transparent:
-        return Shades(pixels.sum(axis=2, dtype=np.uint16), 3 * 255)
-    colours = pixels[..., :3].sum(axis=2, dtype=np.uint16)
-    return Shades(colours, 3 * 255, pixels[..., 3] == 255, colours + pixels[..., 3], 4 * 255)
+
+
+def _colours(image: Any) -> Shades:
+    """The sum of the colours of a loaded image, a strip of rows at a time: whole, its pixels take 14 bytes each."""
+    is_clear = "A" in image.getbands() or "transparency" in image.info
+    width, height = image.size
+    colours = np.empty((height, width), dtype=np.uint16)
+    alpha = np.empty((height, width), dtype=np.uint8) if is_clear else None
+    rows = max(1, _STRIP // width)
+    for top in range(0, height, rows):
+        end = min(top + rows, height)
+        strip = image.crop((0, top, width, end)).convert("RGBA" if is_clear else "RGB")
+        pixels = np.asarray(strip)
+        colours[top:end] = pixels[..., :3].sum(axis=2, dtype=np.uint16)
+        if alpha is not None:
+            alpha[top:end] = pixels[..., 3]
+    if alpha is None:
+        return Shades(colours, 3 * 255)
+    return Shades(colours, 3 * 255, alpha == 255, colours + alpha, 4 * 255)

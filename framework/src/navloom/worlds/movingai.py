@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 
 from navloom.geometry.grid import FREE, MAX_CELLS, OCCUPIED, GridMap
 from navloom.geometry.world import Place, Raster, World
+from navloom.inputs.bounds import IMAGE_MB, bytes_of, too_large
 from navloom.worlds.errors import WorldError, file_of, options_of, read_bytes
 from navloom.worlds.rasters import length_of, raster_bounds, wall_height
 
 __all__ = ["movingai_world", "read_movingai", "scenario_place"]
 
-_MAX_FILE = MAX_CELLS + 10_000_000
+_HEADER = 4096
+"""Bytes that the four lines before the rows may take."""
+_NEWLINE = ord("\n")
 _CELLS = np.full(256, -1, dtype=np.int8)
 _CELLS[list(b".GS")] = FREE
 _CELLS[list(b"@OTW")] = OCCUPIED
@@ -52,18 +55,14 @@ def read_movingai(path: Path, cell: float = 1.0) -> GridMap:
     Raises:
         WorldError: The file is missing, damaged, truncated, or not of this format.
     """
-    lines = _text(path).splitlines()
-    height, width = _header(lines, path)
-    rows = lines[4 : 4 + height]
-    if len(rows) < height:
-        raise WorldError(f"{path}: truncated: {len(rows)} rows, expected {height}; copy the file again")
-    for number, row in enumerate(rows, start=5):
-        if len(row) != width:
-            raise WorldError(f"{path}, line {number}: {len(row)} cells, expected {width}")
-    levels = np.frombuffer(b"".join(rows), dtype=np.uint8).reshape(height, width)
+    text = _text(path).replace(b"\r\n", b"\n")
+    lines = text[:_HEADER].split(b"\n", 4)
+    height, width = _header(lines[:4], path)
+    levels = _rows(text, sum(map(len, lines[:4])) + 4, height, width, path)
     cells: NDArray[np.int8] = _CELLS[levels]
-    if (cells < 0).any():
-        row, col = np.argwhere(cells < 0)[0].tolist()
+    is_wrong = cells < 0
+    if is_wrong.any():
+        row, col = divmod(int(is_wrong.argmax()), width)
         given = chr(levels[row, col])
         raise WorldError(f"{path}, line {row + 5}, cell {col + 1}: {given!r}, expected one of . G S @ O T W")
     return GridMap(np.ascontiguousarray(cells[::-1]), cell, Place(0.0, 0.0))
@@ -75,17 +74,40 @@ def scenario_place(x: int, y: int, rows: int, cell: float = 1.0) -> Place:
 
 
 def _text(path: Path) -> bytes:
-    content = read_bytes(path, _MAX_FILE)
+    content = read_bytes(path, IMAGE_MB)
     if content[:2] != b"\x1f\x8b":
         return content
+    limit = bytes_of(IMAGE_MB, WorldError)
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:
-            text = file.read(_MAX_FILE + 1)
+            text = file.read(limit + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise WorldError(f"{path}: damaged gzip file: {error}; copy the file again") from None
-    if len(text) > _MAX_FILE:
-        raise WorldError(f"{path}: more than {_MAX_FILE} bytes when unpacked, expected a map")
+    if len(text) > limit:
+        raise WorldError(too_large(f"{path}: unpacks to more than {limit / 1e6:g} MB", limit))
     return text
+
+
+def _rows(text: bytes, start: int, height: int, width: int, path: Path) -> NDArray[np.uint8]:
+    """(height, width) the characters of the map.
+
+    They are looked at as one array: a list of lines takes 40 bytes a line, and a gzipped file has them for nothing.
+    """
+    stride = width + 1
+    whole = min(height, (len(text) - start + 1) // stride)
+    body = np.frombuffer(text, dtype=np.uint8)[start:]
+    if whole * stride > body.size:  # the last line needs no end
+        body = np.append(body, np.uint8(_NEWLINE))
+    table = body[: whole * stride].reshape(whole, stride)
+    is_wrong = (table[:, -1] != _NEWLINE) | (table[:, :-1] == _NEWLINE).any(axis=1)
+    if is_wrong.any() or whole < height:
+        row = int(is_wrong.argmax()) if is_wrong.any() else whole
+        begin = start + row * stride
+        line, end, _ = text[begin:].partition(b"\n")
+        if not line and not end:
+            raise WorldError(f"{path}: truncated: {row} rows, expected {height}; copy the file again")
+        raise WorldError(f"{path}, line {row + 5}: {len(line)} cells, expected {width}")
+    return table[:, :-1]
 
 
 def _header(lines: list[bytes], path: Path) -> tuple[int, int]:

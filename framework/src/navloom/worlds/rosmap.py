@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from navloom.files import write_whole
 from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
 from navloom.geometry.world import Interval, Place, Raster, World
+from navloom.inputs.bounds import YAML_MB
+from navloom.inputs.texts import shortened, yaml_of
 from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of, read_bytes
 from navloom.worlds.images import Shades, read_image
 from navloom.worlds.rasters import raster_bounds, wall_height
 
 __all__ = ["load_raster", "read_rosmap", "rosmap_files", "rosmap_world", "save_rosmap"]
 
-_MAX_YAML = 100_000
 _MODES = ("trinary", "scale", "raw")
 _UNKNOWNS = ("occupied", "free")
 _BLACK, _GREY, _WHITE = 0, 205, 254
@@ -119,24 +120,7 @@ def _cells(shades: Shades, description: _Description) -> NDArray[np.int8]:
 
 
 def _describe(path: Path) -> _Description:
-    import yaml
-
-    try:
-        document = yaml.safe_load(read_bytes(path, _MAX_YAML))
-    except WorldError:
-        raise
-    except (
-        yaml.YAMLError,
-        ValueError,
-        TypeError,
-        LookupError,
-        AttributeError,
-        ArithmeticError,
-        RecursionError,
-    ) as error:
-        # Beside its own errors, PyYAML lets those of the value types through (dates, integers, deep nesting).
-        first = str(error).strip().replace("\n", " ") or type(error).__name__
-        raise WorldError(f"{path}: not YAML: {first[:200]}") from None
+    document = yaml_of(read_bytes(path, YAML_MB), str(path), WorldError)
     if not isinstance(document, dict):
         raise WorldError(f"{path}: expected the keys image, resolution, origin, negate, occupied_thresh, free_thresh")
     return _checked(document, path)
@@ -155,7 +139,7 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
         except (ValueError, OverflowError):
             found = math.nan
         if not (math.isfinite(found) and fits(found)):
-            raise WorldError(f"{path}: {key} = {_short(given)}: expected {expected}")
+            raise WorldError(f"{path}: {key} = {shortened(given)}: expected {expected}")
         return found
 
     def share(key: str) -> float:
@@ -163,14 +147,14 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
 
     image, origin, negate, mode = value("image"), value("origin"), value("negate"), document.get("mode", "trinary")
     if not isinstance(image, str):
-        raise WorldError(f"{path}: image = {_short(image)}: expected the name of a PGM or PNG file")
+        raise WorldError(f"{path}: image = {shortened(image)}: expected the name of a PGM or PNG file")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise WorldError(f"{path}: origin = {_short(origin)}: expected [x, y, yaw] in metres and radians")
+        raise WorldError(f"{path}: origin = {shortened(origin)}: expected [x, y, yaw] in metres and radians")
     x, y, yaw = (number("origin", v, lambda v: abs(v) <= 1e7, "[x, y, yaw] in metres and radians") for v in origin)
     if negate not in (0, 1):
-        raise WorldError(f"{path}: negate = {_short(negate)}: expected 0 or 1")
+        raise WorldError(f"{path}: negate = {shortened(negate)}: expected 0 or 1")
     if mode not in _MODES:
-        raise WorldError(f"{path}: mode = {_short(mode)}: expected one of {', '.join(_MODES)}")
+        raise WorldError(f"{path}: mode = {shortened(mode)}: expected one of {', '.join(_MODES)}")
     resolution = number(
         "resolution", value("resolution"), lambda v: 1e-4 <= v <= 1e4, "metres a pixel, 0.0001 to 10000"
     )
@@ -178,11 +162,6 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
     if not free < occupied:
         raise WorldError(f"{path}: free_thresh = {free}: expected less than occupied_thresh = {occupied}")
     return _Description(file_of(image, path.parent), resolution, Place(x, y, yaw), bool(negate), occupied, free, mode)
-
-
-def _short(given: Any) -> str:
-    text = repr(given)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "trinary") -> None:

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+from navloom.inputs.texts import shortened
 from navloom.worlds.errors import WorldError, did_you_mean
 
 __all__ = ["Table"]
@@ -31,10 +32,10 @@ class Table:
     def __init__(self, path: Path, place: str, content: Any, known: Collection[str]) -> None:
         self.path, self.place = path, place
         if not isinstance(content, dict):
-            raise self.error(f"{_short(content)}, expected a table")
+            raise self.error(f"{shortened(content)}, expected a table")
         for key in content:
             if key not in known:
-                raise self.error(f"key {key!r} does not exist; {did_you_mean(key, known)}")
+                raise self.error(f"key {shortened(key)} does not exist; {did_you_mean(key, known)}")
         self._content = content
 
     def __contains__(self, key: str) -> bool:
@@ -56,7 +57,7 @@ class Table:
             return default
         value = self.value(key)
         if not _is_number(value) or not least <= value <= _FARTHEST:
-            raise self.error(f"{key} = {_short(value)}, expected a number from {least:g} to {_FARTHEST:g}")
+            raise self.error(f"{key} = {shortened(value)}, expected a number from {least:g} to {_FARTHEST:g}")
         return float(value)
 
     def numbers(self, key: str, meaning: str) -> tuple[float, ...]:
@@ -64,7 +65,7 @@ class Table:
         value = self.value(key)
         count = meaning.count(",") + 1
         if not isinstance(value, list) or len(value) != count or not all(_is_number(v) for v in value):
-            raise self.error(f"{key} = {_short(value)}, expected {meaning}")
+            raise self.error(f"{key} = {shortened(value)}, expected {meaning}")
         return tuple(float(v) for v in value)
 
     def interval(self, key: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -82,21 +83,23 @@ class Table:
             return default
         value = self.value(key)
         if not isinstance(value, str) or not value:
-            raise self.error(f"{key} = {_short(value)}, expected a text")
+            raise self.error(f"{key} = {shortened(value)}, expected a text")
         return value
 
     def choice(self, key: str, choices: tuple[str, ...]) -> str:
         """One of some words, the first by default."""
         value = self.text(key, choices[0])
         if value not in choices:
-            raise self.error(f"{key} = {value!r}, expected one of {', '.join(choices)}; {did_you_mean(value, choices)}")
+            raise self.error(
+                f"{key} = {shortened(value)}, expected one of {', '.join(choices)}; {did_you_mean(value, choices)}"
+            )
         return value
 
     def flag(self, key: str) -> bool:
         """True or false, false by default."""
         value = self._content.get(key, False)
         if not isinstance(value, bool):
-            raise self.error(f"{key} = {_short(value)}, expected true or false")
+            raise self.error(f"{key} = {shortened(value)}, expected true or false")
         return value
 
 
@@ -104,8 +107,3 @@ def _is_number(value: Any) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return math.isfinite(value) and abs(value) <= _FARTHEST if isinstance(value, float) else abs(value) <= _FARTHEST
-
-
-def _short(given: Any) -> str:
-    text = repr(given)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -33,7 +33,6 @@ loops = true
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -41,6 +40,8 @@ from typing import Any
 from navloom.geometry.angles import wrap
 from navloom.geometry.solids import box_corners
 from navloom.geometry.world import Box, Cylinder, Interval, Obstacle, Place, Raster, Waypoint, World
+from navloom.inputs.bounds import TEXT_MB
+from navloom.inputs.texts import toml_of
 from navloom.worlds.errors import WorldError, file_of, read_bytes
 from navloom.worlds.rasters import raster_bounds
 from navloom.worlds.rosmap import load_raster
@@ -48,7 +49,6 @@ from navloom.worlds.tables import Table
 
 __all__ = ["toml_world"]
 
-_MAX_FILE = 10_000_000
 _MARGIN = 1.0
 _TALL: Interval = (0.0, 2.4)
 _WORLD_KEYS = ("bounds", "start", "goal", "goal_tolerance", "time_limit", "raster", "box", "cylinder")
@@ -65,11 +65,10 @@ def toml_world(argument: str, base: Path) -> World:
     """
     path = file_of(argument, base)
     try:
-        content = tomllib.loads(read_bytes(path, _MAX_FILE).decode("utf-8"))
-    except WorldError:
-        raise
-    except (ValueError, RecursionError) as error:
+        text = read_bytes(path, TEXT_MB).decode("utf-8")
+    except UnicodeDecodeError as error:
         raise WorldError(f"{path}: not TOML: {error}") from None
+    content = toml_of(text, str(path), WorldError)
     table = Table(path, "", content, _WORLD_KEYS)
     boxes = _each(table, "box", _BOX_KEYS, _box)
     cylinders = _each(table, "cylinder", _CYLINDER_KEYS, _cylinder)

@@ -1,0 +1,111 @@
+"""The bounds of files that are read, and reading no more than a bound.
+
+`NAVLOOM_MAX_INPUT_MB` replaces every bound in MB below. What grows without a size, as nesting, has a fixed bound.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+__all__ = [
+    "ARRAYS_MB", "BAG_MB", "CHUNK_MB", "DEEPEST", "IMAGE_MB", "TEXT_MB", "VARIABLE", "YAML_MB", "Refusal", "bytes_of",
+    "open_file", "read_file", "too_large",
+]  # fmt: skip
+
+VARIABLE = "NAVLOOM_MAX_INPUT_MB"
+"""Environment variable that replaces every bound in MB."""
+YAML_MB = 0.25
+"""Bound of a YAML file, MB: its parser takes 1 s for about 100 kB."""
+TEXT_MB = 16.0
+"""Bound of a text that is parsed into objects (TOML, JSON, CSV, PEM), MB."""
+ARRAYS_MB = 256.0
+"""Bound of an `.npz` file, and of the numbers that are unpacked from it as float64, MB."""
+IMAGE_MB = 512.0
+"""Bound of the file of a map, an image or a journal, packed or unpacked, MB."""
+CHUNK_MB = 512.0
+"""Bound of what one chunk of a recording unpacks to, MB."""
+BAG_MB = 1024.0
+"""Bound of the memory that reading a ROS bag takes, and of the files that one unpacks to on the disk, MB."""
+DEEPEST = 64
+"""Deepest nesting of TOML, JSON and YAML, and most parts of a dotted key. Fixed: a robot's config needs 5."""
+
+Refusal = Callable[[str], Exception]
+"""Makes the error of whoever reads a file from its text."""
+
+_KINDS = (
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def bytes_of(megabytes: float, refusal: Refusal) -> int:
+    """A bound in bytes: that of the environment variable where it is set.
+
+    Args:
+        megabytes: The bound where it is not.
+        refusal: Makes the error of a value that is no number > 0.
+    """
+    given = os.environ.get(VARIABLE, "")
+    if not given:
+        return round(megabytes * 1e6)
+    try:
+        wanted = float(given)
+    except ValueError:
+        wanted = 0.0
+    if not 0.0 < wanted < 1e9:
+        raise refusal(f"{VARIABLE}={given[:40]}: expected a number of MB > 0, as in {VARIABLE}=2000")
+    return round(wanted * 1e6)
+
+
+def too_large(what: str, limit: int) -> str:
+    """Text of the error that something is larger than its bound.
+
+    Args:
+        what: The place, and what is too large, as "F.npz: unpacks to 4000 MB".
+        limit: The bound, bytes.
+    """
+    return f"{what}, expected at most {limit / 1e6:g} MB; set {VARIABLE} to read more"
+
+
+def open_file(path: Path, refusal: Refusal) -> BinaryIO:
+    """A file opened for reading. What is no file is refused: a pipe may wait for ever, a device may have no end.
+
+    Raises:
+        OSError: It is missing, a folder, or may not be read.
+    """
+    number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    mode = os.fstat(number).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(number)
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        kind = next((name for fits, name in _KINDS if fits(mode)), "no file")
+        raise refusal(f"{path}: is {kind}, expected a file")
+    return os.fdopen(number, "rb")
+
+
+def read_file(path: Path, megabytes: float, refusal: Refusal) -> bytes:
+    """All of a file that is no larger than a bound; a file that grows meanwhile is read up to the bound.
+
+    Args:
+        path: The file.
+        megabytes: The bound, MB.
+        refusal: Makes the error of a file that is larger, or no file.
+
+    Raises:
+        OSError: It is missing or cannot be read.
+    """
+    limit = bytes_of(megabytes, refusal)
+    with open_file(path, refusal) as file:
+        size = os.fstat(file.fileno()).st_size
+        content = file.read(limit + 1) if size <= limit else b""
+    if size > limit or len(content) > limit:
+        raise refusal(too_large(f"{path}: {max(size, len(content)) / 1e6:.6g} MB", limit))
+    return content

@@ -1,0 +1,139 @@
+"""TOML, JSON and YAML from outside: nesting is bounded before anything is built, and every fault is one error."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from typing import Any
+
+from navloom.inputs.bounds import DEEPEST, Refusal
+
+__all__ = [
+    "TOML_TOKENS", "json_of", "refuse_deep_toml", "refuse_deep_tree", "refuse_hostile_yaml", "shortened", "toml_of",
+    "yaml_of",
+]  # fmt: skip
+
+TOML_TOKENS = re.compile(
+    r'"""[^"\\]*+(?:(?:\\.|"(?!""))[^"\\]*+)*+"""'
+    r"|'''[^']*+(?:'(?!'')[^']*+)*+'''"
+    r'|"[^"\\\n]*+(?:\\.[^"\\\n]*+)*+"'
+    r"|'[^'\n]*+'"
+    r"|\#[^\n]*+"
+    r"|[\[\]{}.=,\n]",
+    re.DOTALL,
+)
+"""What nests in TOML; strings and comments, which do not, are one match each."""
+_JSON = re.compile(r'"[^"\\]*+(?:\\.[^"\\]*+)*+"|[\[\]{}]', re.DOTALL)
+
+
+def toml_of(text: str, where: str, refusal: Refusal) -> dict[str, Any]:
+    """A TOML document.
+
+    Args:
+        text: The document.
+        where: What to call it in an error.
+        refusal: Makes the error of a document that cannot be read, or is nested too deeply.
+    """
+    refuse_deep_toml(text, where, refusal)
+    try:
+        tree = tomllib.loads(text)
+    except ValueError as error:
+        raise refusal(f"{where}: not TOML: {_words(error)}") from None
+    refuse_deep_tree(tree, where, refusal)
+    return tree
+
+
+def refuse_deep_toml(text: str, where: str, refusal: Refusal) -> None:
+    """Refuse brackets in brackets and dotted keys that the parser recurses over, or takes quadratic time for."""
+    depth = dots = 0
+    for match in TOML_TOKENS.finditer(text):
+        token = match[0]
+        if token in ("[", "{"):
+            depth, dots = depth + 1, 0
+        elif token in ("]", "}"):
+            depth -= 1
+        elif token == ".":
+            dots += 1
+        elif token in ("=", ",", "\n"):
+            dots = 0
+        if depth > DEEPEST or dots >= DEEPEST:
+            line = text.count("\n", 0, match.start()) + 1
+            what = f"more than {DEEPEST} brackets deep" if depth > DEEPEST else f"a key of more than {DEEPEST} parts"
+            raise refusal(f"{where}: line {line}: {what}, expected at most {DEEPEST}")
+
+
+def json_of(content: str | bytes, where: str, refusal: Refusal) -> Any:
+    """A JSON document; arguments as for `toml_of`."""
+    try:
+        text = content if isinstance(content, str) else content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise refusal(f"{where}: not JSON: {_words(error)}") from None
+    depth = 0
+    for match in _JSON.finditer(text):
+        token = match[0]
+        depth += 1 if token in ("[", "{") else -1 if token in ("]", "}") else 0
+        if depth > DEEPEST:
+            raise refusal(f"{where}: more than {DEEPEST} brackets deep, expected at most {DEEPEST}")
+    try:
+        return json.loads(text)
+    except ValueError as error:  # also of whole numbers of more than 4300 digits
+        raise refusal(f"{where}: not JSON: {_words(error)}") from None
+
+
+def yaml_of(content: bytes, where: str, refusal: Refusal) -> Any:
+    """A YAML document of plain values; arguments as for `toml_of`."""
+    import yaml
+
+    refuse_hostile_yaml(content, where, refusal)
+    try:
+        return yaml.safe_load(content)
+    except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
+        # Beside its own errors, PyYAML lets those of the value types through (dates, integers).
+        raise refusal(f"{where}: not YAML: {_words(error)}") from None
+
+
+def refuse_hostile_yaml(content: bytes, where: str, refusal: Refusal) -> None:
+    """Refuse aliases, with which a short file describes an endless one, and nesting that the parser recurses over."""
+    import yaml
+
+    depth = 0
+    try:
+        for event in yaml.parse(content, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                name = shortened(event.anchor)
+                raise refusal(f"{where}: alias {name}: expected its value; aliases are not read")
+            if isinstance(event, yaml.CollectionStartEvent):
+                depth += 1
+            elif isinstance(event, yaml.CollectionEndEvent):
+                depth -= 1
+            if depth > DEEPEST:
+                raise refusal(f"{where}: more than {DEEPEST} levels deep, expected at most {DEEPEST}")
+    except (yaml.YAMLError, UnicodeError, LookupError) as error:
+        raise refusal(f"{where}: not YAML: {_words(error)}") from None
+
+
+def shortened(given: object, most: int = 60) -> str:
+    """A value as Python writes it, cut to a length: for the text of an error."""
+    text = repr(given[: most + 1] if isinstance(given, str | bytes) else given)
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def refuse_deep_tree(tree: Any, where: str, refusal: Refusal) -> None:
+    """Dotted keys in tables in brackets: each short enough, and yet deep together."""
+    level: list[Any] = [[tree]]
+    for _ in range(DEEPEST + 1):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, dict | list)
+        ]
+        if not level:
+            return
+    raise refusal(f"{where}: tables more than {DEEPEST} deep, expected at most {DEEPEST}")
+
+
+def _words(error: Exception) -> str:
+    text = str(error).strip().replace("\n", " ") or type(error).__name__
+    return text if len(text) <= 200 else f"{text[:197]}..."

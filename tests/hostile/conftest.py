@@ -1,0 +1,24 @@
+"""Puts this folder's own modules within reach of its tests, and imports what commands import, once."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def warm() -> None:
+    """Import what the commands import, so that children measure the file and not the imports."""
+    import navloom.recording.ros_import
+    import navloom.study.report_data
+    import navloom.study.sweeps
+    import rosbags.highlevel
+    import yaml
+    from PIL import PngImagePlugin
+
+    assert navloom.recording.ros_import and navloom.study.report_data and navloom.study.sweeps
+    assert rosbags.highlevel and yaml and PngImagePlugin

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from cryptography import x509
@@ -76,12 +77,13 @@ class Net:
 
 @pytest.fixture
 def net(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Net]:
-    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "rt"))
     monkeypatch.setattr(zenoh_bus, "CERTIFICATES", 0.05)
     monkeypatch.setattr(zenoh_bus, "SPREAD", 0.0)
     monkeypatch.setattr(zenoh_bus, "LINGER", 0.5)
     monkeypatch.setattr(succession, "LEAVE", 2.0)
     with contextlib.ExitStack() as stack:
+        short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # a socket's path has little room
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
         yield Net(tmp_path / "keys", stack)
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
+from navloom.inputs.bounds import TEXT_MB, read_file
+
 __all__ = ["AUTHORITY", "WARN_AHEAD", "expiry_warnings", "why_unusable"]
 
 WARN_AHEAD = timedelta(days=30)
@@ -67,7 +69,7 @@ def why_unusable(certificate: Path, key: Path, authority: Path, now: datetime) -
             )
     try:
         assert found is not None
-        fits = load_pem_private_key(key.read_bytes(), None).public_key() == found.public_key()
+        fits = load_pem_private_key(read_file(key, TEXT_MB, ValueError), None).public_key() == found.public_key()
     except (ValueError, TypeError):
         fits = False
     return "" if fits else f"private key {key} does not belong to {certificate}; copy both from where they were made"
@@ -75,7 +77,7 @@ def why_unusable(certificate: Path, key: Path, authority: Path, now: datetime) -
 
 def _read(path: Path) -> x509.Certificate | None:
     try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
+        return x509.load_pem_x509_certificate(read_file(path, TEXT_MB, ValueError))
     except (OSError, ValueError):
         return None
 

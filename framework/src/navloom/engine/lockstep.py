@@ -12,6 +12,7 @@ from typing import Protocol, TypeVar
 from navloom.engine.catalogue import warming_ports
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
@@ -19,8 +20,6 @@ from navloom.messages import Envelope, GateStatus, GoalResult, Message, Operator
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
-_as_tuple = tuple.__new__
-"""Makes an envelope without the call of its constructor, a dozen times a tick."""
 TELL_NS = 100_000_000
 """Wall time between two reports of progress, ns. Slower ticks are reported one by one."""
 
@@ -175,7 +174,7 @@ class Lockstep:
         tick = Tick(number, time_ns * 1e-9, time_ns, self._epoch)
         for stepper in self._delayed:
             for outputs, made, cause_ns in stepper.due(number):
-                self._publish(stepper, outputs, number, made, cause_ns)
+                self._publish(stepper, outputs, number, (made.number, made.time_ns, cause_ns, made.epoch))
         for stepper, spent, kept in self._plan:
             if stepper.stride == 1 or number % stepper.stride == 0:
                 trigger = stepper.fired(number)
@@ -187,34 +186,32 @@ class Lockstep:
         self.trace.end_tick(number)
 
     def _step_one(self, stepper: Stepper, tick: Tick, trigger: str) -> None:
-        number = tick.number
+        number, _, time_ns, epoch = tick
         since = number - stepper.stride
         read = stepper.read_marks(number, since) if self._step_observers else ()
         outputs = stepper.step(tick, since)
         if stepper.fault:
             self._fault(stepper, stepper.fault)
-        if stepper.active and stepper.role != "platform":
+        if stepper.is_control and stepper.active:
             self._control_ns += stepper.spent_ns
         if self._step_observers:
             self._record(stepper, tick, trigger, read)
         if not outputs:
             return
-        cause_ns = stepper.cause_of(tick.time_ns)
+        cause_ns = stepper.cause_of(time_ns)
         if stepper.delay:
             stepper.hold_back(outputs, tick, cause_ns)
         else:
-            self._publish(stepper, outputs, number, tick, cause_ns)
+            self._publish(stepper, outputs, number, (number, time_ns, cause_ns, epoch))
 
-    def _publish(self, stepper: Stepper, outputs: Outputs, number: int, made: Tick, cause_ns: int) -> None:
+    def _publish(self, stepper: Stepper, outputs: Outputs, number: int, when: When) -> None:
         entries = self.trace.entries if stepper.active else None
-        tick, time_ns, epoch = made.number, made.time_ns, made.epoch
         for out, message in outputs:
             slot = out.slot
-            at = _as_tuple(Envelope, (slot.key, slot.sequence + 1, tick, time_ns, cause_ns, epoch))
-            slot.take(message, at, number)
+            slot.publish(message, when, number)
             if entries is not None:
                 cls = message.__class__
-                entries.append((slot.labels.get(cls) or slot.label(cls), message, at))
+                entries.append((slot.labels.get(cls) or slot.label(cls), message, when, slot.key))
 
     def _fault(self, stepper: Stepper, fault: str) -> None:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""

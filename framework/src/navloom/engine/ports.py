@@ -11,15 +11,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, Protocol, TypeVar, overload
 
-from navloom.messages import Envelope, Message
+from navloom.messages import Message
 
-__all__ = ["Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offer", "Offers", "Out", "Output", "Port",
+__all__ = ["Dated", "Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offers", "Out", "Output", "Port",
            "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track",
-           "known_ports"]  # fmt: skip
+           "When", "known_ports"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
+When = tuple[int, int, int, int]
+"""Tick, run clock, cause and epoch of an envelope: all messages of one step share them."""
 Congestion = Literal["drop", "block", "block_first"]
 Priority = Literal["real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"]
 Reading = Literal["latest", "new", "track", "offers"]
@@ -28,7 +30,7 @@ Reading = Literal["latest", "new", "track", "offers"]
 - latest: the newest message, or None.
 - new: those since the node last stepped, oldest first.
 - track: the newest ones up to a bound, consumed or not; by place, oldest first, as long as the step lasts.
-- offers: newest (message, envelope) of the selected instance, for the gate.
+- offers: the newest message with when it was made, of the selected instance, for the gate.
 """
 
 
@@ -173,12 +175,12 @@ class News(Protocol[M_co]):
         """Messages of this step, oldest first."""
 
 
-class Offer(Protocol[M_co]):
-    """An input that is read with its envelope."""
+class Dated(Held[M_co], Protocol[M_co]):
+    """An input that is read as the newest message and when it was made."""
 
     @property
-    def value(self) -> tuple[M_co, Envelope] | None:
-        """The newest message and its envelope; None before the first."""
+    def when(self) -> When | None:
+        """Of the newest message's envelope; None before the first."""
 
 
 class Declared(Generic[M]):
@@ -250,7 +252,7 @@ class Track(Declared[M]):
 
 
 class Offers(Declared[M]):
-    """The newest message with its envelope."""
+    """The newest message with when it was made."""
 
     reading = "offers"
 
@@ -258,9 +260,9 @@ class Offers(Declared[M]):
     def __get__(self, node: None, owner: type) -> Offers[M]: ...
 
     @overload
-    def __get__(self, node: object, owner: type) -> Offer[M]: ...
+    def __get__(self, node: object, owner: type) -> Dated[M]: ...
 
-    def __get__(self, node: object, owner: type) -> Offers[M] | Offer[M]:
+    def __get__(self, node: object, owner: type) -> Offers[M] | Dated[M]:
         if node is None:
             return self
         raise _not_wired(node, self.name)
@@ -317,7 +319,7 @@ class Sensors(SensorGroup):
 
 
 class SensorOffers(SensorGroup):
-    """The newest message of each sensor, with its envelope, by the sensor's name."""
+    """The newest message of each sensor, with when it was made, by the sensor's name."""
 
     reading, prefix = "offers", "required"
 
@@ -325,9 +327,9 @@ class SensorOffers(SensorGroup):
     def __get__(self, node: None, owner: type) -> SensorOffers: ...
 
     @overload
-    def __get__(self, node: object, owner: type) -> Mapping[str, Offer[Any]]: ...
+    def __get__(self, node: object, owner: type) -> Mapping[str, Dated[Any]]: ...
 
-    def __get__(self, node: object, owner: type) -> SensorOffers | Mapping[str, Offer[Any]]:
+    def __get__(self, node: object, owner: type) -> SensorOffers | Mapping[str, Dated[Any]]:
         if node is None:
             return self
         raise _not_wired(node, self.name)

@@ -36,6 +36,7 @@ class Stepper:
     Attributes:
         wires: Its inputs.
         cause: Input its outputs derive from.
+        is_control: Its steps are part of a control tick: it is not the robot itself.
         stepped: Tick of its last step.
         spent_ns, fault: Of its last step: time it took, and what was raised; empty for nothing.
         busy_since_ns: Monotonic clock at which the step under way began; None between two steps. For watchdogs.
@@ -56,6 +57,7 @@ class Stepper:
         self.spec, self.node, self.name, self.slots = spec, node, name, slots
         self.active, self.enabled, self.stride, self.delay = active, enabled, stride, delay
         self.role = spec.role
+        self.is_control = spec.role != "platform"
         self.wires: list[Wire] = []
         self.stepped = -1
         self.cause: Wire | None = None
@@ -123,7 +125,7 @@ class Stepper:
     def cause_of(self, time_ns: int) -> int:
         """Platform stamp that outputs of this tick derive from."""
         wire = self.cause
-        return time_ns if wire is None or wire.slot.envelope is None else wire.slot.envelope.cause_ns
+        return time_ns if wire is None or wire.slot.when is None else wire.slot.when[2]
 
     def hold_back(self, outputs: Outputs, tick: Tick, cause_ns: int) -> None:
         """Keep what a step gave until its delay is over."""

@@ -23,12 +23,12 @@ from navloom.messages.kinds import DTYPES, MAX_ITEMS, Kind, Message, MessageErro
 from navloom.messages.packing import ALIGNMENT, PACKER, PAD, Arrays, Pads, writer_of
 from navloom.messages.schema import SCHEMAS
 
-__all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_length", "pack_time", "read_envelope",
+__all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
            "schema_label"]  # fmt: skip
 
 MAX_ARRAYS = 256
 _LENGTH = struct.Struct("<I")
-pack_length = _LENGTH.pack
+_pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + PACKER.pack("envelope")
 """Begin of a map of three, with its first key."""
 _SIX = b"\x96"
@@ -58,8 +58,8 @@ def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int,
     lead = _ENVELOPE + PACKER.pack(envelope)
     length = len(lead) + len(rest)
     if not size:
-        return pack_length(length) + lead + rest
-    pieces: list[Any] = [pack_length(length), lead, rest]
+        return _pack_length(length) + lead + rest
+    pieces: list[Any] = [_pack_length(length), lead, rest]
     add_blocks(pieces, 4 + length, arrays, pads, size)
     return b"".join(pieces)
 

@@ -190,15 +190,21 @@ class CommandGate:
 
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
         """Who drives, and what the monitor makes of it, rounded so that noise alone is no news."""
-        place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
         is_overridden = self.monitor is not None and self.monitor.ignores_unseen
+        if not verdict.kind and verdict.share == 1.0 and not is_overridden:
+            return self._said((source, instance, False, tuple(pending), 1.0, "", None, None))
+        place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
         share, limit = round(verdict.share, 1), verdict.kind or ("overridden" if is_overridden else "")
         where = None if place is None else (round(place.x, 1), round(place.y, 1))
         gap = None if distance is None else round(distance, 2)
-        key = (source, instance, is_stopped, tuple(pending), share, limit, where, gap)
+        return self._said((source, instance, is_stopped, tuple(pending), share, limit, where, gap))
+
+    def _said(self, key: tuple[Any, ...]) -> GateStatus:
+        """The status of source, instance, whether it is stopped, pending, share, limit, place and distance."""
         if self._last is None or self._last[0] != key:  # most ticks say what the one before said
+            source, instance, is_stopped, pending, share, limit, where, gap = key
             reason, point = OBSTACLE if is_stopped else "", None if where is None else Point2D(*where)
-            status = GateStatus(source, instance, is_stopped, False, reason, key[3], share, limit, point, gap)
+            status = GateStatus(source, instance, is_stopped, False, reason, pending, share, limit, point, gap)
             self._last = key, status
         return self._last[1]
 

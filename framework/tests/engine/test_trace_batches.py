@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from navloom.engine import trace as traces
 from navloom.engine.trace import TraceWriter, read_trace
-from navloom.messages import Command, Envelope, Twist2D
+from navloom.messages import Command, Twist2D
 
 
 def say(writer: TraceWriter, tick: int, name: str, vx: float) -> None:

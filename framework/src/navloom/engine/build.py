@@ -25,6 +25,7 @@ from navloom.engine.streams import sensor_port
 from navloom.geometry.footprints import FootprintError, polygon, rectangle
 from navloom.geometry.world import World
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
+from navloom.messages.packing import writer_of
 from navloom.navigation import blocking, handover, monitor, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
@@ -207,6 +208,9 @@ def make_plugins(
     progress("preparing the framework")
     for warm_up in (blocking.warm_up, handover.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
         warm_up()
+    for spec in system.specs:
+        for port in spec.ports:
+            writer_of(port.carries)
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
         if only is not None and (role, instance) not in only:

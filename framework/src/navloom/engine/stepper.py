@@ -36,7 +36,6 @@ class Stepper:
     Attributes:
         wires: Its inputs.
         cause: Input its outputs derive from.
-        is_control: Its steps are part of a control tick: it is not the robot itself.
         stepped: Tick of its last step.
         spent_ns, fault: Of its last step: time it took, and what was raised; empty for nothing.
         busy_since_ns: Monotonic clock at which the step under way began; None between two steps. For watchdogs.
@@ -57,7 +56,6 @@ class Stepper:
         self.spec, self.node, self.name, self.slots = spec, node, name, slots
         self.active, self.enabled, self.stride, self.delay = active, enabled, stride, delay
         self.role = spec.role
-        self.is_control = spec.role != "platform"
         self.wires: list[Wire] = []
         self.stepped = -1
         self.cause: Wire | None = None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 from typing import Any
 
 from navloom.engine.ports import Input, When
@@ -17,6 +18,7 @@ TRACK_LENGTH = 4096
 QUEUE_LENGTH = 1024
 Entry = tuple[int, Message, int]
 """Tick, message and its sequence number."""
+_message = itemgetter(1)
 _as_tuple = tuple.__new__
 """Makes an envelope without the call of its constructor."""
 
@@ -58,28 +60,21 @@ class Slot:
         return made
 
     def take(self, message: Message, envelope: Envelope, tick: int) -> None:
+        """Hold a message that came in an envelope as the newest one, published in a tick."""
+        self.put(message, envelope.sequence, envelope[2:], tick, envelope)
+
+    def put(self, message: Message, sequence: int, when: When, tick: int, envelope: Envelope | None = None) -> None:
         """Hold a message as the newest one, published in a tick."""
-        self._hold(message, envelope.sequence, envelope[2:], tick)
-        self._envelope = envelope
-        for watcher in self.watchers:
-            watcher(message, envelope)
-
-    def publish(self, message: Message, when: When, tick: int) -> None:
-        """Hold a message as the newest one, under the next number."""
-        self._hold(message, self.sequence + 1, when, tick)
-        self._envelope = None
-        if self.watchers:
-            envelope = self.envelope
-            assert envelope is not None
-            for watcher in self.watchers:
-                watcher(message, envelope)
-
-    def _hold(self, message: Message, sequence: int, when: When, tick: int) -> None:
         if self.tick < tick:
             self.older = (self.message, self.sequence, self.tick)
-        self.message, self.sequence, self.when, self.tick = message, sequence, when, tick
+        self.message, self.sequence, self.when, self.tick, self._envelope = message, sequence, when, tick, envelope
         for queue in self.queues:
             queue.append((tick, message, sequence))
+        if self.watchers:
+            at = self.envelope
+            assert at is not None
+            for watcher in self.watchers:
+                watcher(message, at)
 
     def label(self, cls: type[Message]) -> bytes:
         """What a trace calls a message of this port."""
@@ -190,6 +185,10 @@ class QueueWire(Wire):
         if not queue:
             self.values = ()
             return
+        if not self.delayed and len(queue) == 1:
+            at, message, _ = queue.pop()
+            self.values = (message,) if at > since or self.input.triggers else ()
+            return
         self.values = tuple([entry[1] for entry in self._fresh(tick, since)])
         if not self.delayed:
             queue.clear()
@@ -233,6 +232,9 @@ class _Places(Sequence[Message]):
 
     def __getitem__(self, place: Any) -> Any:
         return self._queue[place][1]
+
+    def __reversed__(self) -> Iterator[Message]:
+        return map(_message, reversed(self._queue))
 
 
 def make_wire(given: Input, slot: Slot, is_plain: bool = False) -> Wire:

@@ -19,14 +19,16 @@ def struct(cls: type[S]) -> type[S]:
     The constructor of a frozen dataclass looks each field up by name to set it. This one sets the slots directly.
     """
     made = dataclass(frozen=True, slots=True, init=False)(cls)
-    made.__init__ = _constructor(made)  # type: ignore[misc]
+    made.__init__ = _constructor(made)  # type: ignore[method-assign]
     return made
 
 
 def _constructor(cls: type[Any]) -> Callable[..., None]:
     """`__init__` as Python source, made of the declaration alone."""
     declared: tuple[Field[Any], ...] = fields(cls)
-    given, lines, names = [], [], {}
+    given: list[str] = []
+    lines: list[str] = []
+    names: dict[str, Any] = {}
     for one in declared:
         if one.default_factory is not MISSING:
             raise TypeError(f"{cls.__name__}.{one.name} has a default factory; give a value")
@@ -34,10 +36,8 @@ def _constructor(cls: type[Any]) -> Callable[..., None]:
         given.append(f"{one.name}=_default_{one.name}" if has_default else one.name)
         lines.append(f"    _set_{one.name}(self, {one.name})")
         names |= {f"_default_{one.name}": one.default, f"_set_{one.name}": vars(cls)[one.name].__set__}
-    exec(
-        compile("\n".join([f"def __init__(self, {', '.join(given)}):", *lines]), f"<struct {cls.__name__}>", "exec"),
-        names,
-    )
+    source = "\n".join([f"def __init__(self, {', '.join(given)}):", *lines])
+    exec(compile(source, f"<struct {cls.__name__}>", "exec"), names)
     made: Callable[..., None] = names["__init__"]
     made.__qualname__ = f"{cls.__qualname__}.__init__"
     made.__annotations__ = inspect.get_annotations(cls) | {"return": None}

@@ -35,6 +35,8 @@ from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
 __all__ = ["System", "assemble", "make_plugins", "robot_spec", "try_plugins"]
 
 Progress = Callable[[str], None]
+YOUNG_OBJECTS = 10_000
+"""Objects made between two looks of the garbage collector at the newest; Python's default, 700, is a dozen ticks."""
 DIAGNOSTICS_RATE_HZ = 2.0
 """How often an avoider says why, unless its table says otherwise, Hz."""
 
@@ -226,8 +228,12 @@ def make_plugins(
 
 @cache
 def _spare_what_is_loaded() -> None:
-    """Have the garbage collector pass over the libraries from now on: a look at all of them takes a tick or two."""
+    """Have the garbage collector pass over the libraries from now on: a look at all of them takes a tick or two.
+
+    Between two looks at what is new, more is made than by default: messages hold no cycles, so it finds next to nothing.
+    """
     gc.freeze()
+    gc.set_threshold(YOUNG_OBJECTS)
 
 
 def try_plugins(system: System) -> None:

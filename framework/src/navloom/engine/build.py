@@ -230,7 +230,7 @@ def make_plugins(
 def _spare_what_is_loaded() -> None:
     """Have the garbage collector pass over the libraries from now on: a look at all of them takes a tick or two.
 
-    Between two looks at what is new, more is made than by default: messages hold no cycles, so it finds next to nothing.
+    It also looks at new objects less often than by default: messages hold no cycles, so it finds next to nothing.
     """
     gc.freeze()
     gc.set_threshold(YOUNG_OBJECTS)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from navloom.engine import trace as traces
 from navloom.engine.trace import TraceWriter, read_trace
-from navloom.messages import Command, Envelope, Twist2D
+from navloom.messages import Command, Twist2D
 
 
 def say(writer: TraceWriter, tick: int, name: str, vx: float) -> None:
     key = f"lab/r1/avoider/{name}/command"
     label = f"avoider {name} command navloom.Command/1".encode()
-    writer.entries.append((label, Command(Twist2D(vx, 0.0, 0.0)), Envelope(key, tick + 9, tick, tick, tick, 0)))
+    writer.entries.append((label, Command(Twist2D(vx, 0.0, 0.0)), (tick, tick, tick, 0), key))
 
 
 def written(batch: int, monkeypatch: pytest.MonkeyPatch) -> tuple[bytes, str]:

@@ -12,6 +12,10 @@ BEARINGS = np.linspace(-1.0, 1.0, 21)
 ORIGINS = np.zeros((21, 2))
 
 
+def axes_of(bearings):
+    return np.column_stack((np.cos(bearings), np.sin(bearings)))
+
+
 class Memory:
     """Points under test with usual settings: 5 s, 4 m, squares of 3 cm."""
 
@@ -78,17 +82,17 @@ def test_beams_that_pass_beside_a_point_do_not_forget_it():
     """At 2 m the beams are 0.2 m apart: a leg midway between two is 0.1 m from either."""
     origin = np.zeros((21, 2))
     x, y = 2.0 * math.cos(0.05), 2.0 * math.sin(0.05)
-    assert not is_superseded(x, y, origin, BEARINGS, np.full(21, np.inf), 8.0)
-    assert is_superseded(2.0, 0.04, origin, BEARINGS, np.full(21, np.inf), 8.0)
-    assert not is_superseded(2.0, 0.04, origin, BEARINGS, np.full(21, 1.0), 8.0)
-    assert not is_superseded(-2.0, 0.0, origin, BEARINGS, np.full(21, np.inf), 8.0)
+    assert not is_superseded(x, y, origin, BEARINGS, axes_of(BEARINGS), np.full(21, np.inf), 8.0)
+    assert is_superseded(2.0, 0.04, origin, BEARINGS, axes_of(BEARINGS), np.full(21, np.inf), 8.0)
+    assert not is_superseded(2.0, 0.04, origin, BEARINGS, axes_of(BEARINGS), np.full(21, 1.0), 8.0)
+    assert not is_superseded(-2.0, 0.0, origin, BEARINGS, axes_of(BEARINGS), np.full(21, np.inf), 8.0)
 
 
 def test_bearings_of_a_whole_turn_are_understood():
     """A laser that counts from 0 to 2 pi sees what is on its right at 3 pi / 2."""
     bearings = np.linspace(0.0, 2.0 * math.pi - 0.1, 63)
     ranges = np.full(63, np.inf)
-    assert is_superseded(0.01, -1.0, np.zeros((63, 2)), bearings, ranges, 8.0)
+    assert is_superseded(0.01, -1.0, np.zeros((63, 2)), bearings, axes_of(bearings), ranges, 8.0)
 
 
 def test_points_deep_under_the_robot_are_forgotten():

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from navloom.engine.node import Node, Tick
-from navloom.engine.ports import Input, NodeSpec
+from navloom.engine.ports import Input, NodeSpec, When
 from navloom.engine.stepper import Stepper
 from navloom.engine.wiring import Slot, Wire
 from navloom.messages import Message
@@ -17,17 +17,23 @@ __all__ = ["FedNode"]
 class _FedWire(Wire):
     """An input that holds what it was handed."""
 
-    __slots__ = ("value", "values")
+    __slots__ = ("value", "values", "when")
 
     def __init__(self, given: Input) -> None:
         super().__init__(given, Slot("", ""))
         self.hand(None)
 
     def hand(self, given: Any) -> None:
-        """Take what the node is to read: a row of messages for `new` and `track`, else one, or None for none."""
-        is_row = self.input.reading in ("new", "track")
-        self.value = None if is_row else given
+        """Take what the node is to read: of `new` and `track` a row of messages, of `offers` one with its envelope,
+        else one; None for none.
+        """
+        reading = self.input.reading
+        is_row = reading in ("new", "track")
         self.values = (given or ()) if is_row else ()
+        self.value = None if is_row else given
+        self.when: When | None = None
+        if reading == "offers" and given is not None:
+            self.value, self.when = given[0], given[1][2:]
 
 
 class FedNode:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
@@ -12,6 +12,7 @@ from typing import Protocol, TypeVar
 from navloom.engine.catalogue import warming_ports
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
@@ -19,8 +20,6 @@ from navloom.messages import Envelope, GateStatus, GoalResult, Message, Operator
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
-_as_tuple = tuple.__new__
-"""Makes an envelope without the call of its constructor, a dozen times a tick."""
 TELL_NS = 100_000_000
 """Wall time between two reports of progress, ns. Slower ticks are reported one by one."""
 
@@ -116,9 +115,9 @@ class Lockstep:
         self._by_name = {(one.role, one.name): one for one in self.steppers}
         self._active = {one.role: one for one in self.steppers if one.active}
         self._delayed = [one for one in self.steppers if one.delay]
-        self._plan: list[tuple[Stepper, array[int], list[int] | None]] = []
+        self._plan: list[tuple[Stepper, int, tuple[Callable[[int], None], ...]]] = []
         self._epoch = 0
-        self._control_ns = 0
+        self._control_ns: list[int] = []
         self._versions: dict[tuple[str, str], int] = {}
         self._selection: Selection | None = None
         self._step_observers = [o for o in observers if o.wants_steps]
@@ -129,13 +128,17 @@ class Lockstep:
         self._make_plan()
 
     def _make_plan(self) -> None:
-        """Who steps in a tick, each with the lists of its durations; made again whenever that changes."""
+        """Who steps in a tick, each with its stride and what keeps its durations: made again where that changes."""
+        self._plan = [(one, one.stride, tuple(self._keepers(one))) for one in self.steppers if one.enabled]
+
+    def _keepers(self, one: Stepper) -> Iterator[Callable[[int], None]]:
+        """What keeps how long each step of an instance took, ns."""
         log = self.log
-        self._plan = [
-            (one, log.spent_ns[one.role, one.name], log.step_ns.get(one.role) if one.active else None)
-            for one in self.steppers
-            if one.enabled
-        ]
+        yield log.spent_ns[one.role, one.name].append
+        if one.active and one.role in log.step_ns:
+            yield log.step_ns[one.role].append
+        if one.active and one.role != "platform":
+            yield self._control_ns.append
 
     def is_warm(self, role: str, name: str) -> bool:
         """An instance has published what its role is for since it was enabled."""
@@ -149,11 +152,11 @@ class Lockstep:
         try:
             for number in range(ticks):
                 before = perf_counter_ns()
-                self._control_ns = 0
+                self._control_ns.clear()
                 self._step(number)
                 now = perf_counter_ns()
                 self.log.tick_ns.append(now - before)
-                self.log.control_ns.append(self._control_ns)
+                self.log.control_ns.append(sum(self._control_ns))
                 if progress is not None and now - told >= TELL_NS:
                     told = now
                     progress(number)
@@ -175,46 +178,39 @@ class Lockstep:
         tick = Tick(number, time_ns * 1e-9, time_ns, self._epoch)
         for stepper in self._delayed:
             for outputs, made, cause_ns in stepper.due(number):
-                self._publish(stepper, outputs, number, made, cause_ns)
-        for stepper, spent, kept in self._plan:
-            if stepper.stride == 1 or number % stepper.stride == 0:
-                trigger = stepper.fired(number)
-                if trigger:
-                    self._step_one(stepper, tick, trigger)
-                    spent.append(stepper.spent_ns)
-                    if kept is not None:
-                        kept.append(stepper.spent_ns)
+                self._publish(stepper, outputs, number, (made.number, made.time_ns, cause_ns, made.epoch))
+        for stepper, stride, keeps in self._plan:
+            if stride != 1 and number % stride != 0:
+                continue
+            trigger = stepper.fired(number)
+            if not trigger:
+                continue
+            since = number - stride
+            read = stepper.read_marks(number, since) if self._step_observers else ()
+            outputs = stepper.step(tick, since)
+            for keep in keeps:
+                keep(stepper.spent_ns)
+            if stepper.fault:
+                self._fault(stepper, stepper.fault)
+            if self._step_observers:
+                self._record(stepper, tick, trigger, read)
+            if not outputs:
+                continue
+            cause_ns = stepper.cause_of(time_ns)
+            if stepper.delay:
+                stepper.hold_back(outputs, tick, cause_ns)
+            else:
+                self._publish(stepper, outputs, number, (number, time_ns, cause_ns, self._epoch))
         self.trace.end_tick(number)
 
-    def _step_one(self, stepper: Stepper, tick: Tick, trigger: str) -> None:
-        number = tick.number
-        since = number - stepper.stride
-        read = stepper.read_marks(number, since) if self._step_observers else ()
-        outputs = stepper.step(tick, since)
-        if stepper.fault:
-            self._fault(stepper, stepper.fault)
-        if stepper.active and stepper.role != "platform":
-            self._control_ns += stepper.spent_ns
-        if self._step_observers:
-            self._record(stepper, tick, trigger, read)
-        if not outputs:
-            return
-        cause_ns = stepper.cause_of(tick.time_ns)
-        if stepper.delay:
-            stepper.hold_back(outputs, tick, cause_ns)
-        else:
-            self._publish(stepper, outputs, number, tick, cause_ns)
-
-    def _publish(self, stepper: Stepper, outputs: Outputs, number: int, made: Tick, cause_ns: int) -> None:
+    def _publish(self, stepper: Stepper, outputs: Outputs, number: int, when: When) -> None:
         entries = self.trace.entries if stepper.active else None
-        tick, time_ns, epoch = made.number, made.time_ns, made.epoch
         for out, message in outputs:
             slot = out.slot
-            at = _as_tuple(Envelope, (slot.key, slot.sequence + 1, tick, time_ns, cause_ns, epoch))
-            slot.take(message, at, number)
+            slot.put(message, slot.sequence + 1, when, number)
             if entries is not None:
                 cls = message.__class__
-                entries.append((slot.labels.get(cls) or slot.label(cls), message, at))
+                entries.append((slot.labels.get(cls) or slot.label(cls), message, when, slot.key))
 
     def _fault(self, stepper: Stepper, fault: str) -> None:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""

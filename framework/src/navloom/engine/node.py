@@ -89,10 +89,13 @@ class Node(ABC):
         """Lead its inputs, by name, to where they are read, and open the ports of its sensors."""
         for one in self.declared_inputs:
             if isinstance(one, Declared):
-                self.__dict__[one.name] = wires[one.name]
+                wires[one.name].bind(self.__dict__, one.name)
             else:
                 names = [given.name for given in spec.inputs if given.name.startswith(f"{one.prefix}.")]
-                self.__dict__[one.name] = {name.partition(".")[2]: wires[name] for name in names}
+                group: dict[str, Any] = {}
+                self.__dict__[one.name] = group
+                for name in names:
+                    wires[name].bind(group, name.partition(".")[2])
         fixed = {one.port.name for one in self.declared_outputs if isinstance(one, Output)}
         for other in self.declared_outputs:
             if isinstance(other, SensorOutputs):

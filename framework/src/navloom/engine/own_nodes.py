@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from navloom.engine.node import Node, Tick
-from navloom.engine.ports import Latest, New, Offers, Out, Output, SensorOffers, Sensors
+from navloom.engine.ports import Dated, Latest, New, Offers, Out, Output, SensorOffers, Sensors
 from navloom.engine.streams import (
     AvoiderPorts,
     ControllerPorts,
@@ -22,7 +22,6 @@ from navloom.engine.streams import (
 )
 from navloom.engine.told import GateTold, GoalTold, Obeyed
 from navloom.messages import (
-    Envelope,
     GateStatus,
     OperatorRequest,
     Path,
@@ -105,7 +104,9 @@ class GoalNode(Node):
     def step(self, tick: Tick) -> None:
         self.told = self._note()
         for answer in (self.path.value, self.failure.value):
-            if answer is not None and (self._answer is None or answer.request_id > self._answer.request_id):
+            if answer is None or answer is self._answer:
+                continue
+            if self._answer is None or answer.request_id > self._answer.request_id:
                 self._answer = answer
         steps, selection = self.recovery.values, self.selection.value
         if selection is not self._selection:
@@ -137,9 +138,10 @@ class GoalNode(Node):
             self.machine.hold(seen)
         else:
             self.machine.go_on(seen)
-        for role in sorted(self.restarted):
-            self.machine.restart_of(role, seen)
-        self.restarted.clear()
+        if self.restarted:
+            for role in sorted(self.restarted):
+                self.machine.restart_of(role, seen)
+            self.restarted.clear()
         for port, message in self.machine.step(seen):
             self._out[port].put(message)
 
@@ -266,14 +268,14 @@ class GateNode(Node):
     @property
     def pending(self) -> list[str]:
         """Swaps that wait, as "role instance", in order of role."""
-        return [f"{role} {name}" for role, name in sorted(self._pending.items())]
+        return [f"{role} {name}" for role, name in sorted(self._pending.items())] if self._pending else []
 
-    def obey(self, request: OperatorRequest, driving: tuple[Command, Envelope] | None) -> None:
+    def obey(self, request: OperatorRequest, driving: Command | None) -> None:
         """Take an operator's request; `driving` is the newest command of an operator who drives himself."""
         if request.do in ("stop", "resume", "release", "enter_unseen"):
             self.gate.request(request.do)
         if request.do in ("release", "resume"):
-            self._released = driving[0] if driving else None
+            self._released = driving
         elif request.do == "swap":
             if self.selected.get(request.role) != request.instance:
                 self._pending[request.role] = request.instance
@@ -319,7 +321,7 @@ class GateNode(Node):
         monitor, odometry = self.gate.monitor, self.odometry.value
         if monitor is None or odometry is None:
             return False
-        monitor.move(odometry[0])
+        monitor.move(odometry)
         news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
         return any(news)
 
@@ -328,33 +330,41 @@ class GateNode(Node):
             self.gate.monitor.give(time_ns * 1e-9, twist)
 
     def _sensed(self) -> Sensed:
-        odometry, contact = self.odometry.value, self.contact.value
-        stamps = {name: held[1].stamp_ns if (held := one.value) else 0 for name, one in self.required.items()}
-        newest = odometry[1].stamp_ns if odometry else 0
+        contact = self.contact.value
+        newest = _stamp_ns(self.odometry)
         if self.now_ns is not None:
             newest = max(newest, self.now_ns)
+        stamps = {name: _stamp_ns(one) for name, one in self.required.items()}
         return Sensed(newest, contact is not None and contact.touching, stamps, self.is_silent, self.gone)
 
     def _offers(self, epoch: int) -> dict[str, Offer | None]:
         drive, recovering, operator = self.drive.value, self.recovering.value, self.operator.value
         offers: dict[str, Offer | None] = {}
-        if operator and operator[0] is not self._released:
-            offers["operator"] = self._offer("operator", operator, epoch)
+        if operator is not None and operator is not self._released:
+            offers["operator"] = self._offer("operator", self.operator, epoch)
         if recovering is not None and recovering.active:
-            offers["recovery"] = self._offer("recovery", self.recovery.value, epoch)
+            offers["recovery"] = self._offer("recovery", self.recovery, epoch)
         elif drive is not None and drive.path_id:
-            offers["controller"] = self._offer("controller", self.controller.value, epoch)
-            offers["avoider"] = self._offer("avoider", self.avoider.value, epoch)
+            offers["controller"] = self._offer("controller", self.controller, epoch)
+            offers["avoider"] = self._offer("avoider", self.avoider, epoch)
         return offers
 
-    def _offer(self, role: str, held: tuple[Command | TrackingCommand, Envelope] | None, epoch: int) -> Offer | None:
+    def _offer(self, role: str, held: Dated[Command | TrackingCommand], epoch: int) -> Offer | None:
         """A command on offer. One made before the selection began to hold is not asked to know it."""
-        if held is None:
+        message, when = held.value, held.when
+        if message is None or when is None:
             return None
-        message, envelope = held
-        made_under = envelope.epoch if envelope.tick >= self._from_tick else epoch
-        return Offer(self.selected.get(role, "main"), message.twist, envelope.cause_ns, made_under)
+        tick, _, cause_ns, made_under = when
+        return Offer(
+            self.selected.get(role, "main"), message.twist, cause_ns, made_under if tick >= self._from_tick else epoch
+        )
 
     def _is_engaged(self) -> bool:
         handover = self.handover.value
         return handover is not None and handover.engaged
+
+
+def _stamp_ns(held: Dated[Any]) -> int:
+    """Run clock of the newest message; 0 before the first."""
+    when = held.when
+    return 0 if when is None else when[1]

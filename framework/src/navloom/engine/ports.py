@@ -11,17 +11,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar, overload
 
-from navloom.messages import Envelope, Message
+from navloom.messages import Message
 
-__all__ = ["Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offer", "Offers", "Out", "Output", "Port",
+__all__ = ["Dated", "Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offers", "Out", "Output", "Port",
            "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track",
-           "known_ports"]  # fmt: skip
+           "When", "known_ports"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 B = TypeVar("B")
 """What a node that is wired has in the place of a declaration."""
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
+When = tuple[int, int, int, int]
+"""Tick, run clock, cause and epoch of an envelope: all messages of one step share them."""
 Congestion = Literal["drop", "block", "block_first"]
 Priority = Literal["real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"]
 Reading = Literal["latest", "new", "track", "offers"]
@@ -30,7 +32,7 @@ Reading = Literal["latest", "new", "track", "offers"]
 - latest: the newest message, or None.
 - new: those since the node last stepped, oldest first.
 - track: the newest ones up to a bound, consumed or not; by place, oldest first, as long as the step lasts.
-- offers: newest (message, envelope) of the selected instance, for the gate.
+- offers: the newest message with when it was made, of the selected instance, for the gate.
 """
 
 
@@ -170,12 +172,12 @@ class News(Protocol[M_co]):
         """Messages of this step, oldest first."""
 
 
-class Offer(Protocol[M_co]):
-    """An input that is read with its envelope."""
+class Dated(Held[M_co], Protocol[M_co]):
+    """An input that is read as the newest message and when it was made."""
 
     @property
-    def value(self) -> tuple[M_co, Envelope] | None:
-        """The newest message and its envelope; None before the first."""
+    def when(self) -> When | None:
+        """Of the newest message's envelope; None before the first."""
 
 
 class _Attribute(Generic[B]):
@@ -230,8 +232,8 @@ class Track(Declared[M, News[M]]):
     reading = "track"
 
 
-class Offers(Declared[M, Offer[M]]):
-    """The newest message with its envelope."""
+class Offers(Declared[M, Dated[M]]):
+    """The newest message with when it was made."""
 
     reading = "offers"
 
@@ -266,8 +268,8 @@ class Sensors(SensorGroup[Mapping[str, News[Any]]]):
     reading, prefix = "new", "scan"
 
 
-class SensorOffers(SensorGroup[Mapping[str, Offer[Any]]]):
-    """The newest message of each sensor, with its envelope, by the sensor's name."""
+class SensorOffers(SensorGroup[Mapping[str, Dated[Any]]]):
+    """The newest message of each sensor, with when it was made, by the sensor's name."""
 
     reading, prefix = "offers", "required"
 

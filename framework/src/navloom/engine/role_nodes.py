@@ -308,15 +308,19 @@ def _stamp_ns(message: Any) -> int:
 
 def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
     """The end of a track, from a little before the oldest data on: a mapper has no use for the minutes before."""
+    begin_ns = since_ns - BEFORE_DATA_NS
     kept: list[PoseEstimate] = []
-    for back in range(1, len(poses) + 1):
-        kept.append(poses[-back])
-        if kept[-1].stamp_ns <= since_ns - BEFORE_DATA_NS:
+    for pose in reversed(poses):
+        kept.append(pose)
+        if pose.stamp_ns <= begin_ns:
             break
     kept.reverse()
+    numbers: list[float] = []
+    for pose in kept:
+        numbers += (pose.pose.x, pose.pose.y, pose.pose.heading)
     return PoseTrack(
         np.array([pose.stamp_ns for pose in kept], dtype=np.int64),
-        np.array([(p.pose.x, p.pose.y, p.pose.heading) for p in kept], dtype=np.float64).reshape(-1, 3),
+        np.array(numbers, dtype=np.float64).reshape(-1, 3),
     )
 
 

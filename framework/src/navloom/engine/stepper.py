@@ -122,7 +122,7 @@ class Stepper:
     def cause_of(self, time_ns: int) -> int:
         """Platform stamp that outputs of this tick derive from."""
         wire = self.cause
-        return time_ns if wire is None or wire.slot.envelope is None else wire.slot.envelope.cause_ns
+        return time_ns if wire is None or wire.slot.when is None else wire.slot.when[2]
 
     def hold_back(self, outputs: Outputs, tick: Tick, cause_ns: int) -> None:
         """Keep what a step gave until its delay is over."""

@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from navloom.messages import Envelope, Message
-from navloom.messages.codec import add_blocks, decode, lead_of, pack_length, pack_time
-from navloom.messages.packing import Write, writer_of
+from navloom.messages.bounds import ALIGNMENT
+from navloom.messages.codec import add_blocks, decode, lead_of, pack_time
+from navloom.messages.packing import writer_of
 
 __all__ = ["TraceEntry", "TraceError", "TraceWriter", "read_trace"]
 
 _label = itemgetter(0)
 _ENTRY = struct.Struct("<IHI")
+Entry = tuple[bytes, Message, tuple[int, ...], str]
 MAGIC = b"navloom trace 1\n"
-BATCH = 64
+BATCH = 16
 """Ticks that are encoded at once."""
 
 
@@ -37,6 +39,22 @@ class TraceEntry(NamedTuple):
     envelope: Envelope
 
 
+class _Line:
+    """How the entries of one label are written.
+
+    Attributes:
+        label, lead: Bytes that all its entries have: the label, and what the message's header begins with.
+        pack: Packs tick, length of the label, length of the bytes, label, length of the header, and lead.
+        write: The writer of its messages.
+    """
+
+    __slots__ = ("label", "lead", "pack", "write")
+
+    def __init__(self, label: bytes, kind: type[Message], key: str) -> None:
+        self.label, self.lead, self.write = label, lead_of(key), writer_of(kind)
+        self.pack = struct.Struct(f"{_ENTRY.format}{len(label)}sI{len(self.lead)}s").pack
+
+
 class TraceWriter:
     """Hashes, and keeps where a file is given, the entries of each tick in order of role, instance and port.
 
@@ -45,15 +63,15 @@ class TraceWriter:
     ticks: they cannot change, so that their bytes are the same later. What is cut short loses the last batch at most.
 
     Attributes:
-        entries: Label, message and envelope of what was said in the tick under way.
+        entries: Of the tick under way: label, message, tick, run clock, cause and epoch of its envelope, and its key.
     """
 
     def __init__(self, file: IO[bytes] | None = None) -> None:
         self._file = file
         self._hash = hashlib.sha256(MAGIC)
-        self._leads: dict[bytes, tuple[Write, bytes]] = {}
-        self.entries: list[tuple[bytes, Message, Envelope]] = []
-        self._ticks: list[tuple[int, list[tuple[bytes, Message, Envelope]]]] = []
+        self._lines: dict[bytes, _Line] = {}
+        self.entries: list[Entry] = []
+        self._ticks: list[tuple[int, list[Entry]]] = []
         if file is not None:
             file.write(MAGIC)
 
@@ -69,35 +87,28 @@ class TraceWriter:
     def flush(self) -> None:
         """Write the ticks that are complete; in each the entries by label, several of one in the order they came."""
         parts: list[Any] = []
-        when: tuple[int, ...] = ()
-        time = b""
-        pack_entry, leads = _ENTRY.pack, self._leads
+        last: tuple[int, ...] = ()
+        time, lines = b"", self._lines
         for tick, entries in self._ticks:
             entries.sort(key=_label)
-            for label, message, at in entries:
-                if at[2:] != when:
-                    when = at[2:]
-                    time = pack_time(when)
-                write, lead = leads.get(label) or self._begin(label, message, at.key)
-                rest, arrays, pads, size = write(message)
-                header = len(lead) + len(time) + len(rest)
-                place = len(parts)
-                parts += (b"", label, pack_length(header), lead, time, rest)
-                length = 4 + header
+            for label, message, when, key in entries:
+                if when != last:
+                    last, time = when, pack_time(when)
+                line = lines.get(label)
+                if line is None:
+                    line = lines[label] = _Line(label, type(message), key)
+                rest, arrays, pads, size = line.write(message)
+                header = len(line.lead) + len(time) + len(rest)
+                blocks = -(4 + header) % ALIGNMENT + size if size else 0
+                parts += (line.pack(tick, len(label), 4 + header + blocks, label, header, line.lead), time, rest)
                 if size:
-                    length += add_blocks(parts, length, arrays, pads, size)
-                parts[place] = pack_entry(tick, len(label), length)
+                    add_blocks(parts, 4 + header, arrays, pads, size)
         self._ticks.clear()
         block = b"".join(parts)
         self._hash.update(block)
         if self._file is not None:
             self._file.write(block)
             self._file.flush()
-
-    def _begin(self, label: bytes, message: Message, key: str) -> tuple[Write, bytes]:
-        """What writes the messages of a label, and what their headers begin with."""
-        made = self._leads[label] = writer_of(type(message)), lead_of(key)
-        return made
 
     def sha256(self) -> str:
         """Hash of all that was said so far: that of the file."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 from typing import Any
 
-from navloom.engine.ports import Input
+from navloom.engine.ports import Input, When
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import schema_label
 
@@ -17,35 +18,63 @@ TRACK_LENGTH = 4096
 QUEUE_LENGTH = 1024
 Entry = tuple[int, Message, int]
 """Tick, message and its sequence number."""
+_message = itemgetter(1)
+_as_tuple = tuple.__new__
+"""Makes an envelope without the call of its constructor."""
 
 
 class Slot:
-    """One output port of one instance: its newest message, and the one before for `~` readers."""
+    """One output port of one instance: its newest message, and the one before for `~` readers.
 
-    __slots__ = ("envelope", "key", "labels", "message", "older", "place", "queues", "sequence", "tick", "watchers")
+    Attributes:
+        message: The newest one; None before the first. `value` is the same for nodes that read the slot itself.
+        sequence: Number of the newest message; 0 before the first.
+        when: Tick, run clock, cause and epoch of its envelope.
+        tick: In which it was published.
+        older: Message, sequence number and tick of the newest one published before that tick.
+    """
+
+    __slots__ = ("_envelope", "key", "labels", "message", "older", "place", "queues", "sequence", "tick", "watchers",
+                 "when")  # fmt: skip
+    value: Any
 
     def __init__(self, key: str, place: str) -> None:
         self.key = key
         self.place = place
         self.message: Message | None = None
-        self.envelope: Envelope | None = None
+        self._envelope: Envelope | None = None
+        self.when: When | None = None
         self.tick = -1
-        self.older: tuple[Message | None, Envelope | None, int] = (None, None, -1)
+        self.older: tuple[Message | None, int, int] = (None, 0, -1)
         self.sequence = 0
         self.queues: list[deque[Entry]] = []
         self.watchers: list[Watcher] = []
         self.labels: dict[type[Message], bytes] = {}
 
+    @property
+    def envelope(self) -> Envelope | None:
+        """Of the newest message; made when it is first asked for."""
+        made = self._envelope
+        if made is None and self.when is not None:
+            made = self._envelope = _as_tuple(Envelope, (self.key, self.sequence, *self.when))
+        return made
+
     def take(self, message: Message, envelope: Envelope, tick: int) -> None:
+        """Hold a message that came in an envelope as the newest one, published in a tick."""
+        self.put(message, envelope.sequence, envelope[2:], tick, envelope)
+
+    def put(self, message: Message, sequence: int, when: When, tick: int, envelope: Envelope | None = None) -> None:
         """Hold a message as the newest one, published in a tick."""
         if self.tick < tick:
-            self.older = (self.message, self.envelope, self.tick)
-        sequence = self.sequence = envelope.sequence
-        self.message, self.envelope, self.tick = message, envelope, tick
+            self.older = (self.message, self.sequence, self.tick)
+        self.message, self.sequence, self.when, self.tick, self._envelope = message, sequence, when, tick, envelope
         for queue in self.queues:
             queue.append((tick, message, sequence))
-        for watcher in self.watchers:
-            watcher(message, envelope)
+        if self.watchers:
+            at = self.envelope
+            assert at is not None
+            for watcher in self.watchers:
+                watcher(message, at)
 
     def label(self, cls: type[Message]) -> bytes:
         """What a trace calls a message of this port."""
@@ -53,6 +82,9 @@ class Slot:
         if found is None:
             found = self.labels[cls] = f"{self.place} {schema_label(cls)}".encode()
         return found
+
+
+Slot.value = vars(Slot)["message"]  # a second name of the same place: a property would cost as much as a call
 
 
 class Wire:
@@ -74,6 +106,10 @@ class Wire:
         self.slot = slot
         self.queue: deque[Entry] | None = None
 
+    def bind(self, attributes: dict[str, Any], name: str) -> None:
+        """Make an attribute of a node, or an entry of its sensors, this input."""
+        attributes[name] = self
+
     def lead_to(self, slot: Slot) -> None:
         """Read another instance's port from now on; what is queued stays."""
         self.slot = slot
@@ -90,18 +126,27 @@ class Wire:
     def sequences(self, tick: int, since: int) -> tuple[int, ...]:
         """Sequence numbers of what the node would be given; of a track the first and last of each run."""
         slot = self.slot
-        envelope = slot.older[1] if self.delayed and slot.tick == tick else slot.envelope
-        return () if envelope is None else (envelope.sequence,)
+        is_older = self.delayed and slot.tick == tick
+        message, sequence = slot.older[:2] if is_older else (slot.message, slot.sequence)
+        return () if message is None else (sequence,)
 
 
 class _PlainWire(Wire):
-    """The newest message, which a node reads where it lies."""
+    """The newest message, which a node reads where it lies: its attribute is the slot."""
 
-    __slots__ = ()
+    __slots__ = ("_bound",)
 
-    @property
-    def value(self) -> Message | None:
-        return self.slot.message
+    def __init__(self, given: Input, slot: Slot) -> None:
+        super().__init__(given, slot)
+        self._bound: tuple[dict[str, Any], str] = ({}, "")
+
+    def bind(self, attributes: dict[str, Any], name: str) -> None:
+        self._bound = attributes, name
+        attributes[name] = self.slot
+
+    def lead_to(self, slot: Slot) -> None:
+        attributes, name = self._bound
+        self.slot = attributes[name] = slot
 
 
 class _OlderWire(Wire):
@@ -113,17 +158,6 @@ class _OlderWire(Wire):
     def prepare(self, tick: int, since: int) -> None:
         slot = self.slot
         self.value = slot.older[0] if slot.tick == tick else slot.message
-
-
-class _OfferWire(Wire):
-    """The newest message with its envelope."""
-
-    __slots__ = ()
-
-    @property
-    def value(self) -> tuple[Message, Envelope] | None:
-        message, envelope = self.slot.message, self.slot.envelope
-        return None if message is None or envelope is None else (message, envelope)
 
 
 class QueueWire(Wire):
@@ -150,6 +184,10 @@ class QueueWire(Wire):
         queue = self.queue
         if not queue:
             self.values = ()
+            return
+        if not self.delayed and len(queue) == 1:
+            at, message, _ = queue.pop()
+            self.values = (message,) if at > since or self.input.triggers else ()
             return
         self.values = tuple([entry[1] for entry in self._fresh(tick, since)])
         if not self.delayed:
@@ -195,6 +233,9 @@ class _Places(Sequence[Message]):
     def __getitem__(self, place: Any) -> Any:
         return self._queue[place][1]
 
+    def __reversed__(self) -> Iterator[Message]:
+        return map(_message, reversed(self._queue))
+
 
 def make_wire(given: Input, slot: Slot, is_plain: bool = False) -> Wire:
     """The wire of an input.
@@ -209,8 +250,6 @@ def make_wire(given: Input, slot: Slot, is_plain: bool = False) -> Wire:
         return QueueWire(given, slot)
     if given.reading == "track":
         return _TrackWire(given, slot)
-    if given.reading == "offers":
-        return _OfferWire(given, slot)
     return _OlderWire(given, slot) if given.delayed and not is_plain else _PlainWire(given, slot)
 
 

@@ -159,10 +159,14 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     is_float, is_bounded = dtype.kind == "f", spec.at_least is not None or spec.at_most is not None
     # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
     known: list[NDArray[Any] | None] = [None, None]
+    first_size = spec.shape[0] if dimensions and isinstance(spec.shape[0], str) else ""
+    is_sized_by_first = bool(first_size) and not any(isinstance(size, str) for size in spec.shape[1:])
 
     def check(name: str, value: Any, sizes: dict[str, int]) -> NDArray[Any]:
         if value is not None and (value is known[0] or value is known[1]):
-            compare_sizes(name, value.shape, sizes)
+            # Its shape was compared when it came first: what is left is the size that it shares with other fields.
+            if not is_sized_by_first or sizes.setdefault(first_size, len(value)) != len(value):
+                compare_sizes(name, value.shape, sizes)
             return value  # type: ignore[no-any-return]
         if type(value) is not np.ndarray or value.dtype != dtype or value.ndim != dimensions:
             raise MessageError(f"{cls}.{name}: got {_describe(value)}, expected {spec.dtype} of shape {spec.shape}")

@@ -25,13 +25,13 @@ from navloom.messages.kinds import DTYPES, MAX_ARRAYS, Kind, Message, MessageErr
 from navloom.messages.packing import PACKER, PAD, Arrays, Pads, writer_of
 from navloom.messages.schema import SCHEMAS
 
-__all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_length", "pack_time", "read_envelope",
+__all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
            "schema_label"]  # fmt: skip
 
 SHORT, SHORT_LIST = 4096, 256
 """Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest, 3 MB at most."""
 _LENGTH = struct.Struct("<I")
-pack_length = _LENGTH.pack
+_pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + PACKER.pack("envelope")
 """Begin of a map of three, with its first key."""
 _SIX = b"\x96"
@@ -64,8 +64,8 @@ def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int,
     if length > SHORT and length > header_limit(cls):
         raise CodecError(f"{schema_label(cls)}: the header takes {length} bytes, expected at most {header_limit(cls)}")
     if not size:
-        return pack_length(length) + lead + rest
-    pieces: list[Any] = [pack_length(length), lead, rest]
+        return _pack_length(length) + lead + rest
+    pieces: list[Any] = [_pack_length(length), lead, rest]
     add_blocks(pieces, 4 + length, arrays, pads, size)
     return b"".join(pieces)
 

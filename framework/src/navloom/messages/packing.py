@@ -94,7 +94,7 @@ class _Writer:
             *self.fields(self.cls, "message"),
             ("constant", PACKER.pack("arrays")),
         ]
-        lines = ["def write(message):", "    pack = packer.pack"]
+        lines = ["def write(message):"]
         if not self.is_fixed:
             fields = self.joined(tokens)
             lines += ["    arrays = []", f"    fields = {fields}", f"    key = {_KEY}", *_LAY]
@@ -106,6 +106,8 @@ class _Writer:
             lines += [f"    return {rest}, arrays, pads, size"]
         else:
             lines += [f"    return {self.joined([*tokens, ('constant', PACKER.pack([]))])}, (), (), 0"]
+        if any("pack(" in line for line in lines):
+            lines.insert(1, "    pack = packer.pack")
         exec(compile("\n".join(lines), f"<writer of {self.cls.__name__}>", "exec"), self.names)
         write: Write = self.names["write"]
         return write

@@ -163,20 +163,14 @@ class CommandGate:
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
         if reason or offer is None:
             return STOPPED, sensed.platform_ns, self.stop(reason, pending)
-        if self.monitor is not None:
-            self.monitor.ignores_unseen = self.enters_unseen and source == "operator"
-        verdict = self._look(offer.twist, sensed.platform_ns * 1e-9)
-        return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
-
-    def _look(self, twist: Twist2D, time: float) -> Verdict:
-        """What passes of a command at a run time, s: within the limits of the robot and of what the monitor sees."""
-        speed = self.speed
-        limited = self._limit(twist)
-        if self.monitor is None:
-            return Verdict(limited)
-        verdict = self.monitor.judge(limited, speed, time)
+        speed, monitor = self.speed, self.monitor
+        limited = self._limit(offer.twist)
+        if monitor is None:
+            return limited, offer.cause_ns, self._free(source, offer.instance, pending)
+        monitor.ignores_unseen = self.enters_unseen and source == "operator"
+        verdict = monitor.judge(limited, speed, sensed.platform_ns * 1e-9)
         self.speed, self.turn = verdict.twist.vx, verdict.twist.wz
-        return verdict
+        return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
     def look_again(self, status: GateStatus, time: float) -> tuple[Twist2D, GateStatus] | None:
         """Slow down or stop for what was seen after the last command, s of run time; None where that is still free."""
@@ -190,15 +184,25 @@ class CommandGate:
 
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
         """Who drives, and what the monitor makes of it, rounded so that noise alone is no news."""
-        place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
         is_overridden = self.monitor is not None and self.monitor.ignores_unseen
+        if not verdict.kind and verdict.share == 1.0 and not is_overridden:
+            return self._free(source, instance, pending)
+        place, distance, is_stopped = verdict.place, verdict.distance, verdict.is_stopped
         share, limit = round(verdict.share, 1), verdict.kind or ("overridden" if is_overridden else "")
         where = None if place is None else (round(place.x, 1), round(place.y, 1))
         gap = None if distance is None else round(distance, 2)
-        key = (source, instance, is_stopped, tuple(pending), share, limit, where, gap)
+        return self._said((source, instance, is_stopped, tuple(pending), share, limit, where, gap))
+
+    def _free(self, source: str, instance: str, pending: Sequence[str]) -> GateStatus:
+        """Who drives, where nothing limits the command."""
+        return self._said((source, instance, False, tuple(pending), 1.0, "", None, None))
+
+    def _said(self, key: tuple[Any, ...]) -> GateStatus:
+        """The status of source, instance, whether it is stopped, pending, share, limit, place and distance."""
         if self._last is None or self._last[0] != key:  # most ticks say what the one before said
+            source, instance, is_stopped, pending, share, limit, where, gap = key
             reason, point = OBSTACLE if is_stopped else "", None if where is None else Point2D(*where)
-            status = GateStatus(source, instance, is_stopped, False, reason, key[3], share, limit, point, gap)
+            status = GateStatus(source, instance, is_stopped, False, reason, pending, share, limit, point, gap)
             self._last = key, status
         return self._last[1]
 

@@ -244,7 +244,7 @@ class Replayer:
             for one in told.obeyed:
                 entry = self.shelf.get(f"{self.header.prefix}/operator/main/command", one.driving, step.place)
                 opened = entry.open() if entry is not None and one.driving else None
-                driving = (opened.message, opened.envelope) if opened and isinstance(opened.message, Command) else None
+                driving = opened.message if opened and isinstance(opened.message, Command) else None
                 node.obey(OperatorRequest(one.do, None, one.role, one.instance), driving)
             if told.contact and not node.gate.has_contact:
                 node.gate.latch_contact()

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
 
 from navloom.messages import Avoidance, Point2D, PoseEstimate, RangeScan, Twist2D
 from navloom.roles.base import Role
+from navloom.roles.struct import struct
 
 __all__ = ["Avoider", "AvoiderInput"]
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class AvoiderInput:
     """What an avoider sees. Its footprint and limits are in the context.
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar
 
 from navloom.messages import Message, PoseEstimate, Reference, TrackingCommand, Trajectory
 from navloom.roles.base import Role
+from navloom.roles.struct import struct
 
 __all__ = ["Controller", "ControllerInput"]
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class ControllerInput:
     """What a controller sees.
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 
 from navloom.messages import MapUpdate, Odometry, PoseEstimate, RangeScan
 from navloom.roles.base import Role
+from navloom.roles.struct import struct
 
 __all__ = ["Localizer", "LocalizerInput"]
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class LocalizerInput:
     """What a localizer sees: odometry, the scans of this tick, and the newest map."""
 

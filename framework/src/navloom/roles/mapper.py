@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, PoseTrack, RangeScan, Sweep
 from navloom.roles.base import Role
+from navloom.roles.struct import struct
 
 __all__ = ["Mapper", "MapperInput"]
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class MapperInput:
     """What a mapper sees.
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, Path, PlanFailure, PlanRequest
 from navloom.roles.base import Role
+from navloom.roles.struct import struct
 
 __all__ = ["Planner", "PlannerInput"]
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class PlannerInput:
     """What a planner sees: the request with start and goal, and the newest map."""
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from navloom.messages import Contact, Message, Odometry, RangeScan, Sweep, SweepRequest, Truth, Twist2D
 from navloom.roles.base import Params, Role, SensorSpec
+from navloom.roles.struct import struct
 
 __all__ = ["Platform", "PlatformInput", "PlatformOutput"]
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class PlatformInput:
     """What a platform is asked for in a tick.
 
@@ -28,7 +28,7 @@ class PlatformInput:
     time_ns: int
 
 
-@dataclass(frozen=True, slots=True)
+@struct
 class PlatformOutput:
     """What a platform knows when it has reached the time asked for.
 

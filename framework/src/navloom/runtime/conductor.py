@@ -138,7 +138,7 @@ class Conductor:
     def _keep(self, source: Source, port: str, message: Message, at: Envelope) -> None:
         role, name = source
         label = f"{role} {name} {port} {schema_label(type(message))}".encode()
-        self.trace.entries.append((label, message, at))
+        self.trace.entries.append((label, message, at[2:], at.key))
         for observer in self.observers:
             if observer.wants is None or (role, port) in observer.wants:
                 observer.on_message(role, name, True, port, message, at)

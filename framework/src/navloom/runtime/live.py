@@ -136,7 +136,7 @@ class LiveRunner:
         self._waits_since = (-1, 0.0)
         for feed in self.cell.feeds:
             if feed.slot.tick >= limit:  # what it holds stays, and is no news
-                feed.slot.tick, feed.slot.older = -1, (None, None, -1)
+                feed.slot.tick, feed.slot.older = -1, (None, 0, -1)
         for wire in stepper.wires:
             if wire.queue is not None:
                 kept = [entry for entry in wire.queue if entry[0] < limit]

@@ -127,9 +127,8 @@ class LiveGate(LiveRunner):
     def obey(self, request: OperatorRequest) -> None:
         """Take an operator's request, on the gate's own thread."""
         slot = self._feeds["operator"].slot
-        message, envelope = slot.message, slot.envelope
-        driving = (message, envelope) if isinstance(message, Command) and envelope is not None else None
-        sequence = 0 if driving is None else driving[1].sequence
+        driving = slot.message if isinstance(slot.message, Command) else None
+        sequence = 0 if driving is None else slot.sequence
         self.gate.obeyed.append(Obeyed(request.do, request.role, request.instance, sequence))
         self.gate.obey(request, driving)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from navloom_improved_vfh.avoidance import Beams
@@ -53,8 +53,7 @@ class Robot:
     dead_time: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(NamedTuple):
     """What one tick is decided on, pose frame.
 
     Attributes:
@@ -71,8 +70,7 @@ class Given:
     share: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(NamedTuple):
     """Answer of one tick.
 
     Attributes:

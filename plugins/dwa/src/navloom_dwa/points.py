@@ -31,20 +31,22 @@ def is_superseded(
     y: float,
     origins: NDArray[np.float64],
     bearings: NDArray[np.float64],
+    axes: NDArray[np.float64],
     ranges: NDArray[np.float64],
     range_max: float,
 ) -> bool:
     """Whether a remembered point is seen again, or seen past, by a scan.
 
     Args:
-        x, y: m, base frame. origins: (n, 2), m; bearings: (n,), rad, rising; ranges: (n,), m. range_max: m.
+        x, y: m, base frame. origins: (n, 2), m; bearings: (n,), rad, rising; axes: (n, 2), cosine and sine of each.
+        ranges: (n,), m. range_max: m.
     """
     bearing = math.atan2(y - origins[0, 1], x - origins[0, 0])
     if bearing < bearings[0]:
         bearing += 2.0 * math.pi
     i = nearest_beam(bearings, bearing)
     dx, dy = x - origins[i, 0], y - origins[i, 1]
-    c, s = math.cos(bearings[i]), math.sin(bearings[i])
+    c, s = axes[i, 0], axes[i, 1]
     along = dx * c + dy * s
     return bool(along > 0.0 and abs(dy * c - dx * s) <= BESIDE and min(ranges[i], range_max) > along - BEHIND)
 
@@ -87,10 +89,13 @@ def remember(
     taken = np.zeros((side, side), np.bool_)
     old = points[:count].copy()
     kept = 0
+    axes = np.empty((bearings.size, 2))
+    for i in range(bearings.size):
+        axes[i, 0], axes[i, 1] = math.cos(bearings[i]), math.sin(bearings[i])
     for i in range(ranges.size):
         if not 0.0 < ranges[i] <= range_max:
             continue
-        bx, by = origins[i, 0] + ranges[i] * math.cos(bearings[i]), origins[i, 1] + ranges[i] * math.sin(bearings[i])
+        bx, by = origins[i, 0] + ranges[i] * axes[i, 0], origins[i, 1] + ranges[i] * axes[i, 1]
         if bx * bx + by * by > reach * reach or kept >= points.shape[0]:
             continue
         points[kept, 0], points[kept, 1], points[kept, 2] = x + bx * c - by * s, y + bx * s + by * c, time
@@ -104,7 +109,7 @@ def remember(
         bx, by = dx * c + dy * s, dy * c - dx * s
         if taken[row, column] or outside_distance(edges, bx, by) < -BESIDE:
             continue
-        if rises and is_superseded(bx, by, origins, bearings, ranges, range_max):
+        if rises and is_superseded(bx, by, origins, bearings, axes, ranges, range_max):
             continue
         taken[row, column] = True
         points[kept] = old[i]

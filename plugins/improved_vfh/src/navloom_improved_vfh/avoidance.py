@@ -39,8 +39,7 @@ class Robot:
     dead_time: float = 0.0
 
 
-@dataclass(frozen=True)
-class Beams:
+class Beams(NamedTuple):
     """Readings of all range sensors in one tick, base frame.
 
     Attributes:

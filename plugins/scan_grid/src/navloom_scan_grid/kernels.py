@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from navloom_scan_grid.models import beam_spans, cone_log_odds, probability
 
-__all__ = ["Weights", "insert", "place", "render", "said_of"]
+__all__ = ["Weights", "insert", "place", "render", "said_of", "span"]
 
 _PASSED, _HIT = 1, 2
 """What a cell is told; 0 is nothing."""
@@ -42,6 +42,15 @@ class Weights(NamedTuple):
     clear_margin: float
     depth: float
     no_echo_clears: bool
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def span(values):  # type: ignore[no-untyped-def]
+    """Least and greatest of (n,) numbers, n >= 1."""
+    least, greatest = values[0], values[0]
+    for value in values:
+        least, greatest = min(least, value), max(greatest, value)
+    return least, greatest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -76,7 +76,7 @@ class Beams:
     @property
     def end_ns(self) -> int:
         """Run clock of the last beam."""
-        return self.stamp_ns + (round(1e9 * float(self.time_offsets.max())) if self.time_offsets.size else 0)
+        return self.stamp_ns + (round(1e9 * kernels.span(self.time_offsets)[1]) if self.time_offsets.size else 0)
 
 
 class Placed(NamedTuple):
@@ -107,7 +107,7 @@ def place(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, settings: M
         TrackError: The track is empty, does not rise or does not cover the scan.
     """
     offsets = beams.time_offsets
-    first, last = float(offsets.min()), float(offsets.max())
+    first, last = kernels.span(offsets)
     # A track holds minutes of poses, of which a scan needs those beside it.
     low = max(0, int(stamps_ns.searchsorted(beams.stamp_ns + round(1e9 * first), "right")) - 1)
     high = int(stamps_ns.searchsorted(beams.stamp_ns + round(1e9 * last), "left")) + 1
@@ -161,7 +161,15 @@ class ScanMap:
 def warm_up() -> None:
     """Compile every kernel of the package, for the very types that scans come in."""
     beams = Beams(0, np.zeros((2, 2)), np.zeros(2), np.array([0.0, 0.1]), np.zeros(2), np.ones(2), 0.1, 2.0)
+    kernels.span(_frozen(beams.time_offsets))
     for is_ternary in (False, True):
         scan_map = ScanMap(MapSettings(cell=0.5, chunk=4, is_ternary=is_ternary))
         scan_map.insert(beams, np.zeros(1, np.int64), np.zeros((1, 3)))
         scan_map.cells()
+
+
+def _frozen(array: Floats) -> Floats:
+    """A read-only copy, as messages hold arrays: another type to a kernel."""
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy

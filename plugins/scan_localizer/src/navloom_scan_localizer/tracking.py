@@ -69,15 +69,17 @@ class Settings:
 
 def compose(a: Floats, b: Floats) -> Floats:
     """Pose b, given in the frame of pose a, in the frame of a: (3,) x, y, m, heading, rad in [-π, π)."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    turn = math.remainder(a[2] + b[2], math.tau)
-    return np.array([a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], -math.pi if turn == math.pi else turn])
+    (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
+    c, s = math.cos(heading), math.sin(heading)
+    turn = math.remainder(heading + turned, math.tau)
+    return np.array([ax + c * bx - s * by, ay + s * bx + c * by, -math.pi if turn == math.pi else turn])
 
 
 def relative(a: Floats, b: Floats) -> Floats:
     """Pose b as seen from pose a: (3,) x, y, m, in the frame of a, heading, rad."""
-    c, s, x, y = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
-    return np.array([c * x + s * y, c * y - s * x, math.remainder(b[2] - a[2], math.tau)])
+    (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
+    c, s, x, y = math.cos(heading), math.sin(heading), bx - ax, by - ay
+    return np.array([c * x + s * y, c * y - s * x, math.remainder(turned - heading, math.tau)])
 
 
 def predicted_covariance(covariance: Floats, heading: float, step: Floats, time: float, s: Settings) -> Floats:
@@ -91,13 +93,12 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
         s: Noise of odometry. Its spread grows with the root of the way; across it is a quarter of that along.
     """
     c, sn = math.cos(heading), math.sin(heading)
-    jacobian = np.array(
-        [[1.0, 0.0, -sn * step[0] - c * step[1]], [0.0, 1.0, c * step[0] - sn * step[1]], [0.0, 0.0, 1.0]]
-    )
-    way, rest = math.hypot(step[0], step[1]), s.rest_noise**2 * time
+    x, y, turned = step.tolist()
+    jacobian = np.array([1.0, 0.0, -sn * x - c * y, 0.0, 1.0, c * x - sn * y, 0.0, 0.0, 1.0]).reshape(3, 3)
+    way, rest = math.hypot(x, y), s.rest_noise**2 * time
     along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
-    turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(step[2]) + s.rest_turn_noise**2 * time
-    axes = np.array([[c, -sn, 0.0], [sn, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(turned) + s.rest_turn_noise**2 * time
+    axes = np.array([c, -sn, 0.0, sn, c, 0.0, 0.0, 0.0, 1.0]).reshape(3, 3)
     # A diagonal in the middle weighs the columns: a product of matrices that adds nothing but zeros.
     noise = (axes * np.array([along, across, turn])) @ axes.T
     result: Floats = jacobian @ covariance @ jacobian.T + noise

@@ -41,6 +41,9 @@ _SENSORS: dict[str, tuple[type[Params], Callable[..., Sensor]]] = {
 }
 
 
+_FREE, _TOUCHING = Contact(False), Contact(True)
+
+
 class SensorsSim(Platform):
     """Drives through the ground truth and reads simulated sensors, odometry and contact."""
 
@@ -111,7 +114,7 @@ class SensorsSim(Platform):
             self._robot.state.tolist()
         )
         odometry = Odometry(self._time_ns, Pose2D(odo_x, odo_y, odo_heading), Twist2D(odo_vx, 0.0, odo_wz))
-        name, contact = self._scene.name_of(int(nearest)), Contact(touching != 0.0)
+        name, contact = self._scene.name_of(int(nearest)), _TOUCHING if touching != 0.0 else _FREE
         truth = Truth(Pose2D(x, y, heading), Twist2D(vx, 0.0, wz), gap, name, contact.touching)
         return PlatformOutput(odometry, scans, contact, truth)
 

@@ -1,0 +1,28 @@
+"""What a track of poses must be: told of a few poses and of many alike."""
+
+import numpy as np
+import pytest
+from navloom_ipabd.errors import TrackError
+from navloom_ipabd.track import check_track
+
+
+@pytest.mark.parametrize("count", [3, 50])
+def test_stamps_that_do_not_rise_are_refused(count):
+    stamps = np.linspace(-1.0, 1.0, count)
+    stamps[1] = stamps[2]
+    with pytest.raises(TrackError, match="stamps that do not rise"):
+        check_track(0.0, 0.0, stamps, np.zeros((count, 3)), 0.2)
+
+
+@pytest.mark.parametrize("count", [3, 50])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_pose_that_is_not_finite_is_refused(count, wrong):
+    poses = np.zeros((count, 3))
+    poses[-1, 2] = wrong
+    with pytest.raises(TrackError, match="poses that are not finite"):
+        check_track(0.0, 0.0, np.linspace(-1.0, 1.0, count), poses, 0.2)
+
+
+@pytest.mark.parametrize("count", [1, 3, 50])
+def test_a_track_that_covers_the_scan_passes(count):
+    check_track(0.0, 0.0, np.linspace(-0.1, 0.1, count), np.zeros((count, 3)), 0.2)

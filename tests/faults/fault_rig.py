@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import fault_plugins
+from leftovers import Census
 from motor_record import RECORD, MotorRecord
 from navloom.runtime.client import ClientError, Refused
 from navloom.runtime.directory import DirectoryError, RobotFolder
@@ -204,6 +205,7 @@ class Rig:
         motors: What they were told.
         driver: Who keeps it driving.
         up: `navloom up`.
+        census: Of what it has on this host.
     """
 
     def __init__(self, folder: Path, more: str) -> None:
@@ -224,6 +226,7 @@ class Rig:
         }
         self.log = folder / "up.log"
         self.driver = Driver(lambda: self.motors.place)
+        self.census = Census(folder)
         self._outsiders: dict[str, subprocess.Popen[str]] = {}
 
     def start(self) -> None:
@@ -235,6 +238,7 @@ class Rig:
         until(lambda: self.up.poll() is not None or self.said("every node is there"), START, "the robot is up")
         assert self.up.poll() is None, self.log.read_text("utf-8")
         self.driver.start()
+        self.census.start()
 
     def said(self, text: str) -> bool:
         """`navloom up` said this."""
@@ -327,6 +331,7 @@ class Rig:
     def clear(self) -> None:
         """Leave nothing behind, whatever happened."""
         self.driver.ending.set()
+        self.census.ending.set()
         for outsider in self._outsiders.values():
             outsider.kill()
             outsider.communicate()

@@ -18,6 +18,8 @@ PROCESS = "NAVLOOM_PROCESS"
 """Environment variable: name of the robot's process that started another program."""
 KILLED = 1.0
 """Longest wait for processes that were sent SIGKILL, s."""
+REAPED = 0.2
+"""Longest wait for them to become zombies after that, s."""
 LOOK = 0.005
 """Time between two looks at processes that are to end, s."""
 
@@ -83,9 +85,11 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
                     with contextlib.suppress(OSError):
                         os.kill(one.pid, number)
         time.sleep(LOOK)
-    for pid in ended:
+    limit = time.monotonic() + REAPED
+    for pid in ended:  # one that is being ended cannot be found any more, but may not be ready to be reaped
         with contextlib.suppress(ChildProcessError):
-            os.waitpid(pid, os.WNOHANG)
+            while not os.waitpid(pid, os.WNOHANG)[0] and time.monotonic() < limit:
+                time.sleep(LOOK)
     return list(ended.values())
 
 
@@ -93,7 +97,7 @@ def reap_orphans(groups: Container[int], own: Container[int]) -> None:
     """Reap orphans that ended: the system gives those below this process to it, as it asked for.
 
     Args:
-        groups: Process groups of the robot's processes.
+        groups: Process groups that the robot's processes have or had.
         own: Children that others here wait for; what else this process has started is in its own group and session.
     """
     me = os.getpid()

@@ -131,6 +131,7 @@ class Supervisor:
         self.children = {
             task.name: Child(task, ProcessLog(folder.path / f"{task.name}.log"), HeartMonitor()) for task in tasks
         }
+        self._groups: set[int] = set()
         self._keeper = FolderKeeper(folder, list(self.children), say)
         self._cannot_write = ""
         self._write_again = math.inf
@@ -166,8 +167,7 @@ class Supervisor:
                 self._watch(child)
                 if now - child.started > HEALTHY:
                     child.wait = FIRST_WAIT
-        own = self._own_pids()
-        reap_orphans(own, own)
+        reap_orphans(self._groups, self._own_pids())
         if now > self._write_again:
             self._write_down()
         return fallen
@@ -187,6 +187,7 @@ class Supervisor:
                 self._await_end(child, limit)
         me, path = os.getpid(), self._folder.path
         left = end_all(lambda: [one for one in descendants() if (one.supervisor, one.folder) == (me, path)])
+        reap_orphans(self._groups, self._own_pids())
         if left:
             self._say(f"ended what its processes left: {_listed(left)}")
         for child in self.children.values():
@@ -213,6 +214,7 @@ class Supervisor:
             child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
         if child.process is None:
             child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})
+        self._groups.add(child.process.pid)
         child.started = time.monotonic()
         child.state, child.verdict = "running", ""
         self._write_down()
@@ -265,7 +267,6 @@ class Supervisor:
             ]  # fmt: skip
 
         ended = end_all(left)
-        reap_orphans({pid}, own)
         if ended:
             self._say(f"ended what process {name} left: {_listed(ended)}")
 

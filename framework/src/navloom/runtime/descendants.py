@@ -18,7 +18,7 @@ PROCESS = "NAVLOOM_PROCESS"
 """Environment variable: name of the robot's process that started another program."""
 KILLED = 1.0
 """Longest wait for processes that were sent SIGKILL, s."""
-REAPED = 0.2
+REAPED = 1.0
 """Longest wait for them to become zombies after that, s."""
 LOOK = 0.005
 """Time between two looks at processes that are to end, s."""

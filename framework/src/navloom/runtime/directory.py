@@ -126,7 +126,7 @@ class RobotFolder:
         """The folder is the one in which this process has claimed the robot: nobody has deleted it."""
         try:
             return self._lock is not None and os.path.samestat(os.fstat(self._lock), (self.path / self._claim).stat())
-        except FileNotFoundError:
+        except OSError:
             return False
 
     def renew(self) -> None:

@@ -58,6 +58,12 @@ class HeartMonitor:
         self._last = self._switches = 0
         self._looked = self._silent = 0.0
 
+    def reset(self) -> None:
+        """Another process is given the memory, whose heart does not beat yet."""
+        if self.path:
+            self._time[0] = 0
+        self._silent = 0.0
+
     def close(self) -> None:
         """Give the memory back."""
         if self.path:

@@ -13,6 +13,8 @@ LARGEST_LOG = 2 * 2**20
 """Size of a log at which it begins again, and of what is kept of it beside, bytes."""
 TAIL = 2**16
 """What is read for the last lines of a log, bytes."""
+CATCH_UP = 100
+"""Most reads after a log that grows as fast as it is read."""
 CUT = "(navloom cut this log: "
 
 
@@ -53,6 +55,10 @@ class ProcessLog:
             if size <= LARGEST_LOG:
                 return
             kept = os.pread(self.file, LARGEST_LOG, size - LARGEST_LOG)
+            for _ in range(CATCH_UP):  # up to its end, so that no last word falls between the copy and the cut
+                if not (more := os.pread(self.file, LARGEST_LOG, size)):
+                    break
+                kept, size = (kept + more)[-LARGEST_LOG:], size + len(more)
             os.ftruncate(self.file, 0)
             older = older_log(self.path)
             lost = size - len(kept) + (older.stat().st_size if older.exists() else 0)

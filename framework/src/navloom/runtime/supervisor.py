@@ -208,6 +208,7 @@ class Supervisor:
         known = {"parent": os.getpid(), "known": self._recall().decode(), "heart": heart}
         spec = self._hand_over(child, json.dumps({**child.task.given, **known}))
         self._keeper.forget(name)
+        child.heart.reset()
         child.log.reopen()
         child.process = None
         if self._nursery is not None and module == NODE:

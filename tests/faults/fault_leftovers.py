@@ -14,7 +14,7 @@ from fault_kinds import AGAIN, STOP, Fault
 from fault_rig import SHARES, Rig, until
 from leftovers import below
 
-__all__ = ["DELETIONS", "FORKS", "WAYS", "fork_first", "forks"]
+__all__ = ["DELETIONS", "FORKS", "WAYS", "fork_first", "forks", "zombies"]
 
 WAYS = {
     "fork": "has forked",

@@ -8,7 +8,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -220,14 +220,24 @@ class RobotFolder:
 
     def clear(self) -> None:
         """Remove what a robot that ended has left; not the socket of a node that was started by hand and is there."""
-        kept = {path for path in self.path.glob("*.sock") if _is_locked(path.with_name(f"{path.name}.lock"))}
-        if _is_locked(self.path / STANDING[0]):
-            kept.add(self.path / STANDING[1])
-        kept |= {path.with_name(f"{path.name}.lock") for path in kept}
-        for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.json", "*.part"):
-            for path in {*self.path.glob(pattern)} - kept:
-                with contextlib.suppress(OSError):
-                    path.unlink()
+        self.clear_sockets()
+        kept = {self.path / STANDING[1]} if _is_locked(self.path / STANDING[0]) else set()
+        _remove({*self.path.glob("*.json")} - kept)
+
+    def clear_sockets(self) -> None:
+        """Remove the sockets that nobody listens at, and files that were being written."""
+        sockets = [*self.path.glob("*.sock")]
+        locks = {*self.path.glob("*.sock.lock"), *(path.with_name(f"{path.name}.lock") for path in sockets)}
+        held = {path for path in locks if _is_locked(path)}
+        _remove(locks - held)
+        _remove(path for path in sockets if path.with_name(f"{path.name}.lock") not in held)
+        _remove(self.path.glob("*.part"))
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in paths:
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def _is_locked(path: Path) -> bool:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import IO
 
 from navloom.runtime.descendants import MARK, PROCESS, Descendant, descendants, end_all
+from navloom.runtime.directory import RobotFolder
 from navloom.runtime.shared_memory import remove_orphans
 
 __all__ = ["READY", "Born", "Nursery", "main"]
@@ -176,6 +177,7 @@ def main() -> None:
     _end(borne)
     end_all(lambda: _others(supervisor))
     remove_orphans()
+    _clear_sockets()
 
 
 def _others(supervisor: int) -> list[Descendant]:
@@ -183,6 +185,16 @@ def _others(supervisor: int) -> list[Descendant]:
     if MARK not in os.environ:
         return []
     return [one for one in descendants() if one.supervisor == supervisor and one.pid != os.getpid()]
+
+
+def _clear_sockets() -> None:
+    """Remove the robot's sockets, unless another supervisor has it by now. What it ran stays, for `navloom doctor`."""
+    _, _, path = os.environ.get(MARK, "").partition(":")
+    realm, _, robot = Path(path).name.partition(".")
+    folder = RobotFolder(realm, robot)
+    if path and folder.path == Path(path) and folder.path.is_dir() and folder.lock():
+        folder.clear_sockets()
+        folder.unlock()
 
 
 def _writable(path: Path) -> IO[bytes]:

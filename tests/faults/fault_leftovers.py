@@ -88,7 +88,7 @@ FORKS = [
 
 def delete_folder(rig: Rig) -> None:
     """Delete the runtime folder with all sockets."""
-    shutil.rmtree(rig.folder / "rt")
+    shutil.rmtree(rig.folder / "rt", ignore_errors=True)  # `up` may make it again before it is empty
 
 
 def _delete_and_kill(share: str) -> Callable[[Rig], None]:

@@ -36,7 +36,7 @@ def test_a_marked_process_is_found_with_its_robot_and_what_started_it(tmp_path: 
         assert (found.pid, found.supervisor, found.process) == (child.pid, os.getpid(), "drive")
         assert str(found).startswith(f"process {child.pid} ({sys.executable} -c import time; print(")
         assert str(found).endswith(" of drive")
-        assert left_of(tmp_path) == [found] and left_of(tmp_path, os.getpid()) == []
+        assert not found.is_left and left_of(tmp_path) == []
     finally:
         child.kill()
         child.communicate()
@@ -61,6 +61,16 @@ def test_orphans_of_a_known_group_are_reaped_and_children_of_others_are_not() ->
     with pytest.raises(ChildProcessError):
         os.waitpid(ours.pid, os.WNOHANG)
     assert others.wait(5) == 0 and ours.wait(5) == 0
+
+
+def test_one_whose_supervisor_has_ended_is_left_though_another_process_has_its_number(tmp_path: Path) -> None:
+    child = started(tmp_path, DEAF, **{MARK: f"{os.getpid()}.12:{tmp_path}"})
+    try:
+        (found,) = left_of(tmp_path)
+        assert found.pid == child.pid and found.is_left
+    finally:
+        child.kill()
+        child.communicate()
 
 
 def test_a_process_of_another_robot_is_not_touched(tmp_path: Path) -> None:

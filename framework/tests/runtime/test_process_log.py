@@ -39,6 +39,18 @@ def test_a_folder_that_is_gone_costs_the_words_and_nothing_else(tmp_path: Path) 
     log.close()
 
 
+def test_what_was_said_before_its_folder_was_deleted_can_still_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    log = ProcessLog(path)
+    os.write(log.file, b"before\n")
+    path.unlink()
+    log.link()
+    os.write(log.file, b"after\n")
+    assert last_lines(path, 3) == (["before", "after"] if sys.platform == "linux" else [])
+    log.close()
+    assert not path.is_symlink()
+
+
 PRINTS = """
 import os, sys
 from navloom.runtime.process import write_heedlessly

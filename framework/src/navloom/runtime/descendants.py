@@ -13,7 +13,10 @@ from pathlib import Path
 __all__ = ["MARK", "PROCESS", "Descendant", "descendants", "end_all", "left_of", "mark", "reap_orphans"]
 
 MARK = "NAVLOOM_SUPERVISED"
-"""Environment variable of every process below `navloom up`: PID:FOLDER, its supervisor and the robot's folder."""
+"""Environment variable of every process below `navloom up`: PID.START:FOLDER of its supervisor and of the robot.
+
+START is the time at which the system started the supervisor, by which it is told from a later one with its number.
+"""
 PROCESS = "NAVLOOM_PROCESS"
 """Environment variable: name of the robot's process that started another program."""
 KILLED = 1.0
@@ -32,6 +35,7 @@ class Descendant:
         pid: Of the process.
         group, session: It belongs to.
         supervisor: Process ID of its `navloom up`.
+        is_left: That has ended.
         folder: Of the robot.
         process: Name of the robot's process that started it, as far as that can be told.
         command: What it runs.
@@ -41,6 +45,7 @@ class Descendant:
     group: int
     session: int
     supervisor: int
+    is_left: bool
     folder: Path
     process: str
     command: str
@@ -51,7 +56,7 @@ class Descendant:
 
 def mark(folder: Path) -> dict[str, str]:
     """Environment by which everything below this process is known as this robot's."""
-    return {MARK: f"{os.getpid()}:{folder}"}
+    return {MARK: f"{os.getpid()}.{_start(os.getpid())}:{folder}"}
 
 
 def descendants() -> Iterator[Descendant]:
@@ -64,9 +69,9 @@ def descendants() -> Iterator[Descendant]:
                         yield found
 
 
-def left_of(folder: Path, supervisor: int | None = None) -> list[Descendant]:
-    """What is left of a robot that is not up, or of those before the supervisor that runs it now."""
-    return [one for one in descendants() if one.folder == folder and one.supervisor != supervisor]
+def left_of(folder: Path) -> list[Descendant]:
+    """What is left of a robot whose supervisor has ended."""
+    return [one for one in descendants() if one.folder == folder and one.is_left]
 
 
 def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> list[Descendant]:
@@ -121,16 +126,30 @@ def _read(pid: int) -> Descendant | None:
     if not marks:
         return None
     supervisor, _, folder = marks.partition(":")
+    number, _, start = supervisor.partition(".")
     name, _, _, group, session = _status(pid)[:5]
     line = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace").strip()
     started_by = _variables(environment, PROCESS)
     if not started_by:  # a fork has the environment and the command line of what it was forked off, but its own name
         started_by, line = name, "a fork"
-    return Descendant(pid, int(group), int(session), int(supervisor), Path(folder), started_by, line or name)
+    now = _start(int(number))
+    is_left = not now or now != start
+    return Descendant(
+        pid, int(group), int(session), int(number), is_left, Path(folder), started_by, line or name
+    )  # fmt: skip
+
+
+def _start(pid: int) -> str:
+    """When a process was started; empty where there is none any more, even if it was not reaped."""
+    try:
+        status = _status(pid)
+        return status[20] if status[1] not in "ZX" else ""
+    except OSError:
+        return ""
 
 
 def _status(pid: int) -> list[str]:
-    """Name, state, parent, group and session of a process, and more."""
+    """Of a process: name, state, parent, group, session, and at place 20 its start."""
     before, _, after = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")
     return [before.partition("(")[2], *after.split()]
 

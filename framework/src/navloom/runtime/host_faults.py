@@ -36,7 +36,7 @@ def strays(robot: str | None = None) -> dict[str, list[Descendant]]:
     for one in descendants():
         realm, _, name = one.folder.name.partition(".")
         is_wanted = robot in (None, name, f"{realm}/{name}")
-        if one.folder.parent == runtime_folder() and is_wanted and _state(one.supervisor) in ("", "Z"):
+        if one.is_left and one.folder.parent == runtime_folder() and is_wanted:
             found.setdefault(f"{realm}/{name}", []).append(one)
     return found
 
@@ -87,11 +87,6 @@ def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, s
 
 def is_stopped(pid: int) -> bool:
     """Somebody has stopped a process of this host, with Ctrl-Z or SIGSTOP."""
-    return _state(pid) in ("T", "t")
-
-
-def _state(pid: int) -> str:
-    """State of a process of this host in one letter; empty where there is none."""
     with contextlib.suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()[0]
-    return ""
+        return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] in ("T", "t")
+    return False

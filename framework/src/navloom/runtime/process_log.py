@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -48,6 +49,12 @@ class ProcessLog:
         os.close(self.file)
         self.file = _open(self.path)
 
+    def link(self) -> None:
+        """Put a way to it where its file was deleted, so that what was said before can still be read."""
+        with suppress(OSError):
+            if sys.platform == "linux" and stat.S_ISREG(os.fstat(self.file).st_mode):
+                self.path.symlink_to(self.shared)
+
     def bound(self) -> None:
         """Begin it again where it has grown too large; those that write add to its end, wherever that is."""
         with suppress(OSError):
@@ -71,6 +78,8 @@ class ProcessLog:
     def close(self) -> None:
         """Leave it to those that read it."""
         os.close(self.file)
+        if self.path.is_symlink():
+            self.path.unlink()
 
 
 def _open(path: Path) -> int:

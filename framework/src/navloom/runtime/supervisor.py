@@ -141,7 +141,7 @@ class Supervisor:
 
     def start(self) -> None:
         """Start all of them, after what an earlier supervisor has left was ended."""
-        left = end_all(lambda: left_of(self._folder.path, os.getpid()), STOP_WAIT)
+        left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
         if left:
             self._say(f"ended what was left of an earlier robot of this name: {_listed(left)}")
         if self._nursery is not None:
@@ -154,6 +154,8 @@ class Supervisor:
         fallen = []
         now = time.monotonic()
         if self._keeper.look():
+            for child in self.children.values():
+                child.log.link()
             self._write_down()
         for child in self.children.values():
             self._bound(child)

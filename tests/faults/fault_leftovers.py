@@ -24,6 +24,8 @@ WAYS = {
 }
 """How a plugin comes to have children, by the word that has it do so."""
 PLUGIN = "faulty_tracker"
+REAPED = 3.0
+"""Time in which children that have ended must be reaped, on a machine with much else to do, s."""
 STRAY = 0.5
 """Time in which a plugin has forked a child that goes on, s."""
 
@@ -62,8 +64,19 @@ def _kill(share: str) -> Callable[[Rig], None]:
 
 
 def _children(rig: Rig) -> dict[str, Any]:
-    """How many there are, and zombies of `up`."""
-    return {"children": len(forks(rig)), "zombies": len(zombies(rig))}
+    """Those there are, and zombies of `up` that it has not reaped after a while."""
+    limit = time.monotonic() + REAPED
+    while zombies(rig) and time.monotonic() < limit:
+        time.sleep(0.05)
+    return {"children": [_describe(pid) for pid in forks(rig)], "zombies": len(zombies(rig))}
+
+
+def _describe(pid: int) -> str:
+    """Name, state, parent, group and session of a process."""
+    try:
+        return " ".join(Path(f"/proc/{pid}/stat").read_text("utf-8").split()[:6])
+    except OSError:
+        return ""
 
 
 def zombies(rig: Rig) -> list[str]:

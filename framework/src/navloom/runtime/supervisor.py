@@ -216,6 +216,7 @@ class Supervisor:
         if self._nursery is not None and module == NODE:
             child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
         if child.process is None:
+            self._end_descendants(name)  # the nursery may have forked one all the same, and said so too late
             child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})
         self._groups.add(child.process.pid)
         child.started = time.monotonic()
@@ -258,7 +259,7 @@ class Supervisor:
         pids = {child.process.pid for child in self.children.values() if child.process is not None}
         return pids | ({self._nursery.pid} if self._nursery is not None and self._nursery.pid else set())
 
-    def _end_descendants(self, name: str, pid: int) -> None:
+    def _end_descendants(self, name: str, pid: int = -1) -> None:
         """End what a process that is gone has started: it may hold the socket, the port or the device of the next."""
         own = self._own_pids() | {os.getpid()}
 

@@ -316,6 +316,7 @@ class Rig:
     def end(self) -> float:
         """`navloom down`; gives the s until `up` and all its processes have ended."""
         self.driver.ending.set()
+        self._end_outsiders()
         pids = self.pids().values()
         if self.up.poll() is None:
             began = time.monotonic()
@@ -328,13 +329,17 @@ class Rig:
         self.driver.join(10.0)
         return took
 
+    def _end_outsiders(self) -> None:
+        while self._outsiders:
+            _, outsider = self._outsiders.popitem()
+            outsider.kill()
+            outsider.communicate()
+
     def clear(self) -> None:
         """Leave nothing behind, whatever happened."""
         self.driver.ending.set()
         self.census.ending.set()
-        for outsider in self._outsiders.values():
-            outsider.kill()
-            outsider.communicate()
+        self._end_outsiders()
         pids = [*self.pids().values()]
         if hasattr(self, "up") and self.up.poll() is None:
             for pid in (*pids, self.up.pid):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,8 @@ __all__ = ["Census", "below"]
 SEGMENTS = "/dev/shm/"
 OFTEN = 0.2
 """Time between two looks at what a robot has, s."""
+REAPED = 3.0
+"""Time in which the system must have reaped what has lost its parent, s."""
 
 
 class Census(threading.Thread):
@@ -53,6 +56,9 @@ class Census(threading.Thread):
     def left(self) -> dict[str, int]:
         """What there is of a robot that is down, by kind."""
         self.ending.set()
+        limit = time.monotonic() + REAPED
+        while any(map(_is_zombie, self._pids)) and time.monotonic() < limit:
+            time.sleep(OFTEN)
         files = [path for path in self.folder.glob("rt/*/*") if path.name != "lock" and ".log" not in path.name]
         return {
             "processes": len(list(below(self.folder))),

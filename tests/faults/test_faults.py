@@ -49,7 +49,7 @@ def test_no_process_is_left_when_its_supervisor_is_killed_not_even_a_stopped_one
     with rig() as robot:
         outcome = end_of_supervisor(robot, "drive", way="daemon")
         census = outcome.note["census"]
-        assert census.pop("files") == 1 and not any(census.values()), census  # robot.json, which doctor reports
+        assert census.pop("files") == 2 and not any(census.values()), census  # what it ran, for doctor
         assert outcome.note["left"] == [] and outcome.zero is not None and not outcome.touched, outcome
         # and the folder of a dead robot is in nobody's way
         assert "no robot of this user is up" in robot.run("down").stderr

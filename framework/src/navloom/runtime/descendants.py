@@ -21,7 +21,7 @@ PROCESS = "NAVLOOM_PROCESS"
 """Environment variable: name of the robot's process that started another program."""
 KILLED = 1.0
 """Longest wait for processes that were sent SIGKILL, s."""
-REAPED = 1.0
+ENDED = 1.0
 """Longest wait for them to become zombies after that, s."""
 LOOK = 0.005
 """Time between two looks at processes that are to end, s."""
@@ -90,11 +90,12 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
                     with contextlib.suppress(OSError):
                         os.kill(one.pid, number)
         time.sleep(LOOK)
-    limit = time.monotonic() + REAPED
-    for pid in ended:  # one that is being ended cannot be found any more, but may not be ready to be reaped
+    limit = time.monotonic() + ENDED
+    for pid in ended:  # one that is ending cannot be found any more, but has its files and memory for a while
+        while _start(pid) and time.monotonic() < limit:
+            time.sleep(LOOK)
         with contextlib.suppress(ChildProcessError):
-            while not os.waitpid(pid, os.WNOHANG)[0] and time.monotonic() < limit:
-                time.sleep(LOOK)
+            os.waitpid(pid, os.WNOHANG)
     return list(ended.values())
 
 

@@ -255,7 +255,7 @@ class Supervisor:
                 )
 
     def _own_pids(self) -> set[int]:
-        """Processes that others wait for than `reap_orphans`."""
+        """Children whose end is waited for elsewhere than in `reap_orphans`."""
         pids = {child.process.pid for child in self.children.values() if child.process is not None}
         return pids | ({self._nursery.pid} if self._nursery is not None and self._nursery.pid else set())
 

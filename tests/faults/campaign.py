@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from fault_ends import ENDS, end_of_supervisor, name_of_end
 from fault_kinds import PARTS, PROCESSES, SEIZED, SHADOWS, STRANGERS, STUCK, Fault, Outcome, inject
+from fault_leftovers import DELETIONS, FORKS, WAYS
 from fault_rig import Rig, rig
 from resource_faults import FULL_DISK, RESOURCES, rig_on_small_disk, rig_with_clock, why_not
 
@@ -30,6 +31,8 @@ GROUPS: dict[str, Sequence[Fault]] = {
     "strangers": STRANGERS,
     "stuck": STUCK,
     "resources": RESOURCES,
+    "forks": FORKS,
+    "deletions": DELETIONS,
 }
 OWN = ("ends", "disks")
 """Groups in which each fault has a robot of its own."""
@@ -69,7 +72,8 @@ def run(faults: Sequence[Fault], count: int, book: Book) -> None:
             if not _turns(robot, faults, count, book):
                 continue
             took = robot.end()
-            book.add(Outcome("navloom down", note={"ended_s": took, "code": robot.up.returncode}))
+            left = robot.census.left()
+            book.add(Outcome("navloom down", note={"ended_s": took, "code": robot.up.returncode, "left": left}))
 
 
 def _turns(robot: Rig, faults: Sequence[Fault], count: int, book: Book) -> bool:
@@ -87,7 +91,7 @@ def _turns(robot: Rig, faults: Sequence[Fault], count: int, book: Book) -> bool:
 
 def run_ends(count: int, book: Book) -> None:
     """The supervisor's death, each time of a robot of its own."""
-    kinds = [(stopped, False) for stopped in ENDS] + [("", True)]
+    kinds = [*((stopped, False, "") for stopped in ENDS), ("", True, ""), *(("", False, way) for way in WAYS)]
     while due := [kind for kind in kinds if book.count(name_of_end(*kind)) < count]:
         for kind in due:
             with rig() as robot:

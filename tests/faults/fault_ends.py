@@ -7,7 +7,9 @@ import signal
 import time
 
 from fault_kinds import HOLD, Outcome
+from fault_leftovers import WAYS, fork_first
 from fault_rig import SHARES, Rig, is_running, until
+from leftovers import below
 from motor_record import ran_on
 from navloom.runtime.host_faults import is_stopped
 
@@ -19,21 +21,25 @@ ENDS = ("", *SHARES)
 """Process that is stopped while the supervisor is killed; none in the first."""
 
 
-def name_of_end(stopped: str, is_stopped_first: bool) -> str:
+def name_of_end(stopped: str, is_stopped_first: bool, way: str = "") -> str:
     """What a death of the supervisor is called in the book."""
     name = "SIGSTOP, SIGKILL up" if is_stopped_first else "SIGKILL up"
+    name += f", a plugin {WAYS[way]}" if way else ""
     return f"{name}, {stopped} stopped" if stopped else name
 
 
-def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = False) -> Outcome:
+def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = False, way: str = "") -> Outcome:
     """Kill `up` at full speed, and see what becomes of its processes and of the motors.
 
     Args:
         rig: Its robot is down afterwards.
         stopped: Process that is stopped at that time.
         is_stopped_first: The supervisor itself has been stopped for a while, which must not disturb anybody.
+        way: How a plugin has made children before that; empty for not at all.
     """
-    outcome = Outcome(name_of_end(stopped, is_stopped_first))
+    outcome = Outcome(name_of_end(stopped, is_stopped_first, way))
+    if way:
+        fork_first(way)(rig)
     rig.wait_full_speed()
     pids, outcome.load = rig.pids(), os.getloadavg()[0]
     if is_stopped_first:
@@ -49,10 +55,11 @@ def end_of_supervisor(rig: Rig, stopped: str = "", is_stopped_first: bool = Fals
     rig.up.kill()
     rig.up.wait()
     limit = time.monotonic() + LIMIT
-    while any(map(is_running, pids.values())) and time.monotonic() < limit:
-        time.sleep(0.005)
+    while any(below(rig.folder)) and time.monotonic() < limit:
+        time.sleep(0.02)
     outcome.note["ended_s"] = (time.monotonic_ns() - began) * 1e-9
     outcome.note["left"] = [share for share, pid in pids.items() if is_running(pid)]
+    outcome.note["census"] = rig.census.left()
     zero = rig.motors.zero_after(began)
     outcome.zero = None if zero is None else (zero.time_ns - began) * 1e-9
     words = rig.motors.between(began - 200_000_000, time.monotonic_ns())

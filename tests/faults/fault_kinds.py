@@ -13,8 +13,23 @@ from fault_rig import SHARES, Note, Rig, until
 from motor_record import old_words, ran_on
 from outsider import FLOODED
 
-__all__ = ["PARTS", "PROCESSES", "SEIZED", "SHADOWS", "STRANGERS", "STUCK", "Fault", "Outcome", "answer", "inject",
-           "order", "tell", "untell"]  # fmt: skip
+__all__ = [
+    "AGAIN",
+    "PARTS",
+    "PROCESSES",
+    "SEIZED",
+    "SHADOWS",
+    "STOP",
+    "STRANGERS",
+    "STUCK",
+    "Fault",
+    "Outcome",
+    "answer",
+    "inject",
+    "order",
+    "tell",
+    "untell",
+]
 
 STOP, AGAIN = 10.0, 90.0
 """s in which the motors must stand after a fault, and drive again after its end, for the campaign to go on."""
@@ -208,6 +223,7 @@ def _part_fault(instance: str, way: str, hold: float = 0.0) -> Fault:
         "hang": "hangs in its step",
         "spin": "computes for ever",
         "seize": "computes for ever in C code",
+        "hold": "sleeps for ever in C code that holds the GIL",
         "raise": "raises each tick",
         "nan": "makes NaN",
         "smuggle": "publishes NaN past the checks",
@@ -222,7 +238,7 @@ PARTS = [
     for instance in ("faulty_tracker", "faulty_vfh")
 ]
 """Controller and avoider that fail in each way."""
-SEIZED = [_part_fault(instance, "seize") for instance in ("faulty_tracker", "faulty_vfh")]
+SEIZED = [_part_fault(instance, way) for way in ("seize", "hold") for instance in ("faulty_tracker", "faulty_vfh")]
 
 
 # --- strangers --------------------------------------------------------------------------------------------------------

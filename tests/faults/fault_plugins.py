@@ -6,12 +6,15 @@ They are told by a file in the folder that NAVLOOM_FAULTS names: `touch INSTANCE
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import math
+import multiprocessing
 import os
 import re
 import resource
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +80,36 @@ class LoggedSim(SensorsSim):
         )
 
 
+def fork(*, has_session: bool = False, is_stray: bool = False) -> None:
+    """Fork a child that sleeps, or goes on here."""
+    if os.fork() == 0:
+        if has_session:
+            os.setsid()
+        if not is_stray:
+            time.sleep(3600)
+            os._exit(0)
+
+
+def flood() -> None:
+    """Print 100 MB twice, and a last word."""
+    for _ in range(2):
+        print("x" * 10**8, flush=True)
+    print("the last word", flush=True)
+
+
+KEPT: list[Any] = []
+"""What must not be forgotten for as long as this process runs."""
+DONE: set[str] = set()
+"""Files that have had their way in this process."""
+ONCE: dict[str, Callable[[], Any]] = {
+    "fork": fork,
+    "daemon": lambda: fork(has_session=True),
+    "stray": lambda: fork(is_stray=True),
+    "pool": lambda: KEPT.append(multiprocessing.get_context("fork").Pool(2)),
+    "flood": flood,
+}
+
+
 def nan_twist() -> Twist2D:
     """What no plugin can make by the front door."""
     twist = Twist2D(0.0, 0.0, 0.0)
@@ -88,8 +121,10 @@ def fail(instance: str) -> str:
     """Fail as a file says.
 
     Ways: `hang` sleeps for ever; `spin` computes for ever; `seize` computes for ever in one call of C code that keeps
-    the interpreter to itself; `raise` raises; `nan` makes a command of NaN; `smuggle` gives one made past the checks;
-    `eat` takes memory without end; `open` takes every descriptor that its process may have, until told otherwise.
+    the interpreter to itself; `hold` sleeps for ever in one; `raise` raises; `nan` makes a command of NaN; `smuggle`
+    gives one made past the checks; `eat` takes memory without end; `open` takes every descriptor that its process may
+    have, until told otherwise. Once each: `fork` forks a child that sleeps, `daemon` one with a session of its own,
+    `stray` one that goes on as if it were the node; `pool` starts a pool of two processes; `flood` prints 100 MB twice.
 
     Returns:
         "smuggle", or an empty text.
@@ -106,6 +141,11 @@ def fail(instance: str) -> str:
                 pass
         elif way == "seize":
             re.match(r"(a+)+$", "a" * 64 + "b")
+        elif way == "hold":
+            ctypes.PyDLL(None).sleep(3600)
+        elif way in ONCE and entry not in DONE:
+            DONE.add(entry)
+            ONCE[way]()
         elif way == "raise":
             raise RuntimeError("told to fail")
         elif way == "nan":

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import fault_plugins
+from leftovers import Census
 from motor_record import RECORD, MotorRecord
 from navloom.runtime.client import ClientError, Refused
 from navloom.runtime.directory import DirectoryError, RobotFolder
@@ -204,6 +205,7 @@ class Rig:
         motors: What they were told.
         driver: Who keeps it driving.
         up: `navloom up`.
+        census: Of what it has on this host.
 
     Args:
         folder: For all files.
@@ -233,6 +235,7 @@ class Rig:
         }
         self.log = folder / "up.log"
         self.driver = Driver(lambda: self.motors.place)
+        self.census = Census(folder)
         self._outsiders: dict[str, subprocess.Popen[str]] = {}
 
     def start(self) -> None:
@@ -244,6 +247,7 @@ class Rig:
         until(lambda: self.up.poll() is not None or self.said("every node is there"), START, "the robot is up")
         assert self.up.poll() is None, self.log.read_text("utf-8")
         self.driver.start()
+        self.census.start()
 
     def said(self, text: str) -> bool:
         """`navloom up` said this."""
@@ -321,6 +325,7 @@ class Rig:
     def end(self) -> float:
         """`navloom down`; gives the s until `up` and all its processes have ended."""
         self.driver.ending.set()
+        self._end_outsiders()
         pids = self.pids().values()
         if self.up.poll() is None:
             began = time.monotonic()
@@ -333,12 +338,17 @@ class Rig:
         self.driver.join(10.0)
         return took
 
+    def _end_outsiders(self) -> None:
+        while self._outsiders:
+            _, outsider = self._outsiders.popitem()
+            outsider.kill()
+            outsider.communicate()
+
     def clear(self) -> None:
         """Leave nothing behind, whatever happened."""
         self.driver.ending.set()
-        for outsider in self._outsiders.values():
-            outsider.kill()
-            outsider.communicate()
+        self.census.ending.set()
+        self._end_outsiders()
         pids = [*self.pids().values()]
         if hasattr(self, "up") and self.up.poll() is None:
             for pid in (*pids, self.up.pid):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from fault_ends import end_of_supervisor
 from fault_kinds import PARTS, PROCESSES, SEIZED, STRANGERS, inject
+from fault_leftovers import DELETIONS, FORKS, zombies
 from fault_rig import rig
 
 SOON, EXIT = 1.5, 10.0
@@ -17,13 +18,17 @@ CHOSEN = (
     "faulty_tracker raises each tick",
     "faulty_tracker publishes NaN past the checks",
     "faulty_vfh computes for ever in C code",
+    "faulty_tracker sleeps for ever in C code that holds the GIL",
+    "faulty_tracker has forked a daemon, SIGKILL drive",
+    "faulty_tracker has a pool of processes, SIGKILL drive",
+    "runtime folder deleted, SIGKILL drive",
     "commands from the future",
     "10,000 malformed messages",
 )
 
 
 def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
-    faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *SEIZED, *STRANGERS)}
+    faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *SEIZED, *FORKS, *DELETIONS, *STRANGERS)}
     with rig() as robot:
         for name in CHOSEN:
             outcome = inject(robot, faults[name])
@@ -33,14 +38,18 @@ def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
         killed = inject(robot, faults["SIGKILL robot"])
         assert killed.left_driving is not None and killed.fresh, killed
         assert robot.reach_a_goal() == "succeeded: the goal was reached"
+        assert zombies(robot) == [] and robot.run("status").returncode == 0
         assert robot.end() < EXIT
+        assert robot.census.segments > 0 and not any(robot.census.left().values()), robot.census.left()
         # its driver gives goal after goal: one on its way goes down with the robot, which is exit code 1
         assert robot.up.returncode == (1 if robot.said("went down, and goal") else 0)
 
 
 def test_no_process_is_left_when_its_supervisor_is_killed_not_even_a_stopped_one() -> None:
     with rig() as robot:
-        outcome = end_of_supervisor(robot, "drive")
+        outcome = end_of_supervisor(robot, "drive", way="daemon")
+        census = outcome.note["census"]
+        assert census.pop("files") == 2 and not any(census.values()), census  # what it ran, for doctor
         assert outcome.note["left"] == [] and outcome.zero is not None and not outcome.touched, outcome
         # and the folder of a dead robot is in nobody's way
         assert "no robot of this user is up" in robot.run("down").stderr

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from navloom.cli.main import app
 from navloom.cli.run import watched_for_stalls
+from navloom.runtime.directory import DirectoryError
+from navloom.runtime.host_faults import left_running
 from navloom.study import episode
 from typer.testing import CliRunner
 
@@ -48,6 +50,32 @@ def test_down_for_every_robot_says_where_there_is_none(tmp_path: Path, monkeypat
     monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path))
     done = CliRunner().invoke(app, ["down", "--all"])
     assert (done.exit_code, done.output) == (0, "no robot of this user is up on this host\n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the environment of a process")
+@pytest.mark.parametrize("arguments", [[], ["--robot", "lab/r1"], ["--robot", "r1"], ["--all"]])
+def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path))
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    mark = f"{gone.pid}:{tmp_path / 'lab.r1'}"
+    environment = {**os.environ, "NAVLOOM_SUPERVISED": mark, "NAVLOOM_PROCESS": "drive"}
+    left = subprocess.Popen(["sleep", "60"], env=environment)
+    try:
+        what = f"process {left.pid} (sleep 60) of drive"
+        (found,) = left_running()
+        assert found.what == f"{what}: left of robot lab/r1, which is down"
+        assert found.remedy.startswith("`navloom down --robot lab/r1` ends them")
+        refused = CliRunner().invoke(app, ["down", "--robot", "lab/r2"])
+        assert isinstance(refused.exception, DirectoryError) and left.poll() is None  # another robot's
+        done = CliRunner().invoke(app, ["down", *arguments])
+        assert (done.exit_code, done.output) == (0, f"lab/r1: ended what was left: {what}\n")
+        assert left_running() == []
+    finally:
+        left.kill()
+        left.wait()
 
 
 def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from navloom.runtime.descendants import descendants, mark
 from navloom.runtime.nursery import READY, Nursery
 
 pytestmark = pytest.mark.skipif(not Nursery.is_possible(), reason="only Linux gives a child of a child away")
@@ -17,6 +18,9 @@ CHILD = """
 import os, signal, sys, time
 
 def main():
+    if os.fork() == 0:
+        os.setsid()
+        time.sleep(60)
     print("born of", os.getppid(), "in its own group", os.getpgrp() == os.getpid(), flush=True)
     text = open(sys.argv[1]).read()
     if text == "deaf":
@@ -32,10 +36,13 @@ def main():
 def nursery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Nursery]:
     (tmp_path / "newborn.py").write_text(CHILD, "utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    made = Nursery(tmp_path / "nursery.log")
+    made = Nursery(tmp_path / "nursery.log", mark(tmp_path))
     made.start()
     yield made
     made.close()
+    for one in descendants():
+        if one.folder == tmp_path:
+            os.kill(one.pid, signal.SIGKILL)
 
 
 def spec(tmp_path: Path, text: str = "") -> Path:
@@ -78,6 +85,7 @@ def test_when_the_supervisor_is_gone_what_was_born_ends_even_where_it_is_stopped
     nursery._line.close()  # as its death would
     assert born.wait(20) == -signal.SIGTERM
     assert nursery._process.wait(20) == 0
+    assert not [one for one in descendants() if one.folder == tmp_path]  # not even its fork, in another session
 
 
 def test_what_does_not_end_when_it_is_told_to_is_made_to_within_5_s(nursery: Nursery, tmp_path: Path) -> None:

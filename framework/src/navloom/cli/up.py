@@ -20,6 +20,8 @@ __all__ = ["down", "up"]
 
 DOWN = 15.0
 """s a robot may take to end."""
+LEFT = 2.0
+"""Time that what a robot has left may take to end in order, before it is killed, s."""
 
 
 def up(
@@ -77,22 +79,40 @@ def down(
     robot: RobotName = None,
     every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
 ) -> None:
-    """End a robot that is up on this host: it stops, then its processes end in order."""
+    """End a robot that is up on this host: it stops, then its processes end in order. Ends also what one has left."""
     from navloom.runtime.directory import DirectoryError, robots
     from navloom.runtime.joining import find_robot
 
-    found = list(robots()) if every else [find_robot(robot)]
-    if not found:
-        typer.echo("no robot of this user is up on this host")
     failure: DirectoryError | None = None
+    try:
+        found = list(robots()) if every else [find_robot(robot)]
+    except DirectoryError:
+        if not _end_left(robot):
+            raise
+        return
     for running in found:
         try:
             _end(running)
             typer.echo(f"{running.realm}/{running.robot} is down")
         except DirectoryError as error:
             failure = failure or error
+    is_any_left = _end_left(robot)
+    if not found and not is_any_left:
+        typer.echo("no robot of this user is up on this host")
     if failure is not None:
         raise failure
+
+
+def _end_left(robot: str | None) -> bool:
+    """End what robots have left whose `navloom up` is gone, and say so; whether there was anything."""
+    from navloom.runtime.descendants import end_all
+    from navloom.runtime.host_faults import strays
+
+    names = sorted(strays(robot))
+    for name in names:
+        ended = end_all(lambda name=name: strays(name).get(name, []), LEFT)  # type: ignore[misc]
+        typer.echo(f"{name}: ended what was left: {', '.join(map(str, ended))}")
+    return bool(names)
 
 
 def _end(running: Any) -> None:

@@ -8,11 +8,12 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from navloom.files import write_whole
+from navloom.runtime.process_log import last_lines
 
 __all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtime_folder"]
 
@@ -63,12 +64,14 @@ class Fate:
         state: starting, running, waiting (for its restart), failed or ended.
         restarts: How often it was started again.
         why: How it ended last; empty where it never did.
+        cut: Bytes of its log that were not kept, since it writes so much.
     """
 
     pid: int | None
     state: str
     restarts: int
     why: str
+    cut: int = 0
 
 
 def runtime_folder() -> Path:
@@ -92,6 +95,7 @@ class RobotFolder:
         self.path = runtime_folder() / f"{realm}.{robot}"
         self._claim, self._word = STANDING if stands else ROBOT
         self._lock: int | None = None
+        self._running: Running | None = None
 
     def make(self) -> None:
         """Make it, for this user alone."""
@@ -117,6 +121,30 @@ class RobotFolder:
                 time.sleep(LOOK)  # somebody may only have looked whether it is claimed
         os.close(claim)
         return False
+
+    def is_there(self) -> bool:
+        """The folder is the one in which this process has claimed the robot: nobody has deleted it."""
+        try:
+            return self._lock is not None and os.path.samestat(os.fstat(self._lock), (self.path / self._claim).stat())
+        except OSError:
+            return False
+
+    def renew(self) -> None:
+        """Make the folder again after it was deleted, with the claim and the word of what runs here.
+
+        Raises:
+            DirectoryError: It cannot be made, or another process has claimed the robot meanwhile.
+            OSError: It cannot be written.
+        """
+        self.make()
+        before, self._lock = self._lock, None
+        if not self.lock():
+            self._lock = before
+            raise DirectoryError(f"runtime folder {self.path} was deleted, and another process is this robot now")
+        if before is not None:
+            os.close(before)
+        if self._running is not None:
+            self.write(self._running)
 
     @property
     def is_held(self) -> bool:
@@ -151,6 +179,7 @@ class RobotFolder:
 
     def write(self, running: Running) -> None:
         """Say what runs here, at once or not at all."""
+        self._running = running
         write_whole(self.path / self._word, json.dumps(asdict(running)))
 
     def read(self) -> Running | None:
@@ -187,21 +216,28 @@ class RobotFolder:
 
     def last_words(self, process: str, lines: int = 3) -> str:
         """The last lines a process wrote."""
-        with contextlib.suppress(OSError):
-            text = (self.path / f"{process}.log").read_text("utf-8", "replace")
-            return "; ".join(line.strip() for line in text.splitlines()[-lines:])
-        return ""
+        return "; ".join(last_lines(self.path / f"{process}.log", lines))
 
     def clear(self) -> None:
         """Remove what a robot that ended has left; not the socket of a node that was started by hand and is there."""
-        kept = {path for path in self.path.glob("*.sock") if _is_locked(path.with_name(f"{path.name}.lock"))}
-        if _is_locked(self.path / STANDING[0]):
-            kept.add(self.path / STANDING[1])
-        kept |= {path.with_name(f"{path.name}.lock") for path in kept}
-        for pattern in ("robot.json", "*.sock", "*.sock.lock", "*.door", "*.door.lock", "*.json", "*.part"):
-            for path in {*self.path.glob(pattern)} - kept:
-                with contextlib.suppress(OSError):
-                    path.unlink()
+        self.clear_sockets()
+        kept = {self.path / STANDING[1]} if _is_locked(self.path / STANDING[0]) else set()
+        _remove({*self.path.glob("*.json")} - kept)
+
+    def clear_sockets(self) -> None:
+        """Remove the sockets that nobody listens at, and files that were being written."""
+        sockets = [*self.path.glob("*.sock"), *self.path.glob("*.door")]
+        locks = {*self.path.glob("*.lock"), *(path.with_name(f"{path.name}.lock") for path in sockets)}
+        held = {path for path in locks if _is_locked(path)}
+        _remove(locks - held)
+        _remove(path for path in sockets if path.with_name(f"{path.name}.lock") not in held)
+        _remove(self.path.glob("*.part"))
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in paths:
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def _is_locked(path: Path) -> bool:

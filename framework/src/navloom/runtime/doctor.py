@@ -25,7 +25,7 @@ from navloom.runtime.findings import (
     unheard,
     where,
 )
-from navloom.runtime.host_faults import fate_in_words, left_behind, restarting
+from navloom.runtime.host_faults import fate_in_words, left_behind, left_running, restarting
 from navloom.runtime.joining import find_robot, join
 from navloom.runtime.looking import (
     NO_GOAL,
@@ -104,7 +104,7 @@ def diagnose(
         DirectoryError: Several robots are up and none was named, or what was named is no REALM/NAME.
         LinkError: An endpoint or certificates that are refused before anybody is asked.
     """
-    here = left_behind() if connect is None else []
+    here = [*left_behind(), *left_running()] if connect is None else []
     folder, config = None, "CONFIG"
     if connect is None:
         if robot is None and len(list(robots())) > 1:

@@ -6,10 +6,11 @@ import contextlib
 from collections.abc import Container
 from pathlib import Path
 
+from navloom.runtime.descendants import Descendant, descendants
 from navloom.runtime.directory import Fate, RobotFolder, runtime_folder
 from navloom.runtime.findings import Finding
 
-__all__ = ["fate_in_words", "is_stopped", "left_behind", "restarting"]
+__all__ = ["fate_in_words", "is_stopped", "left_behind", "left_running", "restarting", "strays"]
 
 
 def left_behind() -> list[Finding]:
@@ -29,6 +30,29 @@ def left_behind() -> list[Finding]:
     return found
 
 
+def strays(robot: str | None = None) -> dict[str, list[Descendant]]:
+    """Processes of this user's robots whose `navloom up` is gone, by REALM/NAME; of one robot, or of all."""
+    found: dict[str, list[Descendant]] = {}
+    for one in descendants():
+        realm, _, name = one.folder.name.partition(".")
+        is_wanted = robot in (None, name, f"{realm}/{name}")
+        if one.is_left and one.folder.parent == runtime_folder() and is_wanted:
+            found.setdefault(f"{realm}/{name}", []).append(one)
+    return found
+
+
+def left_running() -> list[Finding]:
+    """Processes that robots which are down have left."""
+    return [
+        Finding(
+            "problem",
+            f"{', '.join(map(str, left))}: left of robot {robot}, which is down",
+            f"`navloom down --robot {robot}` ends them, and so does the next `navloom up` of that robot",
+        )
+        for robot, left in strays().items()
+    ]
+
+
 def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
     """Processes of a robot of this host that were started again, or are left down; without those told of already."""
     found = []
@@ -40,6 +64,9 @@ def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
             times = "once" if fate.restarts == 1 else f"{fate.restarts} times"
             what = f"process {name} was started again {times}: it {fate.why}"
             found.append(Finding("note", what, f"see {folder.path / f'{name}.log'}"))
+        if fate.cut:
+            what = f"process {name} writes so much that {fate.cut * 1e-6:.1f} MB of its log were not kept"
+            found.append(Finding("note", what, f"have its plugins print less; see {folder.path / f'{name}.log'}"))
     return found
 
 

@@ -11,8 +11,16 @@ from typing import Any
 
 from navloom.config.loader import Loaded
 from navloom.engine.build import assemble
-from navloom.runtime.node_process import NodeProcess, Share, leave
-from navloom.runtime.process import die_with_parent, end_on_signal, end_unless_called, link_from_json, link_to_json
+from navloom.runtime.heartbeat import Heart
+from navloom.runtime.node_process import NodeProcess, Share, leave, longest_seizure
+from navloom.runtime.process import (
+    die_with_parent,
+    end_on_signal,
+    end_unless_called,
+    link_from_json,
+    link_to_json,
+    write_heedlessly,
+)
 
 __all__ = ["main", "share_from_json", "share_to_json"]
 
@@ -23,8 +31,10 @@ CONTROL_PRIORITY = -10
 def main() -> int:
     """Run the share of a file until told to end. Exit codes: 0 told to, 1 failed, 2 wrong request, 70 a node hung.
 
-    A node that keeps Python to itself is seen by nobody in here: the system ends the process.
+    The watch in here does not see a node that holds the GIL: where it computes, the system ends the process, and
+    where it sleeps, its supervisor does.
     """
+    write_heedlessly()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
     sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes
@@ -35,11 +45,22 @@ def main() -> int:
     process = NodeProcess(system, share, known=spec["known"].encode())
     end_on_signal(process.ending)
     name = process.share.name
-    alive = end_unless_called(process.longest_seizure())
+    rearm = end_unless_called(longest_seizure(process.share.sources, system.config.live.hang_timeout))
+    heart = Heart(spec["heart"]) if spec["heart"] else None
+    is_ready = False
+
+    def ready() -> None:
+        nonlocal is_ready
+        is_ready = True
+        print(f"{name}: ready", flush=True)
+
+    def alive() -> None:
+        rearm()
+        if is_ready and heart is not None:  # before that its main thread waits for the network
+            heart.beat()
+
     try:
-        process.run(
-            lambda text: print(f"{name}: {text}", flush=True), lambda: print(f"{name}: ready", flush=True), alive
-        )
+        process.run(lambda text: print(f"{name}: {text}", flush=True), ready, alive)
     except Exception as error:
         print(f"{name}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
         return 2 if isinstance(error, (ValueError, OSError)) else 1

@@ -20,6 +20,8 @@ from navloom.runtime.barrier import BarrierEnded
 from navloom.runtime.barrier_runner import BarrierRunner
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import Hosted, all_sources, make_cell
+from navloom.runtime.forking import keep_from_children
+from navloom.runtime.heartbeat import StopDetector
 from navloom.runtime.keyspace import ATTENDANT, LINKED, KeySpace
 from navloom.runtime.links import Link
 from navloom.runtime.live import LiveRunner
@@ -35,7 +37,7 @@ from navloom.runtime.services import Services
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus, BusError
 
-__all__ = ["HUNG", "NodeProcess", "Share", "longest_step"]
+__all__ = ["HUNG", "NodeProcess", "Share", "leave", "longest_seizure", "longest_step"]
 
 HUNG = 70
 """Exit code of a process that gave up a node which hangs."""
@@ -90,6 +92,7 @@ class NodeProcess:
     hung: str = ""
     life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
     _heard: threading.Event = field(default_factory=threading.Event)
+    _is_fork: bool = False
 
     def run(
         self,
@@ -120,11 +123,19 @@ class NodeProcess:
                 return
             raise
         with joined as bus:
+            keep_from_children(self.share.link, self._forked)
             threads = self._start(bus, ready, alive)
             self._watch(threads, alive)
             self.ending.set()
             for thread in threads:
                 thread.join(1.0)
+
+    def _forked(self) -> None:
+        """A plugin forked, and this is the child: where the plugin does not end it, it must not go on as a node."""
+        self._is_fork = True
+
+    def _is_over(self) -> bool:
+        return self._is_fork or self.ending.is_set()
 
     def _start(self, bus: Bus, ready: Callable[[], None], alive: Callable[[], None]) -> list[threading.Thread]:
         robot = self.system.config.robot
@@ -145,8 +156,8 @@ class NodeProcess:
             self.runners = dict(live)
             if self.share.attended and any(role == "platform" for role, _ in nodes):
                 bus.watch(keys.process(ATTENDANT, LINKED), lambda key, alive: self._heard.set())
-            monitor = Monitor(self.system, board, clock, memory, self._wake, self.ending.is_set)
-            fetching = threading.Thread(target=presence.follow, args=(board.fetch, self.ending.is_set), daemon=True)
+            monitor = Monitor(self.system, board, clock, memory, self._wake, self._is_over)
+            fetching = threading.Thread(target=presence.follow, args=(board.fetch, self._is_over), daemon=True)
             for source, runner in live.items():
                 if source in self.system.parts:
                     runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
@@ -211,7 +222,7 @@ class NodeProcess:
 
     def _barrier_runner(self, hosted: Hosted) -> BarrierRunner:
         def check() -> None:
-            if self.ending.is_set():
+            if self._is_over():
                 raise BarrierEnded
 
         source = hosted.cell.source
@@ -225,7 +236,7 @@ class NodeProcess:
     def _live_runner(self, hosted: Hosted, clock: RunClock, memory: Memory, presence: Presence) -> LiveRunner:
         config = self.system.config
         role = hosted.cell.source[0]
-        common = (hosted, clock, config.run.period, self.ending.is_set)
+        common = (hosted, clock, config.run.period, self._is_over)
         if role == "platform":
             # Others that are there go by the clock of the platform before this one: it is not put back.
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
@@ -272,25 +283,18 @@ class NodeProcess:
             if isinstance(runner, LiveGoal) and again:
                 runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
 
-    def longest_seizure(self) -> float:
-        """s that one node may compute here without letting go of Python, while all others wait.
-
-        That of the least patient. The goal does not count: beside a mapper or a planner it has to wait.
-        """
-        limit = self.system.config.live.hang_timeout
-        roles = [role for role, _ in self.share.sources if role != "goal"]
-        return min((longest_step(role, limit) for role in roles), default=limit)
-
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
         """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
         limit = self.system.config.live.hang_timeout
+        stops = StopDetector()
         while not self.ending.wait(0.1):
+            went_on_ns = stops.look()
             for source, runner in self.runners.items():
                 stepper = runner.cell.stepper
                 since_ns, allowed = stepper.busy_since_ns, longest_step(source[0], limit)
                 if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
                     continue
-                if time.monotonic_ns() - since_ns > allowed * 1e9:
+                if time.monotonic_ns() - max(since_ns, went_on_ns) > allowed * 1e9:
                     self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s"
                     return
             if not all(thread.is_alive() for thread in threads):
@@ -302,6 +306,15 @@ class NodeProcess:
 def longest_step(role: str, hang_timeout: float) -> float:
     """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
     return max(hang_timeout, LONG) if is_patient(role) else hang_timeout
+
+
+def longest_seizure(sources: Sequence[Source], hang_timeout: float) -> float:
+    """How long one node may hold the GIL in the process of these, while all others wait, s.
+
+    That of the least patient. The goal does not count: beside a mapper or a planner it has to wait.
+    """
+    roles = [role for role, _ in sources if role != "goal"]
+    return min((longest_step(role, hang_timeout) for role in roles), default=hang_timeout)
 
 
 def leave(process: NodeProcess) -> int:

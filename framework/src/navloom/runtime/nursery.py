@@ -18,9 +18,13 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO
+
+from navloom.runtime.descendants import MARK, PROCESS, Descendant, descendants, end_all
+from navloom.runtime.directory import RobotFolder
+from navloom.runtime.shared_memory import remove_orphans
 
 __all__ = ["READY", "Born", "Nursery", "main"]
 
@@ -78,10 +82,11 @@ class Nursery:
 
     Args:
         log: File for what it says.
+        environment: More variables for it, and so for every process that comes from it.
     """
 
-    def __init__(self, log: Path) -> None:
-        self._log = log
+    def __init__(self, log: Path, environment: Mapping[str, str] = {}) -> None:
+        self._log, self._environment = log, environment
         self._process: subprocess.Popen[bytes] | None = None
         self._line: socket.socket | None = None
         self._is_ready = False
@@ -96,7 +101,7 @@ class Nursery:
         if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0):
             return
         ours, theirs = socket.socketpair()
-        with theirs, self._log.open("wb") as log:
+        with theirs, _writable(self._log) as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "navloom.runtime.nursery", str(theirs.fileno()), str(os.getpid())],
                 stdin=subprocess.DEVNULL,
@@ -104,9 +109,14 @@ class Nursery:
                 stderr=log,
                 pass_fds=[theirs.fileno()],
                 process_group=0,
-                env={**os.environ, **ONE_THREAD},
+                env={**os.environ, **ONE_THREAD, **self._environment},
             )
         self._line, self._is_ready = ours, False
+
+    @property
+    def pid(self) -> int | None:
+        """Of its process; None while there is none."""
+        return None if self._process is None else self._process.pid
 
     def bear(self, name: str, module: str, spec: Path, log: Path, patience: float) -> Born | None:
         """A new process that runs `module.main()` with the path of a file; None where it has to be started in full.
@@ -165,6 +175,34 @@ def main() -> None:
             borne.append(_bear(json.loads(order), line, supervisor))
             line.sendall(b"%d" % borne[-1])
     _end(borne)
+    end_all(lambda: _others(supervisor))
+    remove_orphans()
+    _clear_sockets()
+
+
+def _others(supervisor: int) -> list[Descendant]:
+    """What plugins started below the supervisor and did not end."""
+    if MARK not in os.environ:
+        return []
+    return [one for one in descendants() if one.supervisor == supervisor and one.pid != os.getpid()]
+
+
+def _clear_sockets() -> None:
+    """Remove the robot's sockets, unless another supervisor has it by now. What it ran stays, for `navloom doctor`."""
+    _, _, path = os.environ.get(MARK, "").partition(":")
+    realm, _, robot = Path(path).name.partition(".")
+    folder = RobotFolder(realm, robot)
+    if path and folder.path == Path(path) and folder.path.is_dir() and folder.lock():
+        folder.clear_sockets()
+        folder.unlock()
+
+
+def _writable(path: Path) -> IO[bytes]:
+    """The file, or one that takes everything where it cannot be written."""
+    try:
+        return path.open("wb")
+    except OSError:
+        return open(os.devnull, "wb")
 
 
 def _end(borne: Sequence[int]) -> None:
@@ -228,6 +266,7 @@ def _live(order: dict[str, str], supervisor: int) -> None:
         _take_over(log)
     ctypes.CDLL(None).prctl(PR_SET_NAME, order["name"].encode()[:15], 0, 0, 0)
     sys.argv = [order["module"], order["spec"]]
+    os.environ[PROCESS] = order["name"]
     code = 1
     try:
         code = importlib.import_module(order["module"]).main()

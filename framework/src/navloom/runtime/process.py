@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import io
 import os
 import signal
 import sys
@@ -12,8 +14,17 @@ from pathlib import Path
 from typing import Any
 
 from navloom.runtime.links import Link
+from navloom.runtime.process_log import LARGEST_LOG
 
-__all__ = ["SEIZED", "die_with_parent", "end_on_signal", "end_unless_called", "link_from_json", "link_to_json"]
+__all__ = [
+    "SEIZED",
+    "die_with_parent",
+    "end_on_signal",
+    "end_unless_called",
+    "link_from_json",
+    "link_to_json",
+    "write_heedlessly",
+]
 
 PR_SET_PDEATHSIG = 1
 GRACE = 4.0
@@ -58,6 +69,25 @@ def end_unless_called(seconds: float) -> Callable[[], None]:
 
     signal.signal(SEIZED, signal.SIG_DFL)
     return alive
+
+
+class _Heedless(io.FileIO):
+    """A file that takes what cannot be written, and of a single write no more than a log keeps."""
+
+    def write(self, data: Any) -> int:
+        """Write the end of it, as far as that works. Gives its length."""
+        whole = memoryview(data).cast("B")
+        with contextlib.suppress(OSError):  # a full disk must not make the node fail that prints
+            super().write(whole[-LARGEST_LOG:])
+        return len(whole)
+
+
+def write_heedlessly() -> None:
+    """Have `print` never fail in this process, nor fill its log at once."""
+    for name in ("stdout", "stderr"):
+        raw = _Heedless(1 if name == "stdout" else 2, "wb", closefd=False)
+        stream = io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", "backslashreplace", line_buffering=True)
+        setattr(sys, name, stream)
 
 
 def link_to_json(link: Link) -> dict[str, Any]:

@@ -200,6 +200,7 @@ class Robot:
         self._ended.set()
         try:
             self.supervisor.stop()
-            self.folder.clear()
+            if self.folder.is_there():
+                self.folder.clear()
         finally:
             self.folder.unlock()

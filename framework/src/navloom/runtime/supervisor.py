@@ -1,9 +1,10 @@
-"""Starts a robot's processes, starts those that crash again, and leaves none behind."""
+"""Starts a robot's processes, restarts those that crash, and leaves none behind."""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -17,12 +18,17 @@ from typing import Any
 
 from navloom.config import Loaded
 from navloom.config.schema import LiveTable
+from navloom.runtime.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
 from navloom.runtime.directory import Fate, RobotFolder
+from navloom.runtime.folder_keeper import FolderKeeper
+from navloom.runtime.heartbeat import HeartMonitor
 from navloom.runtime.links import Link
 from navloom.runtime.node_main import share_to_json
-from navloom.runtime.node_process import HUNG, Share
+from navloom.runtime.node_process import HUNG, Share, longest_seizure
 from navloom.runtime.nursery import READY, Born, Nursery
 from navloom.runtime.process import SEIZED, link_to_json
+from navloom.runtime.process_log import LARGEST_LOG, ProcessLog, older_log
+from navloom.runtime.shared_memory import remove_orphans
 
 __all__ = ["Child", "Supervisor", "Task", "node_task", "router_task"]
 
@@ -33,6 +39,8 @@ HEALTHY = 5.0
 """s a process must run for its next crash to count as a first one."""
 STOP_WAIT = 1.0
 """s each group of processes may take to end in order, before it is killed."""
+WRITE_AGAIN = 1.0
+"""Time between two tries to write what has become of the processes, where that failed, s."""
 
 
 @dataclass(frozen=True)
@@ -44,18 +52,23 @@ class Task:
         module: Python module that is run with the path of a JSON file.
         given: What the file holds.
         roles: Of the nodes it runs, for the order in which processes end.
+        patience: How long one of its nodes may hold the GIL, s; None where it may do so for ever.
     """
 
     name: str
     module: str
     given: Mapping[str, Any]
     roles: frozenset[str] = frozenset()
+    patience: float | None = None
 
 
 def node_task(loaded: Loaded, share: Share) -> Task:
     """The process of a share."""
     given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
-    return Task(share.name, NODE, given, frozenset(role for role, _ in share.sources))
+    roles = frozenset(role for role, _ in share.sources)
+    # Ticks that are held together have no deadline.
+    patience = None if share.barrier else longest_seizure(share.sources, loaded.config.live.hang_timeout)
+    return Task(share.name, NODE, given, roles, patience)
 
 
 def router_task(link: Link) -> Task:
@@ -74,9 +87,15 @@ class Child:
         restarts: How often it was started again.
         state: starting, running, waiting (for its restart), failed or ended.
         why: How it ended last.
+        verdict: Why the supervisor has killed it; empty where it has not.
+        log: What it writes.
+        heart: Its signs of life, where it must give some.
+        spec: Open file with what it was started with, in memory; -1 for none.
     """
 
     task: Task
+    log: ProcessLog
+    heart: HeartMonitor
     process: subprocess.Popen[bytes] | Born | None = None
     started: float = 0.0
     again_at: float = 0.0
@@ -85,6 +104,8 @@ class Child:
     restarts: int = 0
     state: str = "starting"
     why: str = ""
+    verdict: str = ""
+    spec: int = -1
 
 
 class Supervisor:
@@ -107,13 +128,22 @@ class Supervisor:
         recall: Callable[[], bytes] = bytes,
     ) -> None:
         self._live, self._folder, self._say, self._recall = live, folder, say, recall
-        self.children = {task.name: Child(task) for task in tasks}
+        self.children = {
+            task.name: Child(task, ProcessLog(folder.path / f"{task.name}.log"), HeartMonitor()) for task in tasks
+        }
+        self._groups: set[int] = set()
+        self._keeper = FolderKeeper(folder, list(self.children), say)
+        self._cannot_write = ""
+        self._write_again = math.inf
         self._nursery: Nursery | None = None
         if Nursery.is_possible() and any(task.module == NODE for task in tasks):
-            self._nursery = Nursery(folder.path / "nursery.log")
+            self._nursery = Nursery(folder.path / "nursery.log", mark(folder.path))
 
     def start(self) -> None:
-        """Start all of them."""
+        """Start all of them, after what an earlier supervisor has left was ended."""
+        left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
+        if left:
+            self._say(f"ended what was left of an earlier robot of this name: {_listed(left)}")
         if self._nursery is not None:
             self._nursery.start()
         for child in self.children.values():
@@ -123,15 +153,25 @@ class Supervisor:
         """Look after them: those that ended by themselves since the last look; they are started again in due time."""
         fallen = []
         now = time.monotonic()
+        if self._keeper.look():
+            for child in self.children.values():
+                child.log.link()
+            self._write_down()
         for child in self.children.values():
+            self._bound(child)
             if child.process is not None and child.process.poll() is not None:
                 self._bury(child, now)
                 fallen.append(child)
             elif child.state == "waiting" and restarts and now >= child.again_at:
                 child.restarts += 1
                 self._start(child, 0.0)
-            elif child.state == "running" and now - child.started > HEALTHY:
-                child.wait = FIRST_WAIT
+            elif child.state == "running":
+                self._watch(child)
+                if now - child.started > HEALTHY:
+                    child.wait = FIRST_WAIT
+        reap_orphans(self._groups, self._own_pids())
+        if now > self._write_again:
+            self._write_down()
         return fallen
 
     def stop(self) -> None:
@@ -147,6 +187,17 @@ class Supervisor:
             limit = time.monotonic() + STOP_WAIT
             for child in group:
                 self._await_end(child, limit)
+        me, path = os.getpid(), self._folder.path
+        left = end_all(lambda: [one for one in descendants() if (one.supervisor, one.folder) == (me, path)])
+        reap_orphans(self._groups, self._own_pids())
+        if left:
+            self._say(f"ended what its processes left: {_listed(left)}")
+        for child in self.children.values():
+            child.log.close()
+            child.heart.close()
+            _close(child)
+        self._keeper.close()
+        remove_orphans()
 
     def tail(self, child: Child, lines: int = 3) -> str:
         """The last lines a process wrote."""
@@ -155,32 +206,85 @@ class Supervisor:
     def _start(self, child: Child, patience: float) -> None:
         """Start a process; patience is the s to wait for the nursery to be ready."""
         name, module = child.task.name, child.task.module
-        spec = self._folder.path / f"{name}.task.json"
-        spec.write_text(
-            json.dumps({**child.task.given, "parent": os.getpid(), "known": self._recall().decode()}), "utf-8"
-        )
-        log = self._folder.path / f"{name}.log"
-        if not child.restarts:
-            log.write_bytes(b"")
+        heart = child.heart.path if child.task.patience is not None else ""
+        known = {"parent": os.getpid(), "known": self._recall().decode(), "heart": heart}
+        spec = self._hand_over(child, json.dumps({**child.task.given, **known}))
+        self._keeper.forget(name)
+        child.heart.reset()
+        child.log.reopen()
         child.process = None
         if self._nursery is not None and module == NODE:
-            child.process = self._nursery.bear(name, module, spec, log, patience)
+            child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
         if child.process is None:
-            child.process = _popen(module, spec, log)
+            self._end_descendants(name)  # the nursery may have forked one all the same, and said so too late
+            child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})
+        self._groups.add(child.process.pid)
         child.started = time.monotonic()
-        child.state = "running"
+        child.state, child.verdict = "running", ""
         self._write_down()
+
+    def _hand_over(self, child: Child, text: str) -> Path:
+        """A file for a process to read; in memory, where the system has that: a full disk must not stop a restart."""
+        _close(child)
+        if sys.platform == "linux":
+            child.spec = os.memfd_create("task", os.MFD_CLOEXEC)
+            with open(child.spec, "w", encoding="utf-8", closefd=False) as file:
+                file.write(text)
+            return Path(f"/proc/{os.getpid()}/fd/{child.spec}")
+        path = self._folder.path / f"{child.task.name}.task.json"
+        path.write_text(text, "utf-8")
+        return path
+
+    def _watch(self, child: Child) -> None:
+        """Kill a process in which a node holds the GIL for too long, sleeping or not."""
+        patience, process = child.task.patience, child.process
+        if patience is not None and process is not None and child.heart.silence(process.pid) > patience:
+            child.verdict = f"was ended: a node held the GIL for {patience:g} s"
+            process.kill()
+
+    def _bound(self, child: Child) -> None:
+        """Keep a process's log within its bounds, and say so the first time that something of it is lost."""
+        before = child.log.cut
+        child.log.bound()
+        if child.log.cut > before:
+            self._write_again = min(self._write_again, time.monotonic() + WRITE_AGAIN)
+            if not before:
+                self._say(
+                    f"process {child.task.name} writes much: of {child.log.path} and {older_log(child.log.path).name} "
+                    f"the last {LARGEST_LOG >> 20} MB each are kept"
+                )
+
+    def _own_pids(self) -> set[int]:
+        """Children whose end is waited for elsewhere than in `reap_orphans`."""
+        pids = {child.process.pid for child in self.children.values() if child.process is not None}
+        return pids | ({self._nursery.pid} if self._nursery is not None and self._nursery.pid else set())
+
+    def _end_descendants(self, name: str, pid: int = -1) -> None:
+        """End what a process that is gone has started: it may hold the socket, the port or the device of the next."""
+        own = self._own_pids() | {os.getpid()}
+
+        def left() -> list[Descendant]:
+            return [
+                one for one in descendants()
+                if one.folder == self._folder.path and one.pid not in own
+                and (pid in (one.group, one.session) or one.process in (name, name[:15]))
+            ]  # fmt: skip
+
+        ended = end_all(left)
+        if ended:
+            self._say(f"ended what process {name} left: {_listed(ended)}")
 
     def _bury(self, child: Child, now: float) -> None:
         assert child.process is not None
-        code = child.process.poll()
+        code, pid, name = child.process.poll(), child.process.pid, child.task.name
         assert code is not None
         child.process = None
-        child.why = _why(code)
+        self._end_descendants(name, pid)
+        remove_orphans()
+        child.why = child.verdict or _why(code)
         child.crashes.append(now)
         while child.crashes and now - child.crashes[0] > self._live.restart_window:
             child.crashes.popleft()
-        name = child.task.name
         if len(child.crashes) > self._live.restart_limit:
             child.state = "failed"
             self._say(
@@ -197,13 +301,22 @@ class Supervisor:
         self._write_down()
 
     def _write_down(self) -> None:
-        """Leave for who looks what has become of each process."""
-        self._folder.write_fates(
-            {
-                name: Fate(child.process.pid if child.process else None, child.state, child.restarts, child.why)
-                for name, child in self.children.items()
-            }
-        )
+        """Write the fate of each process for other programs; where that fails, say so once and try again later."""
+        fates = {
+            name: Fate(
+                child.process.pid if child.process else None, child.state, child.restarts, child.why, child.log.cut
+            )
+            for name, child in self.children.items()
+        }
+        try:
+            self._folder.write_fates(fates)
+        except OSError as error:
+            self._write_again = time.monotonic() + WRITE_AGAIN
+            if self._cannot_write != str(error):
+                self._cannot_write = str(error)
+                self._say(f"{error}; the robot goes on, `navloom doctor` does not see what becomes of its processes")
+        else:
+            self._cannot_write, self._write_again = "", math.inf
 
     def _group(self, belongs: Callable[[frozenset[str]], bool]) -> list[Child]:
         return [child for child in self.children.values() if child.process is not None and belongs(child.task.roles)]
@@ -220,17 +333,27 @@ class Supervisor:
         child.process, child.state = None, "ended"
 
 
-def _popen(module: str, spec: Path, log: Path) -> subprocess.Popen[bytes]:
-    with log.open("ab") as file:
-        return subprocess.Popen(
-            [sys.executable, "-m", module, str(spec)],
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=file,
-            # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session:
-            # when the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
-            process_group=0,
-        )
+def _popen(module: str, spec: Path, log: ProcessLog, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", module, str(spec)],
+        stdin=subprocess.DEVNULL,
+        stdout=log.file,
+        stderr=log.file,
+        env={**os.environ, **environment},
+        # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session: when
+        # the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
+        process_group=0,
+    )
+
+
+def _close(child: Child) -> None:
+    if child.spec >= 0:
+        os.close(child.spec)
+        child.spec = -1
+
+
+def _listed(ended: Sequence[Descendant]) -> str:
+    return ", ".join(map(str, ended))
 
 
 def _send(child: Child, number: signal.Signals) -> None:

@@ -1,0 +1,118 @@
+"""Signs of life of a node process in memory that its supervisor shares: code that holds the GIL cannot give them."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import re
+import resource
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+__all__ = ["Heart", "HeartMonitor", "StopDetector"]
+
+PAGE = mmap.PAGESIZE
+LOOK = 0.2
+"""Time between two looks at a heart, s."""
+FIGHTING = 5
+"""Least wake-ups in that time of a thread that waits for the GIL: it tries each 0.5 ms. A stopped one has none."""
+STOPPED = 0.5
+"""A thread that looks each 0.1 s and was not there for so long waited for the GIL, or was stopped, s."""
+
+
+class Heart:
+    """The process's side: its main thread beats while it gets the GIL.
+
+    Args:
+        path: Memory that the supervisor gave.
+    """
+
+    def __init__(self, path: str) -> None:
+        file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            self._time = memoryview(mmap.mmap(file, PAGE)).cast("q")
+        finally:
+            os.close(file)
+
+    def beat(self) -> None:
+        """A sign of life."""
+        self._time[0] = time.monotonic_ns()
+
+
+class HeartMonitor:
+    """The supervisor's side.
+
+    Attributes:
+        path: Memory for the process's `Heart`; empty where the system has no such memory.
+    """
+
+    def __init__(self) -> None:
+        self.path = ""
+        if sys.platform == "linux":
+            self._file = os.memfd_create("heart", os.MFD_CLOEXEC)
+            os.ftruncate(self._file, PAGE)
+            self._time = memoryview(mmap.mmap(self._file, PAGE)).cast("q")
+            self.path = f"/proc/{os.getpid()}/fd/{self._file}"
+        self._last = self._switches = 0
+        self._looked = self._silent = 0.0
+
+    def reset(self) -> None:
+        """Another process is given the memory, whose heart does not beat yet."""
+        if self.path:
+            self._time[0] = 0
+        self._silent = 0.0
+
+    def close(self) -> None:
+        """Give the memory back."""
+        if self.path:
+            self._time.release()
+            os.close(self._file)
+            self.path = ""
+
+    def silence(self, pid: int) -> float:
+        """Time in which the process's main thread waited for the GIL without a beat, s.
+
+        Only time in which it ran counts, so that a process or a host that was stopped is not taken for one that hangs.
+        """
+        now = time.monotonic()
+        if not self.path or now - self._looked < LOOK:
+            return self._silent
+        spent, self._looked = min(now - self._looked, 2 * LOOK), now
+        beat, before = self._time[0], self._switches
+        self._switches = _switches(pid)
+        if beat != self._last or not beat:
+            self._last, self._silent = beat, 0.0
+        elif self._switches - before >= FIGHTING:
+            self._silent += spent
+        return self._silent
+
+
+class StopDetector:
+    """Tells a thread that it and its whole process were stopped for a while, and did not just wait for the GIL."""
+
+    def __init__(self) -> None:
+        self._before, self._switches = time.monotonic_ns(), _own_switches()
+        self._went_on_ns = 0
+
+    def look(self) -> int:
+        """When the process went on after it was stopped last, ns, monotonic; 0 where it never was."""
+        now, switches = time.monotonic_ns(), _own_switches()
+        if now - self._before > STOPPED * 1e9 and switches - self._switches < FIGHTING:
+            self._went_on_ns = now
+        self._before, self._switches = now, switches
+        return self._went_on_ns
+
+
+def _own_switches() -> int:
+    who = resource.RUSAGE_THREAD if sys.platform == "linux" else resource.RUSAGE_SELF
+    return resource.getrusage(who).ru_nvcsw
+
+
+def _switches(pid: int) -> int:
+    """How often the main thread of a process gave its processor away by itself; 0 where it has just ended."""
+    with suppress(OSError, TypeError):
+        status = Path(f"/proc/{pid}/status").read_text("utf-8", "replace")
+        return int(re.search(r"^voluntary_ctxt_switches:\s*(\d+)", status, re.MULTILINE)[1])  # type: ignore[index]
+    return 0

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "AccessError", "Identity", "common_name", "read_identities",
-           "rules"]  # fmt: skip
+__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "AccessError", "Identity", "common_name", "limits",
+           "read_identities", "rules"]  # fmt: skip
 
 IDENTITIES = "identities.json"
 """File, beside the certificates, with the identities a listener lets in. Who is struck from it is kept out."""
@@ -22,6 +22,7 @@ ACTING = (
     "gate/main/stop",
     "gate/main/resume",
     "gate/main/release",
+    "gate/main/enter_unseen",
     "*/*/params/set",
 )
 """Services that change what the robot does, below `<realm>/<robot>/`."""
@@ -29,7 +30,6 @@ READABLE = (
     "*/*/describe",
     "*/*/params/get",
     "*/*/parameters",
-    "process/*/memory",
     "process/*/config",
     "mapper/*/map",
     "planner/*/path",
@@ -45,6 +45,13 @@ READABLE = (
 """What may be asked by who only reads. Named one by one: a rule for `gate/main/*` would cover `gate/main/stop` too."""
 DRIVING = "operator/main/command"
 """Where an operator's own commands go."""
+RECALLED = "process/*/memory"
+"""What a process that begins asks the others for: `nodes` and shadows."""
+QUESTION, SMALL_QUESTION, COMMAND, PLAIN_ANSWER = 65_536, 1024, 4096, 1_048_576
+"""Bytes at most of what comes over TLS, whoever sends it: of a question, of one that only reads, of a command, and of
+what a shadow says that is no map and no path. The robot's own stay below a tenth of each."""
+LARGE_ROLES = ("mapper", "planner", "platform")
+"""Roles with streams or answers that have no such bound: maps, paths and scans."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _ALL = (
@@ -165,6 +172,36 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
     }
 
 
+def limits(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, Any]:
+    """Zenoh's `low_pass_filter` and `qos` for who listens over TLS: what a message may cost others.
+
+    The router drops what is larger before it passes it on, so that it costs no process of the robot anything. It cannot
+    tell certificates apart here: the bounds are of keys, and hold for the robot's own processes too.
+
+    Args:
+        realm, robot, identities: As of `rules`.
+    """
+    prefix = f"{realm}/{robot}"
+    small = [f"{prefix}/{key}" for key in (*READABLE, RECALLED)]
+    filters = [
+        _bound("questions", ("query",), [f"{prefix}/**"], QUESTION),
+        _bound("reading questions", ("query",), small, SMALL_QUESTION),
+        _bound("commands", ("put", "delete"), [f"{prefix}/*/*/command"], COMMAND),
+    ]
+    for identity in identities:
+        own = identity.instance.replace(".", "/", 1)
+        if identity.kind == "shadow" and not own.startswith(LARGE_ROLES):
+            filters.append(_bound(identity.name, ("put", "delete", "reply"), [f"{prefix}/{own}/**"], PLAIN_ANSWER))
+    patient = {"id": "reading questions", "flows": ["ingress"], "link_protocols": ["tls"], "messages": ["query"],
+               "key_exprs": small, "overwrite": {"priority": "data"}}  # fmt: skip
+    return {"low_pass_filter": filters, "qos": {"network": [patient]}}
+
+
+def _bound(name: str, messages: Iterable[str], keys: Sequence[str], size: int) -> dict[str, Any]:
+    return {"id": f"size of {name}", "flows": ["ingress"], "link_protocols": ["tls"], "messages": list(messages),
+            "key_exprs": list(keys), "size_limit": size}  # fmt: skip
+
+
 class _Rules:
     """Collects rules with the subjects they are for."""
 
@@ -215,6 +252,7 @@ def _shadowing(prefix: str, own: str) -> list[dict[str, Any]]:
     reaches only who could declare that he answers it."""
     return [
         _rule("ingress", ("put", "delete", "declare_queryable", "reply", "liveliness_token"), (f"{prefix}/{own}/**",)),
+        _rule("ingress", ("query",), (f"{prefix}/{RECALLED}",)),
         _rule(
             "egress",
             ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"),

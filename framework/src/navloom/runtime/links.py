@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navloom.runtime.access import AccessError, read_identities, rules
+from navloom.runtime.access import AccessError, limits, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
 __all__ = ["GATHER", "Endpoint", "Link", "LinkError", "peer_link", "settings"]
@@ -212,7 +212,7 @@ def settings(link: Link) -> dict[str, Any]:
         "transport": _transport(link, ends),
     }
     if any(end.is_secure for end in listen):
-        found["access_control"] = _access(link, listen)
+        found |= _access(link, listen)
     return found
 
 
@@ -346,6 +346,8 @@ def _access(link: Link, listen: list[Endpoint]) -> dict[str, Any]:
             )
     assert link.credentials is not None
     try:
-        return rules(link.realm, link.robot, read_identities(link.credentials, link.realm, link.robot))
+        identities = read_identities(link.credentials, link.realm, link.robot)
+        allowed = rules(link.realm, link.robot, identities)
     except AccessError as error:
         raise LinkError(str(error)) from None
+    return {"access_control": allowed, **limits(link.realm, link.robot, identities)}

@@ -10,9 +10,13 @@ from navloom.runtime.keyspace import LARGEST, KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
 from navloom.runtime.quality import PARAMETERS, is_retained, kind_of, retained_ports
+from navloom.runtime.questions import TOO_MANY
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
+
+PAUSE, TRIES = 0.05, 20
+"""s between two questions for a kept message, and how often it is asked for again where too many ask for it."""
 
 
 class Switchboard:
@@ -67,10 +71,19 @@ class Switchboard:
         for port in (PARAMETERS, *(port for _, port in retained_ports(role))):
             key = self.keys.port(*source, port)
             if key in self._inlets and key not in self._outlets:
-                asked_ns = time.monotonic_ns()
-                for answer in self.bus.ask(key):
-                    if not answer.refusal:
-                        self._receive(answer.key, answer.data, answer.label, asked_ns)
+                self._fetch(key)
+
+    def _fetch(self, key: str) -> None:
+        """Ask for one stream's last message; while others ask too much, again and again for a moment."""
+        for pause in (*[PAUSE] * TRIES, 0.0):
+            asked_ns, is_refused = time.monotonic_ns(), False
+            for answer in self.bus.ask(key):
+                is_refused = is_refused or answer.refusal == TOO_MANY
+                if not answer.refusal:
+                    self._receive(answer.key, answer.data, answer.label, asked_ns)
+            if not is_refused:
+                return
+            time.sleep(pause)
 
     def inlets(self) -> Iterable[tuple[str, list[Inlet]]]:
         """Every stream read here, with its readers."""

@@ -36,6 +36,8 @@ __all__ = ["SHADOW", "Trial", "main", "table", "target", "trial"]
 
 SHADOW = "shadow.avoider.shadow_vfh"
 """Name of the shadow's certificate."""
+KINDNESS = 8
+"""Added to the attacker's niceness: it would be on another host, and not compete for this one's processors."""
 AFTER = 2.0
 """s to look on after an attack."""
 JOIN, AGAIN = 30.0, 60.0
@@ -109,7 +111,12 @@ def trial(aim: Target, kind: str, seconds: float) -> Trial:
     identity = {"shadow": SHADOW}.get(KINDS[kind][0], KINDS[kind][0])
     command = [sys.executable, str(Path(__file__).with_name("attacker.py")), kind, aim.end, str(aim.keys), identity]
     attacker = subprocess.Popen(
-        [*command, f"{seconds:g}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=robot.environment
+        [*command, f"{seconds:g}"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=robot.environment,
+        preexec_fn=lambda: os.nice(KINDNESS),
     )
     try:
         assert attacker.stdin is not None and attacker.stdout is not None
@@ -125,7 +132,8 @@ def trial(aim: Target, kind: str, seconds: float) -> Trial:
         attacker.communicate()
     over = time.monotonic_ns()
     time.sleep(AFTER)
-    found.stops, found.stood = _stops(robot.motors.between(began, time.monotonic_ns()))
+    looked = time.monotonic_ns()
+    found.stops, found.stood = _stops(robot.motors.between(began, looked), looked)
     robot.wait_full_speed(AGAIN)
     found.again = (time.monotonic_ns() - over) * 1e-9 - AFTER if found.stops else 0.0
     found.restarts, found.touched = _restarts() - restarts, robot.motors.touched
@@ -135,12 +143,14 @@ def trial(aim: Target, kind: str, seconds: float) -> Trial:
     return found
 
 
-def _stops(words: Sequence[Line]) -> tuple[int, float]:
-    """How often the motors were told to stand, and for how many s."""
+def _stops(words: Sequence[Line], end_ns: int) -> tuple[int, float]:
+    """How often the motors were told to stand, and for how many s until then."""
     stops, stood = 0, 0
     for word, after in itertools.pairwise(words):
         stops += word.turns and not after.turns
         stood += 0 if word.turns else after.time_ns - word.time_ns
+    if words and not words[-1].turns:
+        stood += end_ns - words[-1].time_ns
     return stops, stood * 1e-9
 
 

@@ -14,8 +14,10 @@ from navloom.runtime.directory import RobotFolder
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.zenoh_bus import Answer, Bus
 
-__all__ = ["OPEN", "Client", "ClientError", "Refused"]
+__all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused"]
 
+AGAIN = 0.06
+"""s between two questions of one kind: a router drops what comes sooner, see `access.PACES`."""
 JOIN = 2.0
 """s until a tool has found the robot's processes."""
 
@@ -102,20 +104,28 @@ class Client:
                     f"robot {self.keys.prefix}: {role} {instance} does not answer ({service}); "
                     "`navloom list` shows who is there, `navloom doctor` why not; a certificate may not be let ask this"
                 )
-            time.sleep(0.05)
+            time.sleep(AGAIN)
 
     def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
         """The last message of a stream whose publisher keeps it; None where there is none."""
-        for answer in self.bus.ask(self.keys.port(role, instance, port), timeout=timeout):
+        for answer in self.ask_again(self.keys.port(role, instance, port), timeout):
             if not answer.refusal:
                 with contextlib.suppress(CodecError):
                     return decode(answer.data, answer.label)[0]
         return None
 
+    def ask_again(self, key: str, timeout: float) -> list[Answer]:
+        """What answers there are; where there is none, it is asked once more, in case it came too soon."""
+        answers = list(self.bus.ask(key, timeout=timeout))
+        if not answers:
+            time.sleep(AGAIN)
+            answers = list(self.bus.ask(key, timeout=timeout))
+        return answers
+
     def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
         """Every instance that answers, in order of role and name."""
         found = {}
-        for answer in self.bus.ask(self.keys.port("*", "*", "describe"), timeout=timeout):
+        for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
             if not answer.refusal:
                 described = self.described(answer)
                 if described is not None:

@@ -64,6 +64,7 @@ class Link:
         realm, robot: Of the keys that the rules of a TLS listener protect.
         peers: Neighbours that opening waits for, as long as GATHER.
         shared_memory: Large messages come by it. Not for what only looks on, for as long as it likes: see POOL.
+        streams: Of the robot, as role/instance/port: all that readers may subscribe to; empty where they are not known.
     """
 
     mode: str
@@ -76,6 +77,7 @@ class Link:
     robot: str = "r1"
     peers: int = 0
     shared_memory: bool = True
+    streams: tuple[str, ...] = ()
 
 
 def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:
@@ -347,7 +349,7 @@ def _access(link: Link, listen: list[Endpoint]) -> dict[str, Any]:
     assert link.credentials is not None
     try:
         identities = read_identities(link.credentials, link.realm, link.robot)
-        allowed = rules(link.realm, link.robot, identities)
+        allowed = rules(link.realm, link.robot, identities, link.streams)
     except AccessError as error:
         raise LinkError(str(error)) from None
     return {"access_control": allowed, **limits(link.realm, link.robot, identities)}

@@ -13,6 +13,8 @@ __all__ = ["Outlet"]
 
 ANSWERED, AT_ONCE = 20e6, 100e6
 """Bytes of kept messages given to who asks for them, 1/s in the long run and at once: a map has up to some MB."""
+NOTHING = "nothing was said yet"
+"""Refusal where there is no last message: who asks knows that his question came through."""
 LEAST = 1e5
 """Bytes that a small one counts as: 200 answers a second cost about as much as these."""
 
@@ -64,7 +66,7 @@ class Outlet:
         """Give the last message, encoded once; on the network's thread."""
         last = self.last
         if last is None:
-            question.drop()
+            question.refuse(NOTHING)
             return
         if self._kept[0] is not last:
             self._kept = (last, encode(*last))

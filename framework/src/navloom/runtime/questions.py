@@ -171,7 +171,7 @@ def read_question(data: bytes) -> dict[str, Any]:
         if depth > DEEPEST:
             raise QuestionError(f"request not understood: nested more than {DEEPEST} levels deep")
     try:
-        given = json.loads(data)
+        given = json.loads(data.decode())
     except ValueError as error:
         raise QuestionError(f"request not understood: {error}") from None
     if not isinstance(given, dict):

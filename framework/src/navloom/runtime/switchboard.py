@@ -15,8 +15,9 @@ from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
 
-PAUSE, TRIES = 0.05, 20
-"""s between two questions for a kept message, and how often it is asked for again where too many ask for it."""
+PAUSE, TRIES = 0.03, 5
+"""s between two questions for a kept message, and how often it is asked for again where none answers, or too many ask:
+a router drops what comes too soon after another question of its kind, see `access.PACES`."""
 
 
 class Switchboard:
@@ -76,12 +77,11 @@ class Switchboard:
     def _fetch(self, key: str) -> None:
         """Ask for one stream's last message; while others ask too much, again and again for a moment."""
         for pause in (*[PAUSE] * TRIES, 0.0):
-            asked_ns, is_refused = time.monotonic_ns(), False
-            for answer in self.bus.ask(key):
-                is_refused = is_refused or answer.refusal == TOO_MANY
+            asked_ns, answers = time.monotonic_ns(), list(self.bus.ask(key))
+            for answer in answers:
                 if not answer.refusal:
                     self._receive(answer.key, answer.data, answer.label, asked_ns)
-            if not is_refused:
+            if answers and not any(answer.refusal == TOO_MANY for answer in answers):
                 return
             time.sleep(pause)
 

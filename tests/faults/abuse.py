@@ -36,7 +36,7 @@ __all__ = ["SHADOW", "Trial", "main", "table", "target", "trial"]
 
 SHADOW = "shadow.avoider.shadow_vfh"
 """Name of the shadow's certificate."""
-KINDNESS = 8
+KINDNESS = 20
 """Added to the attacker's niceness: it would be on another host, and not compete for this one's processors."""
 AFTER = 2.0
 """s to look on after an attack."""
@@ -66,6 +66,7 @@ class Trial:
         goal: "kept", or how it ended.
         again: s from the end of the attack until the robot drove at full speed.
         growth: MB and open files that each process has more than before, where it is much.
+        spent: Share of a processor that each process took while the attack went on.
         load: Of the machine, as a 1 min average.
         problem: Why it could not be measured to its end.
     """
@@ -78,6 +79,7 @@ class Trial:
     goal: str = "kept"
     again: float = 0.0
     growth: dict[str, Any] = field(default_factory=dict)
+    spent: dict[str, float] = field(default_factory=dict)
     load: float = 0.0
     problem: str = ""
 
@@ -122,11 +124,17 @@ def trial(aim: Target, kind: str, seconds: float) -> Trial:
         assert attacker.stdin is not None and attacker.stdout is not None
         assert attacker.stdout.readline() == "ready\n", "the attacker has not joined"
         robot.wait_full_speed(AGAIN)
-        before, restarts = _sizes(robot), _restarts()
+        before, restarts, spent = _sizes(robot), _restarts(), _spent(robot)
         began = time.monotonic_ns()
         attacker.stdin.write("go\n")
         attacker.stdin.flush()
         until(lambda: time.monotonic_ns() - began > seconds * 1e9, seconds + JOIN, "the attack is over")
+        took = (time.monotonic_ns() - began) * 1e-9
+        found.spent = {
+            name: round((s - spent[name]) / took, 2)
+            for name, s in _spent(robot).items()
+            if s >= spent.get(name, s + 1.0)
+        }
     finally:
         attacker.kill()
         attacker.communicate()
@@ -165,6 +173,15 @@ def _sizes(robot: Rig) -> dict[str, tuple[int, int]]:
         status = Path(f"/proc/{pid}/status").read_text("utf-8")
         resident = next(line for line in status.splitlines() if line.startswith("VmRSS"))
         found[name] = int(resident.split()[1]) // 1024, len(os.listdir(f"/proc/{pid}/fd"))
+    return found
+
+
+def _spent(robot: Rig) -> dict[str, float]:
+    """s of processors that each process has had, in Python and outside it."""
+    found = {}
+    for name, pid in robot.pids().items():
+        fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
+        found[name] = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
     return found
 
 

@@ -474,7 +474,10 @@ def main(arguments: Sequence[str]) -> None:
     def join() -> Any:
         return zenoh.open(zenoh.Config.from_json5(CONFIG["text"]))
 
-    session = join()
+    session = None
+    while session is None:  # silent connections of the attack before may still hold the router's places
+        with contextlib.suppress(zenoh.ZError):
+            session = join()
     print("ready", flush=True)
     sys.stdin.readline()
     attack = Attack(session, join, (host, int(port)), time.monotonic() + float(seconds), [])

@@ -16,7 +16,7 @@ from navloom.runtime.zenoh_bus import Answer, Bus
 
 __all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused"]
 
-AGAIN = 0.06
+AGAIN = 0.1
 """s between two questions of one kind: a router drops what comes sooner, see `access.PACES`."""
 JOIN = 2.0
 """s until a tool has found the robot's processes."""

@@ -190,9 +190,25 @@ def _growth(before: dict[str, tuple[int, int]], after: dict[str, tuple[int, int]
     return {name: more for name, more in both.items() if more[0] > 50 or more[1] > 20}
 
 
+def _most_spent(spent: dict[str, float]) -> float:
+    """Share of a processor of the process that took most, without the router."""
+    return max((share for name, share in spent.items() if name != "router"), default=0.0)
+
+
 def table(trials: Sequence[dict[str, Any]]) -> str:
     """What each kind did, in Markdown."""
-    heads = ("abuse", "with", "n", "with stops", "stops", "stood at most, s", "restarts", "goals lost", "contact")
+    heads = (
+        "abuse",
+        "with",
+        "n",
+        "with stops",
+        "stops",
+        "stood at most, s",
+        "restarts",
+        "goals lost",
+        "contact",
+        "most of a processor",
+    )
     lines = [" | ".join(heads), " | ".join("---" for _ in heads)]
     for kind in dict.fromkeys(entry["kind"] for entry in trials):
         rows = [entry for entry in trials if entry["kind"] == kind]
@@ -200,7 +216,8 @@ def table(trials: Sequence[dict[str, Any]]) -> str:
         cells = (kind, KINDS[kind][0], len(rows), sum(entry["stops"] > 0 for entry in rows),
                  sum(entry["stops"] for entry in rows), f"{max(entry['stood'] for entry in rows):.2f}",
                  sum(entry["restarts"] for entry in rows), lost,
-                 sum(entry["touched"] for entry in rows))  # fmt: skip
+                 sum(entry["touched"] for entry in rows),
+                 f"{max(_most_spent(entry['spent']) for entry in rows):.2f}")  # fmt: skip
         lines.append(" | ".join(map(str, cells)))
     return "\n".join(f"| {line} |" for line in lines)
 

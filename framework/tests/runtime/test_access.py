@@ -301,6 +301,15 @@ def test_of_a_flood_of_questions_that_only_read_few_pass_the_router_and_the_othe
     assert 1 <= passed <= 15 and ended >= 3 * passed  # 20 a second
 
 
+def test_of_a_flood_of_an_operators_commands_few_pass_the_router(net: Net) -> None:
+    operator, key, began, sent = net.sessions["operator"], "lab/r1/operator/main/command", time.monotonic(), 0
+    while time.monotonic() - began < 0.4:
+        operator.put(key, "flood")
+        sent += 1
+    assert repeat_until(lambda patience: net.robot.heard(key, "over", patience), lambda: operator.put(key, "over"))
+    assert 1 <= len(net.robot.keys("flood")) <= 150 < sent  # 250 a second
+
+
 def test_a_question_that_acts_passes_the_router_up_to_its_bound(net: Net) -> None:
     assert net.ask("operator", "goal/main/submit", "s" * QUESTION) == ["goal/main/submit"]
     assert net.ask("operator", "goal/main/submit", "s" * (QUESTION + 1)) == []
@@ -311,8 +320,9 @@ def test_a_question_that_acts_passes_the_router_up_to_its_bound(net: Net) -> Non
 )
 def test_a_command_passes_the_router_up_to_its_bound(net: Net, who: str, key: str) -> None:
     large, fits = f"{who} ".ljust(COMMAND + 1), f"{who} ".ljust(COMMAND)
-    net.sessions[who].put(f"lab/r1/{key}", large)
-    net.sessions[who].put(f"lab/r1/{key}", fits)
+    for text in (large, fits):
+        time.sleep(AGAIN)  # of two at once the second is dropped, whatever becomes of the first
+        net.sessions[who].put(f"lab/r1/{key}", text)
     assert net.robot.heard(f"lab/r1/{key}", fits) and net.robot.keys(large) == []
 
 

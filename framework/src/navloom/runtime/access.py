@@ -53,8 +53,10 @@ QUESTION, SMALL_QUESTION, COMMAND, PLAIN_ANSWER = 65_536, 1024, 4096, 1_048_576
 """Bytes at most of what comes over TLS, whoever sends it: of a question, of one that only reads, of a command, and of
 what a shadow says that is no map and no path. The robot's own stay below a tenth of each."""
 PACE, PACES = 50.0, {"*/*/describe": 20.0, "process/*/config": 5.0, RECALLED: 100.0}
-"""Questions of one session that pass the router, 1/s, for each key that may be read: of two nearer to each other than
+"""Questions of one session that pass the router, 1/s, for each key that may be asked: of two nearer to each other than
 that, the second gets no answer."""
+SAID = 250.0
+"""Messages that pass the router, 1/s, of each stream of a shadow, and of an operator's commands."""
 LARGE_ROLES = ("mapper", "planner", "platform")
 """Roles with streams or answers that have no such bound: maps, paths and scans."""
 
@@ -180,7 +182,7 @@ def rules(realm: str, robot: str, identities: Iterable[Identity], streams: Seque
     }
 
 
-def limits(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, Any]:
+def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequence[str] = ()) -> dict[str, Any]:
     """Zenoh's `downsampling`, `low_pass_filter` and `qos` for who listens over TLS: what a message may cost others.
 
     The router drops what is larger, or asked more often, before it passes it on, so that it costs no process of the
@@ -188,13 +190,15 @@ def limits(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, 
     keys, and hold for the robot's own processes too. Rates are of each session alone.
 
     Args:
-        realm, robot, identities: As of `rules`.
+        realm, robot, identities, streams: As of `rules`.
     """
     prefix = f"{realm}/{robot}"
     small = [f"{prefix}/{key}" for key in (*READABLE, RECALLED)]
-    paced = [{"key_expr": f"{prefix}/{key}", "freq": PACES.get(key, PACE)} for key in (*READABLE, RECALLED)]
-    rates = {"id": "rate of reading questions", "flows": ["ingress"], "link_protocols": ["tls"], "messages": ["query"],
-             "rules": paced}  # fmt: skip
+    paced = [{"key_expr": f"{prefix}/{key}", "freq": PACES.get(key, PACE)} for key in (*READABLE, RECALLED, *ACTING)]
+    shadows = [identity.instance.replace(".", "/", 1) for identity in identities if identity.kind == "shadow"]
+    said = [DRIVING, *(stream for stream in streams if stream.rpartition("/")[0] in shadows)]
+    rates = [_rate("questions", "query", paced),
+             _rate("messages", "put", [{"key_expr": f"{prefix}/{key}", "freq": SAID} for key in said])]  # fmt: skip
     filters = [
         _bound("questions", ("query",), [f"{prefix}/**"], QUESTION),
         _bound("reading questions", ("query",), small, SMALL_QUESTION),
@@ -210,7 +214,12 @@ def limits(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, 
     words = {"id": "words", "flows": ["egress"], "link_protocols": ["tls"], "messages": ["put"],
              "key_exprs": [f"{prefix}/**"], "qos": {"congestion_control": "block", "priority": "interactive_high"},
              "overwrite": {"congestion_control": "drop"}}  # fmt: skip
-    return {"downsampling": [rates], "low_pass_filter": filters, "qos": {"network": [patient, words]}}
+    return {"downsampling": rates, "low_pass_filter": filters, "qos": {"network": [patient, words]}}
+
+
+def _rate(name: str, message: str, rates: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    return {"id": f"rate of {name}", "flows": ["ingress"], "link_protocols": ["tls"], "messages": [message],
+            "rules": list(rates)}  # fmt: skip
 
 
 def _bound(name: str, messages: Iterable[str], keys: Sequence[str], size: int) -> dict[str, Any]:

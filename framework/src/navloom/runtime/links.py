@@ -352,4 +352,4 @@ def _access(link: Link, listen: list[Endpoint]) -> dict[str, Any]:
         allowed = rules(link.realm, link.robot, identities, link.streams)
     except AccessError as error:
         raise LinkError(str(error)) from None
-    return {"access_control": allowed, **limits(link.realm, link.robot, identities)}
+    return {"access_control": allowed, **limits(link.realm, link.robot, identities, link.streams)}

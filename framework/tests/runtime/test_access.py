@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
@@ -17,11 +18,26 @@ from typing import Any
 
 import pytest
 import zenoh
-from navloom.runtime.access import ACTING, READABLE, AccessError, Identity, rules
+from navloom.config import load_config
+from navloom.engine.build import assemble
+from navloom.runtime.access import (
+    ACTING,
+    COMMAND,
+    PLAIN_ANSWER,
+    QUESTION,
+    READABLE,
+    SMALL_QUESTION,
+    AccessError,
+    Identity,
+    rules,
+)
+from navloom.runtime.cells import all_sources
 from navloom.runtime.certificates import HOSTS, Order
+from navloom.runtime.client import AGAIN
 from navloom.runtime.keys import add_identity, new_authority
 from navloom.runtime.links import Link, settings
-from navloom.runtime.quality import retained_ports
+from navloom.runtime.quality import retained_ports, streams_of
+from navloom.runtime.questions import RANKS
 
 SOON = 10.0
 WHO = ("nodes", "operator", "viewer", "shadow.avoider.forces")
@@ -38,6 +54,11 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def _who_may(key: str) -> str:
+    """Who may ask for a key."""
+    return "shadow.avoider.forces" if key.endswith("/memory") else "operator"
 
 
 def opened(given: dict[str, Any]) -> zenoh.Session:
@@ -86,6 +107,10 @@ class Net:
         self.robot = Ear(self.sessions["nodes"], "lab/r1/**")
         self._settle()
 
+    def hold(self, declared: Any) -> None:
+        """Hold what was declared for as long as the network lasts."""
+        self._queryables.append(declared)
+
     def keep(self, session: zenoh.Session) -> zenoh.Session:
         self._stack.callback(session.close)
         return session
@@ -105,21 +130,28 @@ class Net:
         """Wait until the declarations of the robot's own process are known at the router."""
         for attempt in range(1000):
             self.sessions["operator"].put("lab/r1/operator/main/command", f"hello {attempt}")
-            answered = all(self.ask("operator", key, "hello") for key in SERVED)
+            answered = all(self.ask(_who_may(key), key, "hello") for key in SERVED)
             if answered and self.robot.heard("lab/r1/operator/main/command", f"hello {attempt}", 0.02):
                 return
         raise AssertionError("the robot's own process is not heard")
 
     def ask(self, who: str, key: str, text: str = "") -> list[str]:
-        """Keys of the answers a session gets."""
-        replies = self.sessions[who].get(
-            f"lab/r1/{key}",
-            payload=text.encode(),
-            timeout=SOON,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-        )
-        return sorted(str(reply.ok.key_expr).removeprefix("lab/r1/") for reply in replies if reply.ok is not None)
+        """Keys of the answers a session gets, asked up to three times: the router drops what comes too soon."""
+        for _ in range(3):
+            replies = self.sessions[who].get(
+                f"lab/r1/{key}",
+                payload=text.encode(),
+                timeout=SOON,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+            )
+            answered = sorted(
+                str(reply.ok.key_expr).removeprefix("lab/r1/") for reply in replies if reply.ok is not None
+            )
+            if answered:
+                return answered
+            time.sleep(AGAIN)
+        return []
 
 
 @pytest.fixture(scope="module")
@@ -146,6 +178,26 @@ def test_everything_that_is_kept_for_late_joiners_can_be_asked_for() -> None:
         assert any(key.includes(zenoh.KeyExpr(f"{role}/main/{port}")) for key in readable), f"{role} {port}"
 
 
+def test_every_service_that_acts_is_an_operators_to_ask() -> None:
+    assert {key.split("/", 2)[-1] for key in ACTING} == RANKS.keys() - {"memory"}
+
+
+def test_the_streams_of_a_config_are_all_that_its_nodes_publish() -> None:
+    for name in ("paper", "explore", "building"):
+        system = assemble(load_config(name))
+        known = set(streams_of(system.config))
+        instances = {
+            role: [one for owner, one in all_sources(system) if owner == role] for role, _ in all_sources(system)
+        }
+        published = {
+            f"{spec.role}/{one}/{port}"
+            for spec in system.specs
+            for port in (*spec.outputs, "step")
+            for one in instances[spec.role]
+        }
+        assert published <= known, published - known
+
+
 @pytest.mark.parametrize("acting", ACTING)
 def test_no_reading_rule_touches_a_service_that_acts(acting: str) -> None:
     for key in READABLE:
@@ -165,7 +217,7 @@ def test_a_name_that_would_widen_the_rules_is_refused(realm: str, robot: str) ->
 
 @pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
 def test_who_reads_hears_every_message(net: Net, who: str) -> None:
-    ear = Ear(net.sessions[who], "lab/r1/**")
+    ear = Ear(net.sessions[who], "lab/r1/*/*/*")
     key = "lab/r1/gate/main/command"
 
     def send() -> None:
@@ -175,9 +227,9 @@ def test_who_reads_hears_every_message(net: Net, who: str) -> None:
 
 
 @pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
-def test_who_reads_is_told_who_is_alive(net: Net, who: str) -> None:
-    seen = threading.Event()
-    token = net.sessions["nodes"].liveliness().declare_token(f"lab/r1/gate/{who}/alive/1")
+def test_who_reads_may_ask_who_is_alive_and_all_but_viewers_are_told(net: Net, who: str) -> None:
+    seen, key = threading.Event(), f"lab/r1/gate/{who}/alive/1"
+    token = net.sessions["nodes"].liveliness().declare_token(key)
     watching = (
         net.sessions[who]
         .liveliness()
@@ -187,7 +239,14 @@ def test_who_reads_is_told_who_is_alive(net: Net, who: str) -> None:
             history=True,
         )
     )
-    assert seen.wait(SOON)
+    found: list[str] = []
+
+    def ask() -> None:
+        replies = net.sessions[who].liveliness().get("lab/r1/*/*/alive/*", timeout=SOON)
+        found[:] = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    assert repeat_until(lambda patience: key in found, ask)
+    assert not seen.is_set() if who == "viewer" else seen.wait(SOON)
     watching.undeclare()
     token.undeclare()
 
@@ -197,7 +256,6 @@ def test_who_reads_may_ask_what_does_not_act(net: Net, who: str) -> None:
     assert net.ask(who, "gate/main/status") == ["gate/main/status"]
     assert net.ask(who, "*/*/describe") == ["avoider/vfh/describe"]
     assert net.ask(who, "avoider/vfh/params/get") == ["avoider/vfh/params/get"]
-    assert net.ask(who, "process/*/memory") == ["process/think/memory"]
 
 
 @pytest.mark.parametrize("who", ["viewer", "shadow.avoider.forces"])
@@ -218,6 +276,68 @@ def test_who_only_reads_asks_no_service_that_acts_however_it_is_spelled(net: Net
         assert net.ask(who, key, f"{who} {key}") == [], key
     assert net.ask(who, "gate/main/status", f"{who} last")
     assert [line for line in net.asked if line.startswith(who)] == [f"{who} last lab/r1/gate/main/status"]
+
+
+def test_what_the_robot_must_not_forget_is_asked_for_by_what_runs_nodes_alone(net: Net) -> None:
+    assert net.ask("shadow.avoider.forces", "process/*/memory") == ["process/think/memory"]
+    for who in ("viewer", "operator"):
+        assert net.ask(who, "process/*/memory") == []
+
+
+@pytest.mark.parametrize("who", ["viewer", "operator", "shadow.avoider.forces"])
+def test_a_question_that_only_reads_passes_the_router_up_to_its_bound(net: Net, who: str) -> None:
+    fits, large = "f" * SMALL_QUESTION, "l" * (SMALL_QUESTION + 1)
+    assert net.ask(who, "*/*/describe", fits) == ["avoider/vfh/describe"]
+    assert net.ask(who, "*/*/describe", large) == []
+    assert f"{large} lab/r1/avoider/vfh/describe" not in net.asked
+
+
+def test_of_a_flood_of_questions_that_only_read_few_pass_the_router_and_the_others_end_at_once(net: Net) -> None:
+    began, ended = time.monotonic(), 0
+    while time.monotonic() - began < 0.5:
+        for _ in net.sessions["viewer"].get("lab/r1/*/*/describe", payload=b"flood", timeout=SOON):
+            pass
+        ended += 1
+    passed = net.asked.count("flood lab/r1/avoider/vfh/describe")
+    assert 1 <= passed <= 15 and ended >= 3 * passed  # 20 a second
+
+
+def test_of_a_flood_of_an_operators_commands_few_pass_the_router(net: Net) -> None:
+    operator, key, began, sent = net.sessions["operator"], "lab/r1/operator/main/command", time.monotonic(), 0
+    while time.monotonic() - began < 0.4:
+        operator.put(key, "flood")
+        sent += 1
+    assert repeat_until(lambda patience: net.robot.heard(key, "over", patience), lambda: operator.put(key, "over"))
+    assert 1 <= len(net.robot.keys("flood")) <= 150 < sent  # 250 a second
+
+
+def test_a_question_that_acts_passes_the_router_up_to_its_bound(net: Net) -> None:
+    assert net.ask("operator", "goal/main/submit", "s" * QUESTION) == ["goal/main/submit"]
+    assert net.ask("operator", "goal/main/submit", "s" * (QUESTION + 1)) == []
+
+
+@pytest.mark.parametrize(
+    ("who", "key"), [("operator", "operator/main/command"), ("shadow.avoider.forces", "avoider/forces/command")]
+)
+def test_a_command_passes_the_router_up_to_its_bound(net: Net, who: str, key: str) -> None:
+    large, fits = f"{who} ".ljust(COMMAND + 1), f"{who} ".ljust(COMMAND)
+    for text in (large, fits):
+        time.sleep(AGAIN)  # of two at once the second is dropped, whatever becomes of the first
+        net.sessions[who].put(f"lab/r1/{key}", text)
+    assert net.robot.heard(f"lab/r1/{key}", fits) and net.robot.keys(large) == []
+
+
+def test_what_a_shadow_that_makes_no_maps_says_is_bounded_and_a_map_of_the_robots_own_is_not(net: Net) -> None:
+    shadow, large = net.sessions["shadow.avoider.forces"], "l" * (PLAIN_ANSWER + 1)
+    shadow.put("lab/r1/avoider/forces/step", large)
+    shadow.put("lab/r1/avoider/forces/step", large[1:])
+    assert net.robot.heard("lab/r1/avoider/forces/step", large[1:])
+    assert net.robot.keys(large) == []
+    ear = Ear(net.sessions["operator"], "lab/r1/mapper/vfh/map")
+    assert repeat_until(
+        lambda patience: ear.heard("lab/r1/mapper/vfh/map", large, max(1.0, patience)),
+        lambda: net.sessions["nodes"].put("lab/r1/mapper/vfh/map", large),
+    )
 
 
 def test_a_viewers_messages_do_not_arrive(net: Net) -> None:
@@ -243,6 +363,35 @@ def test_a_viewer_cannot_answer_in_the_robots_place(net: Net) -> None:
     assert net.ask("operator", "gate/main/status") == ["gate/main/status"]
     assert served == []
     lying.undeclare()
+
+
+def test_where_the_streams_are_known_a_viewer_hears_these_alone_and_each_by_its_name(net: Net) -> None:
+    end, stream = f"tls/127.0.0.1:{free_port()}", "gate/main/command"
+    link = Link("router", (end,), (), net.folder, "router", streams=(stream,))
+    net.keep(opened(settings(link)))
+    nodes, viewer, operator = (
+        net.keep(opened(settings(Link("client", (), (end,), net.folder, name))))
+        for name in ("nodes", "viewer", "operator")
+    )
+    hears, heard = threading.Event(), set()
+
+    def listen(key: str) -> None:
+        def take(sample: zenoh.Sample) -> None:
+            heard.add(str(sample.key_expr))
+            hears.set()
+
+        handler = zenoh.handlers.Callback(take, indirect=False)
+        net.hold(viewer.declare_subscriber(f"lab/r1/{key}", handler))
+
+    for key in ("**", "*/*/*", "gate/*/command", "x/y/z", stream):
+        listen(key)
+    every = Ear(operator, "lab/r1/**")
+    assert repeat_until(hears.wait, lambda: nodes.put(f"lab/r1/{stream}", "news"))
+    for number in range(20):
+        nodes.put("lab/r1/x/y/z", f"{number}")
+        nodes.put(f"lab/r1/{stream}", f"{number}")
+    assert every.heard("lab/r1/x/y/z", "19") and every.heard(f"lab/r1/{stream}", "19")
+    assert heard == {f"lab/r1/{stream}"}
 
 
 # --- who acts -------------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
 from navloom.runtime.client import Client, ClientError
 from navloom.runtime.keyspace import ATTENDANT, LINKED
-from navloom.runtime.quality import retained_ports
+from navloom.runtime.quality import retained_ports, streams_of
 
 __all__ = ["LiveRecorder", "ask_header"]
 
@@ -85,7 +85,8 @@ class LiveRecorder:
     def start(self) -> None:
         """Begin: what publishers keep for late joiners first, then all that comes."""
         self._thread.start()
-        self.client.bus.subscribe(self.client.keys.port("*", "*", "*"), self.receive)
+        for stream in streams_of(self.writer.header.loaded().config):  # one by one: that is all a viewer may
+            self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
         for role, port in retained_ports():
             self._fetch(role, port)
         self._fetch("*", "parameters")
@@ -129,7 +130,7 @@ class LiveRecorder:
         return not self._patterns or any(fnmatchcase(key, p) or fnmatchcase(below, p) for p in self._patterns)
 
     def _fetch(self, role: str, port: str) -> None:
-        for answer in self.client.bus.ask(self.client.keys.port(role, "*", port), timeout=0.5):
+        for answer in self.client.ask_again(self.client.keys.port(role, "*", port), timeout=0.5):
             if not answer.refusal:
                 self.receive(answer.key, answer.data, answer.label)
 

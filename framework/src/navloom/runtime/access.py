@@ -10,9 +10,10 @@ from typing import Any
 
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import json_of
+from navloom.runtime.keyspace import ALIVE
 
-__all__ = ["ACTING", "IDENTITIES", "KINDS", "READABLE", "HERE", "MOVED", "AccessError", "Identity", "common_name",
-           "read_identities", "rules"]  # fmt: skip
+__all__ = ["ACTING", "HERE", "IDENTITIES", "KINDS", "MOVED", "READABLE", "AccessError", "Identity", "common_name",
+           "limits", "read_identities", "rules"]  # fmt: skip
 
 IDENTITIES = "identities.json"
 """File, beside the certificates, with the identities a listener lets in. Who is struck from it is kept out."""
@@ -24,6 +25,7 @@ ACTING = (
     "gate/main/stop",
     "gate/main/resume",
     "gate/main/release",
+    "gate/main/enter_unseen",
     "*/*/params/set",
 )
 """Services that change what the robot does, below `<realm>/<robot>/`."""
@@ -31,7 +33,6 @@ READABLE = (
     "*/*/describe",
     "*/*/params/get",
     "*/*/parameters",
-    "process/*/memory",
     "process/*/config",
     "mapper/*/map",
     "planner/*/path",
@@ -50,6 +51,18 @@ MOVED, HERE = "@router/moved", "@router/here"
 leads there, and nobody else may say it."""
 DRIVING = "operator/main/command"
 """Where an operator's own commands go."""
+RECALLED = "process/*/memory"
+"""What a process that begins asks the others for: `nodes` and shadows."""
+QUESTION, SMALL_QUESTION, COMMAND, PLAIN_ANSWER = 65_536, 1024, 4096, 1_048_576
+"""Bytes at most of what comes over TLS, whoever sends it: of a question, of one that only reads, of a command, and of
+what a shadow says that is no map and no path. The robot's own stay below a tenth of each."""
+PACE, PACES = 50.0, {"*/*/describe": 20.0, "process/*/config": 5.0, RECALLED: 100.0}
+"""Questions of one session that pass the router, 1/s, for each key that may be asked: of two nearer to each other than
+that, the second gets no answer."""
+SAID = 250.0
+"""Messages that pass the router, 1/s, of each stream of a shadow, and of an operator's commands."""
+LARGE_ROLES = ("mapper", "planner", "platform")
+"""Roles with streams or answers that have no such bound: maps, paths and scans."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _ALL = (
@@ -142,7 +155,7 @@ def _check(path: Path, identity: Identity) -> None:
         raise AccessError(f"{path}: shadow {identity.name} is for instance {identity.instance!r}, expected ROLE.NAME")
 
 
-def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, Any]:
+def rules(realm: str, robot: str, identities: Iterable[Identity], streams: Sequence[str] = ()) -> dict[str, Any]:
     """Zenoh's `access_control` for who listens over TLS: what is not allowed here is denied.
 
     A rule holds for keys that it includes as a whole. So a question with `*` in it passes only where a rule is as wide.
@@ -150,6 +163,9 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
     Args:
         realm, robot: Whose keys.
         identities: Who is let in.
+        streams: Of the robot, as role/instance/port: what viewers and shadows may subscribe to, one by one. Each key
+            makes the router work for every message, so that some thousand of them stop the robot. Where the streams are
+            not known, any key of three parts is let through.
 
     Raises:
         AccessError: A name that would widen the rules.
@@ -166,10 +182,10 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
             continue
         own = []
         if identity.kind == "operator":
-            own = _operating(prefix)
+            own = [*_operating(prefix), *_watching(prefix), *_hearing(prefix, ["**"])]
         elif identity.kind == "shadow":
-            own = _shadowing(prefix, identity.instance.replace(".", "/", 1))
-        made.grant(subject, [*_reading(prefix), *own])
+            own = [*_shadowing(prefix, identity.instance.replace(".", "/", 1)), *_watching(prefix)]
+        made.grant(subject, [*_reading(prefix, streams), *own])
     between = [f"{prefix}/@router/*"]
     made.grant_sockets([*_everything(prefix), _rule("ingress", _ALL, between), _rule("egress", _ALL, between)])
     return {
@@ -179,6 +195,51 @@ def rules(realm: str, robot: str, identities: Iterable[Identity]) -> dict[str, A
         "subjects": made.subjects,
         "policies": made.policies,
     }
+
+
+def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequence[str] = ()) -> dict[str, Any]:
+    """Zenoh's `downsampling`, `low_pass_filter` and `qos` for who listens over TLS: what a message may cost others.
+
+    The router drops what is larger, or asked more often, before it passes it on, so that it costs no process of the
+    robot anything; who asked gets an empty answer at once. It cannot tell certificates apart here: the bounds are of
+    keys, and hold for the robot's own processes too. Rates are of each session alone.
+
+    Args:
+        realm, robot, identities, streams: As of `rules`.
+    """
+    prefix = f"{realm}/{robot}"
+    small = [f"{prefix}/{key}" for key in (*READABLE, RECALLED)]
+    paced = [{"key_expr": f"{prefix}/{key}", "freq": PACES.get(key, PACE)} for key in (*READABLE, RECALLED, *ACTING)]
+    shadows = [identity.instance.replace(".", "/", 1) for identity in identities if identity.kind == "shadow"]
+    said = [DRIVING, *(stream for stream in streams if stream.rpartition("/")[0] in shadows)]
+    rates = [_rate("questions", "query", paced),
+             _rate("messages", "put", [{"key_expr": f"{prefix}/{key}", "freq": SAID} for key in said])]  # fmt: skip
+    filters = [
+        _bound("questions", ("query",), [f"{prefix}/**"], QUESTION),
+        _bound("reading questions", ("query",), small, SMALL_QUESTION),
+        _bound("commands", ("put", "delete"), [f"{prefix}/*/*/command"], COMMAND),
+    ]
+    for identity in identities:
+        own = identity.instance.replace(".", "/", 1)
+        if identity.kind == "shadow" and not own.startswith(LARGE_ROLES):
+            filters.append(_bound(identity.name, ("put", "delete", "reply"), [f"{prefix}/{own}/**"], PLAIN_ANSWER))
+    patient = {"id": "reading questions", "flows": ["ingress"], "link_protocols": ["tls"], "messages": ["query"],
+               "key_exprs": small, "overwrite": {"priority": "data"}}  # fmt: skip
+    # A reader that takes nothing must not hold up who sends: words are few, and who comes back asks for the last ones.
+    words = {"id": "words", "flows": ["egress"], "link_protocols": ["tls"], "messages": ["put"],
+             "key_exprs": [f"{prefix}/**"], "qos": {"congestion_control": "block", "priority": "interactive_high"},
+             "overwrite": {"congestion_control": "drop"}}  # fmt: skip
+    return {"downsampling": rates, "low_pass_filter": filters, "qos": {"network": [patient, words]}}
+
+
+def _rate(name: str, message: str, rates: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    return {"id": f"rate of {name}", "flows": ["ingress"], "link_protocols": ["tls"], "messages": [message],
+            "rules": list(rates)}  # fmt: skip
+
+
+def _bound(name: str, messages: Iterable[str], keys: Sequence[str], size: int) -> dict[str, Any]:
+    return {"id": f"size of {name}", "flows": ["ingress"], "link_protocols": ["tls"], "messages": list(messages),
+            "key_exprs": list(keys), "size_limit": size}  # fmt: skip
 
 
 class _Rules:
@@ -215,10 +276,20 @@ def _everything(prefix: str) -> list[dict[str, Any]]:
     return [_rule("ingress", _ALL, keys), _rule("egress", _ALL, keys), *_moving(prefix)]
 
 
-def _reading(prefix: str) -> list[dict[str, Any]]:
+def _hearing(prefix: str, streams: Sequence[str]) -> list[dict[str, Any]]:
+    return [_rule("ingress", ("declare_subscriber",), (f"{prefix}/{stream}" for stream in streams))]
+
+
+def _watching(prefix: str) -> list[dict[str, Any]]:
+    """Be told who comes and goes; a viewer asks."""
+    return [_rule("ingress", ("declare_liveliness_subscriber",), (f"{prefix}/*/*/{ALIVE}/*", f"{prefix}/process/**"))]
+
+
+def _reading(prefix: str, streams: Sequence[str]) -> list[dict[str, Any]]:
     everything = [f"{prefix}/**"]
     return [
-        _rule("ingress", ("declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"), everything),
+        *_hearing(prefix, streams or ["*/*/*"]),
+        _rule("ingress", ("liveliness_query",), everything),
         _rule("ingress", ("query",), (f"{prefix}/{key}" for key in READABLE)),
         _rule("egress", ("put", "delete", "reply", "liveliness_token", "declare_queryable"), everything),
         *_moving(prefix),
@@ -250,6 +321,7 @@ def _shadowing(prefix: str, own: str) -> list[dict[str, Any]]:
     reaches only who could declare that he answers it."""
     return [
         _rule("ingress", ("put", "delete", "declare_queryable", "reply", "liveliness_token"), (f"{prefix}/{own}/**",)),
+        _rule("ingress", ("query",), (f"{prefix}/{RECALLED}",)),
         _rule(
             "egress",
             ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"),

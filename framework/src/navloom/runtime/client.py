@@ -14,14 +14,17 @@ from navloom.messages.codec import CodecError, decode
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.once import REQUEST
+from navloom.runtime.questions import TOO_MANY
 from navloom.runtime.zenoh_bus import TIMED_OUT, Answer, Bus
 
-__all__ = ["OPEN", "Client", "ClientError", "Refused", "Unanswered"]
+__all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused", "Unanswered"]
 
+AGAIN = 0.1
+"""s between two questions of one kind: a router drops what comes sooner, see `access.PACES`."""
 JOIN = 2.0
 """s until a tool has found the robot's processes."""
-ATTEMPT, PAUSE = 2.4, 0.05
-"""s to wait for an answer before asking again, which is longer than a service takes, and s before that."""
+ATTEMPT = 2.4
+"""s to wait for an answer before asking again, which is longer than a service takes."""
 UNKNOWN = "whether it was done is not known: `navloom status` shows it, `navloom doctor` why there was no answer"
 
 OPEN: Mapping[str, Any] = {
@@ -116,7 +119,7 @@ class Client:
             asked |= lives
             if not asked and time.monotonic() - began > JOIN:
                 break
-            time.sleep(PAUSE)
+            time.sleep(AGAIN)
         if asked:
             raise Unanswered(
                 f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({service}); {UNKNOWN}; "
@@ -130,23 +133,31 @@ class Client:
     def _asked_once(self, key: str, data: bytes, timeout: float) -> Answer | None:
         """One try: the answer, or None where there was none. Raises Refused."""
         for answer in self.bus.ask(key, data, timeout):
-            if answer.refusal in ("", TIMED_OUT):
+            if answer.refusal in ("", TIMED_OUT, TOO_MANY):
                 return None if answer.refusal else answer
             raise Refused(answer.refusal)
         return None
 
     def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
         """The last message of a stream whose publisher keeps it; None where there is none."""
-        for answer in self.bus.ask(self.keys.port(role, instance, port), timeout=timeout):
+        for answer in self.ask_again(self.keys.port(role, instance, port), timeout):
             if not answer.refusal:
                 with contextlib.suppress(CodecError):
                     return decode(answer.data, answer.label)[0]
         return None
 
+    def ask_again(self, key: str, timeout: float) -> list[Answer]:
+        """What answers there are; where there is none, it is asked once more, in case it came too soon."""
+        answers = list(self.bus.ask(key, timeout=timeout))
+        if not answers:
+            time.sleep(AGAIN)
+            answers = list(self.bus.ask(key, timeout=timeout))
+        return answers
+
     def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
         """Every instance that answers, in order of role and name."""
         found = {}
-        for answer in self.bus.ask(self.keys.port("*", "*", "describe"), timeout=timeout):
+        for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
             if not answer.refusal:
                 described = self.described(answer)
                 if described is not None:

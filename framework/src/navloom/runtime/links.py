@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from navloom.inputs.bounds import open_file
-from navloom.runtime.access import AccessError, read_identities, rules
+from navloom.runtime.access import AccessError, limits, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
 __all__ = ["GATHER", "Endpoint", "Link", "LinkError", "credential_files", "peer_link", "settings"]
@@ -70,6 +70,7 @@ class Link:
         shared_memory: Large messages come by it. Not for what only looks on, for as long as it likes: see POOL.
         door: Of a router over TLS, the socket of this host where its successor joins it, when certificates change.
         predecessor: Of a router that takes over from another, the door of that one.
+        streams: Of the robot, as role/instance/port: all that readers may subscribe to; empty where they are not known.
     """
 
     mode: str
@@ -84,6 +85,7 @@ class Link:
     shared_memory: bool = True
     door: str = ""
     predecessor: str = ""
+    streams: tuple[str, ...] = ()
 
 
 def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:
@@ -203,7 +205,7 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
         _refuse_listening(link, end)
     for end in connect:
         _refuse_connecting(link, end)
-    access = _access(link, listen) if any(end.is_secure for end in listen) else None
+    access = _access(link, listen) if any(end.is_secure for end in listen) else {}
     listen += [Endpoint.parse(link.door)] if link.door else []
     connect += [Endpoint.parse(link.predecessor)] if link.predecessor else []
     ends = [*listen, *connect]
@@ -230,8 +232,7 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
         "adminspace": {"enabled": False},
         "transport": _transport(link, ends, now or datetime.now(UTC)),
     }
-    if access is not None:
-        found["access_control"] = access
+    found |= access
     return found
 
 
@@ -376,6 +377,8 @@ def _access(link: Link, listen: list[Endpoint]) -> dict[str, Any]:
             )
     assert link.credentials is not None
     try:
-        return rules(link.realm, link.robot, read_identities(link.credentials, link.realm, link.robot))
+        identities = read_identities(link.credentials, link.realm, link.robot)
+        allowed = rules(link.realm, link.robot, identities, link.streams)
     except AccessError as error:
         raise LinkError(str(error)) from None
+    return {"access_control": allowed, **limits(link.realm, link.robot, identities, link.streams)}

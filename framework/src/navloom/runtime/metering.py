@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from navloom.messages.codec import CodecError
-from navloom.runtime.client import Client
+from navloom.runtime.client import AGAIN, Client
 from navloom.runtime.looking import tap
 from navloom.runtime.mailbox import Mailbox, Packet
 
@@ -132,6 +132,7 @@ def clock_offsets(client: Client, nodes: Sequence[Mapping[str, Any]]) -> dict[st
     best: dict[str, Offset] = {}
     for host, source in asked.items():
         for _ in range(ROUNDS):
+            time.sleep(AGAIN)
             before, started = time.time_ns(), time.perf_counter_ns()
             for answer in client.bus.ask(client.keys.port(*source, "describe"), timeout=1.0):
                 if answer.refusal:

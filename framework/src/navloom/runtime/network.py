@@ -9,6 +9,7 @@ from pathlib import Path
 from navloom.config.schema import Config
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.links import Endpoint, Link, LinkError, certificate, peer_link, settings
+from navloom.runtime.quality import streams_of
 
 __all__ = ["Network", "network_of"]
 
@@ -23,6 +24,7 @@ class Network:
         starts_router: The router belongs to this host.
         keys: Folder of certificates, or the file of the one that processes of this host show.
         insecure: Plain TCP beyond this host was asked for.
+        streams: Of the robot, as role/instance/port.
     """
 
     realm: str
@@ -31,6 +33,7 @@ class Network:
     starts_router: bool = False
     keys: Path | None = None
     insecure: bool = False
+    streams: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path | None:
@@ -58,7 +61,7 @@ class Network:
         folder = self.folder
         return Link(
             "router", (self.router,), (), credentials=folder, identity="router" if folder else None,
-            insecure=self.insecure, realm=self.realm, robot=self.robot,
+            insecure=self.insecure, realm=self.realm, robot=self.robot, streams=self.streams,
         )  # fmt: skip
 
     def outsider(self, folder: RobotFolder, names: Sequence[str], identity: str = "operator") -> Link:
@@ -94,4 +97,4 @@ def network_of(config: Config, host: str | None, insecure: bool) -> Network:
             raise LinkError(f"live.router: {error}") from None
     keys = Path(live.keys) if live.keys else None
     starts = live.router is not None and live.router_host == host
-    return Network(config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure)
+    return Network(config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config))

@@ -278,9 +278,9 @@ class NodeProcess:
             runner.cell.stepper.enabled = True
 
     def _came(self, source: Source, again: bool) -> None:
-        """Somebody came up: the goal must know of a mapper or planner that did so again."""
+        """Somebody came up: the goal must know of an active mapper or planner that did so again."""
         for runner in self.runners.values():
-            if isinstance(runner, LiveGoal) and again:
+            if isinstance(runner, LiveGoal) and again and runner.cell.in_charge(source):
                 runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
 
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:

@@ -6,9 +6,17 @@ from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
 from navloom.runtime.mailbox import Inlet
 from navloom.runtime.quality import quality_of
+from navloom.runtime.questions import TOO_MANY, Allowance
 from navloom.runtime.zenoh_bus import Bus, Publication, Question
 
 __all__ = ["Outlet"]
+
+ANSWERED, AT_ONCE = 20e6, 100e6
+"""Bytes of kept messages given to who asks for them, 1/s in the long run and at once: a map has up to some MB."""
+NOTHING = "nothing was said yet"
+"""Refusal where there is no last message: who asks knows that his question came through."""
+LEAST = 1e5
+"""Bytes that a small one counts as: 200 answers a second cost about as much as these."""
 
 
 class Outlet:
@@ -28,6 +36,8 @@ class Outlet:
         self.last: tuple[Message, Envelope] | None = None
         self._bus, self._lossless = bus, lossless
         self._ways: dict[type[Message], tuple[Publication, str]] = {}
+        self._kept: tuple[tuple[Message, Envelope] | None, bytes] = (None, b"")
+        self._allowance = Allowance(ANSWERED, AT_ONCE)
         if retained:
             bus.serve(key, self._answer)
 
@@ -53,8 +63,15 @@ class Outlet:
         return way
 
     def _answer(self, question: Question) -> None:
+        """Give the last message, encoded once; on the network's thread."""
         last = self.last
         if last is None:
-            question.drop()
+            question.refuse(NOTHING)
+            return
+        if self._kept[0] is not last:
+            self._kept = (last, encode(*last))
+        data = self._kept[1]
+        if self._allowance.spend(max(LEAST, len(data))):
+            question.answer(self.key, data, schema_label(type(last[0])))
         else:
-            question.answer(self.key, encode(*last), schema_label(type(last[0])))
+            question.refuse(TOO_MANY)

@@ -99,5 +99,11 @@ def link_from_json(given: dict[str, Any]) -> Link:
     """A link from its JSON."""
     folder = Path(given["credentials"]) if given["credentials"] else None
     return Link(
-        **{**given, "listen": tuple(given["listen"]), "connect": tuple(given["connect"]), "credentials": folder}
+        **{
+            **given,
+            "listen": tuple(given["listen"]),
+            "connect": tuple(given["connect"]),
+            "streams": tuple(given["streams"]),
+            "credentials": folder,
+        }
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from navloom.config.schema import Config
 from navloom.engine import catalogue  # noqa: F401  (declares the ports)
 from navloom.engine.ports import Ports, Quality, known_ports
 from navloom.engine.streams import STATE, WORD, sensor_quality
@@ -9,7 +10,8 @@ from navloom.messages import Message, Parameters, StepReport
 from navloom.messages.bounds import size_limit
 from navloom.runtime.keyspace import LARGEST, STEP
 
-__all__ = ["PARAMETERS", "Quality", "is_retained", "kind_of", "most_of", "quality_of", "retained_ports"]
+__all__ = ["PARAMETERS", "Quality", "is_retained", "kind_of", "most_of", "quality_of", "retained_ports",
+           "streams_of"]  # fmt: skip
 
 PARAMETERS = "parameters"
 """Port on which every instance keeps its parameters once they were changed."""
@@ -48,6 +50,17 @@ def is_retained(role: str, port: str) -> bool:
     """Whether a stream's publisher keeps its last message; parameters that were changed are kept by every instance."""
     declared = Ports.known.get((role, port))
     return port == PARAMETERS or (declared is not None and declared.retained)
+
+
+def streams_of(config: Config) -> tuple[str, ...]:
+    """Every stream that a robot may have, as role/instance/port, in order."""
+    instances = [(role, config.role_table(role).instance) for role in config.roles]
+    instances += [(table.role, table.instance) for table in config.alternative]
+    instances += [(port.role, "main") for port in known_ports() if port.role not in config.roles]
+    found = {f"{role}/{name}/{port}" for role, name in instances for port in (PARAMETERS, STEP)}
+    found |= {f"{role}/{name}/{port.name}" for role, name in instances for port in known_ports(role)}
+    found |= {f"platform/{config.platform.instance}/{sensor.name}" for sensor in config.sensor}
+    return tuple(sorted(found))
 
 
 def quality_of(kind: type[Message]) -> Quality:

@@ -11,7 +11,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 from navloom.config import ConfigError
@@ -32,6 +32,7 @@ from navloom.runtime.memory import Memory
 from navloom.runtime.once import Once
 from navloom.runtime.placing import spread
 from navloom.runtime.provenance import distributions
+from navloom.runtime.questions import Desk, KeptJson, QuestionError, read_question
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus, Question
@@ -47,7 +48,7 @@ FEW_CHAINS = 100
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-class ServiceError(ValueError):
+class ServiceError(QuestionError):
     """A request that is not done; the text says why."""
 
 
@@ -68,8 +69,7 @@ class Services:
     ) -> None:
         self._system, self._process, self._keys, self._bus = system, process, keys, bus
         self._hosted, self._live, self._memory, self._clock, self._board = hosted, live, memory, clock, board
-        self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="service")
-        self._once = Once()
+        self._desk, self._once = Desk(), Once()
         self._goals = threading.Lock()
         self._began = time.monotonic()
         shares = spread(system.config, all_sources(system), None)
@@ -79,7 +79,7 @@ class Services:
     def offer(self) -> None:
         """Declare everything that can be asked of this process."""
         for source in self._hosted:
-            self._serve(source, "describe", lambda given, source=source: self._describe(source))  # type: ignore[misc]
+            self._offer_description(source)
             if source in self._system.parts:
                 self._serve(source, "params/get", lambda given, source=source: self._get(source))  # type: ignore[misc]
         for source, runner in self._live.items():
@@ -93,42 +93,46 @@ class Services:
                 for do in ("stop", "resume", "release", "enter_unseen"):
                     self._serve(source, do, lambda given, runner=runner, do=do: self._gate(runner, do))  # type: ignore[misc]
         if self._live:
-            self._bus.serve(self._keys.process(self._process, "memory"), self._recall)
-        self._bus.serve(self._keys.process(self._process, "config"), self._show_config)
+            recalled = KeptJson(lambda: vars(self._memory), lambda: {"clock_ns": self._clock.now_ns()})
+            self._show(self._keys.process(self._process, "memory"), "memory", recalled.to_bytes)
+        self._show(self._keys.process(self._process, "config"), "config", cache(self._config))
 
     def _serve(self, source: Source, service: str, handler: Handler) -> None:
+        """Answer questions with a JSON object in them by what a handler makes of it."""
         key, handler = self._keys.port(*source, service), self._once.guard(handler)
 
-        def pass_on(question: Question) -> None:
-            self._pool.submit(self._handle, key, question, handler)
+        def handle(question: Question) -> None:
+            try:
+                answer = handler(read_question(question.data))
+            except (QuestionError, ConfigError) as error:
+                question.refuse(str(error))
+            else:
+                question.answer(key, json.dumps(answer).encode(), "json")
 
-        self._bus.serve(key, pass_on)
+        self._bus.serve(key, self._desk.window(service, handle))
 
-    def _handle(self, key: str, question: Question, handler: Handler) -> None:
-        try:
-            given = json.loads(question.data) if question.data else {}
-            if not isinstance(given, dict):
-                raise ServiceError(f"got {type(given).__name__}, expected an object")
-            question.answer(key, json.dumps(handler(given)).encode(), "json")
-        except (ServiceError, ConfigError) as error:
-            question.refuse(str(error))
-        except Exception as error:  # whatever it is: a question that is let go has no answer, not even a timeout
-            question.refuse(f"request not understood: {type(error).__name__}: {error}")
+    def _show(self, key: str, service: str, made: Callable[[], bytes]) -> None:
+        """Answer questions that say nothing."""
+        self._bus.serve(key, self._desk.window(service, lambda question: question.answer(key, made(), "json")))
 
-    def _recall(self, question: Question) -> None:
-        self._memory.clock_ns = self._clock.now_ns()
-        question.answer(question_key(self._keys, self._process), self._memory.to_bytes(), "json")
-
-    def _show_config(self, question: Question) -> None:
+    def _config(self) -> bytes:
         """The whole config, for recordings: what runs here cannot be told from anywhere else."""
         given = {
             "loaded": self._system.loaded.to_json(),
             "barrier": self._board.lossless,
             "distributions": distributions(self._system.config),
         }
-        question.answer(self._keys.process(self._process, "config"), json.dumps(given).encode(), "json")
+        return json.dumps(given).encode()
 
     # --- what they are ----------------------------------------------------------------------------------------------
+
+    def _offer_description(self, source: Source) -> None:
+        described = KeptJson(lambda: self._describe(source), self._clocks)
+        self._show(self._keys.port(*source, "describe"), "describe", described.to_bytes)
+
+    def _clocks(self) -> dict[str, Any]:
+        """What others measure this host's clocks by: never kept."""
+        return {"clock_ns": self._clock.now_ns(), "wall_ns": time.time_ns()}
 
     def _describe(self, source: Source) -> dict[str, Any]:
         cell = self._hosted[source].cell
@@ -152,7 +156,6 @@ class Services:
             "epoch": cell.epoch,
             "versions": _versions(),
             "config_sha256": self._system.loaded.sha256(),
-            "clock_ns": self._clock.now_ns(),
             "silence_s": self._clock.silence_s() if self._clock.is_known else None,
             "up_s": now - self._began,
             "period_s": self._system.config.run.period * cell.stepper.stride,
@@ -161,7 +164,6 @@ class Services:
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
             "notes": notes_of(cell.node),
-            "wall_ns": time.time_ns(),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "streams": streams,
@@ -301,11 +303,6 @@ def shared_memory_mb() -> float | None:
     return status.f_bavail * status.f_frsize / 2**20
 
 
-def question_key(keys: KeySpace, process: str) -> str:
-    """Where a process's memory is asked for."""
-    return keys.process(process, "memory")
-
-
 def _number(given: Mapping[str, Any], name: str) -> float:
     value = given[name]
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
@@ -325,6 +322,7 @@ def _refuse_doubles(values: tuple[str, ...]) -> None:
         raise ServiceError(f"parameters {', '.join(values)}: not TOML assignments: {error}") from None
 
 
+@cache
 def _versions() -> dict[str, str]:
     """Of what must agree between the hosts of one robot."""
     found = {name: importlib.metadata.version(name) for name in ("navloom", "eclipse-zenoh", "numpy")}

@@ -10,9 +10,14 @@ from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.outlet import Outlet
 from navloom.runtime.quality import PARAMETERS, is_retained, kind_of, most_of, retained_ports
+from navloom.runtime.questions import TOO_MANY
 from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Switchboard"]
+
+PAUSE, TRIES = 0.03, 5
+"""s between two questions for a kept message, and how often it is asked for again where none answers, or too many ask:
+a router drops what comes too soon after another question of its kind, see `access.PACES`."""
 
 
 class Switchboard:
@@ -67,10 +72,18 @@ class Switchboard:
         for port in (PARAMETERS, *(port for _, port in retained_ports(role))):
             key = self.keys.port(*source, port)
             if key in self._inlets and key not in self._outlets:
-                asked_ns = time.monotonic_ns()
-                for answer in self.bus.ask(key):
-                    if not answer.refusal:
-                        self._receive(answer.key, answer.data, answer.label, asked_ns)
+                self._fetch(key)
+
+    def _fetch(self, key: str) -> None:
+        """Ask for one stream's last message; while others ask too much, again and again for a moment."""
+        for pause in (*[PAUSE] * TRIES, 0.0):
+            asked_ns, answers = time.monotonic_ns(), list(self.bus.ask(key))
+            for answer in answers:
+                if not answer.refusal:
+                    self._receive(answer.key, answer.data, answer.label, asked_ns)
+            if answers and not any(answer.refusal == TOO_MANY for answer in answers):
+                return
+            time.sleep(pause)
 
     def inlets(self) -> Iterable[tuple[str, list[Inlet]]]:
         """Every stream read here, with its readers."""

@@ -87,13 +87,26 @@ class Answer(NamedTuple):
 
 
 class Question:
-    """A question that waits for its answer."""
+    """A question that waits for its answer.
+
+    Attributes:
+        size: Bytes that it brings; look at it before `data`, which copies them.
+    """
 
     def __init__(self, query: Any) -> None:
         self._query = query
-        self.key = str(query.key_expr)
-        payload = query.payload
-        self.data = b"" if payload is None or len(payload) > LARGEST else payload.to_bytes()
+        self._payload = query.payload
+        self.size = 0 if self._payload is None else len(self._payload)
+
+    @property
+    def key(self) -> str:
+        """What is asked for, perhaps with wildcards."""
+        return str(self._query.key_expr)
+
+    @property
+    def data(self) -> bytes:
+        """What the question says."""
+        return b"" if self._payload is None else bytes(self._payload.to_bytes())
 
     def answer(self, key: str, data: bytes, label: str = "") -> None:
         """Answer once; a question that nobody waits for any more is let go."""

@@ -114,11 +114,11 @@ def test_ticks_that_are_passed_over_are_driven_by_an_old_command(robot: Robot) -
     robot.now += 0.05
     robot.turn(0.01)
     assert (robot.runner.driven, robot.runner.own) == (1, 1)
-    robot.command(AHEAD, 2, 0.05)
+    robot.command(AHEAD, 2)
     robot.turn(0.01)
-    robot.now += 0.1
+    robot.now += 0.07  # to 0.17 s: the tick at 0.1 s was passed over
     robot.turn(0.01)
-    assert (robot.runner.driven, robot.runner.own) == (3, 1)
+    assert (robot.runner.driven, robot.runner.own) == (3, 2)
 
 
 def test_a_stop_that_does_not_get_through_is_told_again_until_it_does(robot: Robot) -> None:

@@ -188,7 +188,7 @@ def offsets(monkeypatch: pytest.MonkeyPatch, bus: Clocks) -> dict[str, metering.
     def now() -> int:
         return bus.now_ns
 
-    monkeypatch.setattr(metering, "time", SimpleNamespace(time_ns=now, perf_counter_ns=now))
+    monkeypatch.setattr(metering, "time", SimpleNamespace(time_ns=now, perf_counter_ns=now, sleep=lambda s: None))
     return clock_offsets(client(bus), [node | {"answers": True} for node in bus.nodes])
 
 

@@ -29,8 +29,9 @@ from attacker import KINDS
 from fault_rig import Rig, rig, until
 from motor_record import Line
 from navloom.runtime.access import Identity
+from navloom.runtime.certificates import HOSTS, Order
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.keys import HOSTS, Order, add_identity, new_authority
+from navloom.runtime.keys import add_identity, new_authority
 
 __all__ = ["SHADOW", "Trial", "main", "table", "target", "trial"]
 

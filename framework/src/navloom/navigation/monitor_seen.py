@@ -27,6 +27,10 @@ SLACK = 0.1
 FURTHER = 1e-4
 """Motion into unknown space that is no more than rounding, m."""
 NEVER = -1e9
+BESIDE = 2
+"""Cells at a sonar that are not taken for what it hears nearer than it measures: the robot's edge runs through them."""
+TAKEN = NEVER + 1.0
+"""When a cell was looked at that a sonar says nothing of but that something is near."""
 
 
 class SeenSpace:
@@ -43,20 +47,22 @@ class SeenSpace:
         self._free = np.full((SIZE, SIZE), NEVER)
         self._stood = np.full((SIZE, SIZE), NEVER)
         self._looked = np.full((SIZE, SIZE), NEVER)
+        self._assumed = np.zeros((SIZE, SIZE), np.bool_)
         self.rim, self.outward = _rim(footprint)
         self._radius = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
         self._has_begun = False
 
     def stand(self, pose: Floats, way: float) -> None:
-        """The footprint is at a pose (3,), m and rad, after a way, m. Where it starts it has room to turn."""
+        """The footprint is at a pose (3,), m and rad, after a way, m. Where it starts it has room to turn, for all
+        that its sensors do not say.
+        """
         if not self._has_begun:
             self._has_begun = True
             angles = np.arange(0.0, 2.0 * math.pi, CELL / (2.0 * self._radius))
             for radius in np.arange(0.0, self._radius + CELL, 0.5 * CELL):
                 ring = np.stack([pose[0] + radius * np.cos(angles), pose[1] + radius * np.sin(angles)], axis=1)
-                _mark(self._stood, ring, way)
-            return
-        _stand(self._stood, self.rim, pose, way)
+                _assume(self._stood, self._assumed, ring, way)
+        _stand(self._stood, self._assumed, self.rim, pose, way)
 
     def look(self, poses: Floats, beams: tuple[Floats, Floats, Floats, Floats], limits: Floats, at: Floats) -> None:
         """Take up a scan.
@@ -67,7 +73,8 @@ class SeenSpace:
             limits: (2,) range_min and range_max, m.
             at: (2,) time, s, and way, m.
         """
-        _look(self._free, self._looked, poses, *beams, limits, at)
+        known = (self._free, self._stood, self._looked, self._assumed)
+        _look(*known, poses, *beams, limits, np.array([*at, at[1] - self.memory]))
 
     def first_unseen(self, poses: Floats, count: int, base: Floats, time: float, way: float) -> int:
         """Which pose of a roll-out is the first to enter unknown space; -1 for none.
@@ -100,23 +107,30 @@ def _cell(value):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark(stood, points, way):  # type: ignore[no-untyped-def]
+def _assume(stood, assumed, points, way):  # type: ignore[no-untyped-def]
+    """Take the robot to have stood where it only might have."""
     for i in range(points.shape[0]):
-        stood[_cell(points[i, 1]), _cell(points[i, 0])] = way
+        row, column = _cell(points[i, 1]), _cell(points[i, 0])
+        stood[row, column], assumed[row, column] = way, True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _stand(stood, rim, pose, way):  # type: ignore[no-untyped-def]
+def _stand(stood, assumed, rim, pose, way):  # type: ignore[no-untyped-def]
     """Mark the cells under the outline; those within it were under it before."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(rim.shape[0]):
         x = pose[0] + cos * rim[i, 0] - sin * rim[i, 1]
         y = pose[1] + sin * rim[i, 0] + cos * rim[i, 1]
-        stood[_cell(y), _cell(x)] = way
+        stood[_cell(y), _cell(x)], assumed[_cell(y), _cell(x)] = way, False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(free, looked, poses, origins, bearings, half_angles, ranges, limits, at):  # type: ignore[no-untyped-def]
+def _look(free, stood, looked, assumed, poses, origins, bearings, half_angles, ranges, limits, at):  # type: ignore[no-untyped-def]
+    """Write down what each beam read through.
+
+    Of what is nearer than a sonar measures, where it hears something, only that is known which a beam read through
+    before: `at` is time, way, and the way since which that counts.
+    """
     for i in range(ranges.shape[0]):
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         x = poses[i, 0] + cos * origins[i, 0] - sin * origins[i, 1]
@@ -124,14 +138,20 @@ def _look(free, looked, poses, origins, bearings, half_angles, ranges, limits, a
         axis = poses[i, 2] + bearings[i]
         far = min(ranges[i], limits[1], REACH)
         echo = ranges[i] < limits[1] and ranges[i] <= REACH
+        is_near = half_angles[i] > 0.0 and ranges[i] <= limits[0]
         rays = math.ceil(2.0 * half_angles[i] * far / CELL) + 1
         for ray in range(rays):
             angle = axis + (half_angles[i] * (2.0 * ray / (rays - 1) - 1.0) if rays > 1 else 0.0)
             step_x, step_y = CELL * math.cos(angle), CELL * math.sin(angle)
             steps = int(far / CELL)
-            for k in range(steps):
+            for k in range(BESIDE if is_near else 0, steps):
                 row, column = _cell(y + k * step_y), _cell(x + k * step_x)
-                free[row, column], looked[row, column] = at[1], at[0]
+                if not is_near:
+                    free[row, column], looked[row, column] = at[1], at[0]
+                elif free[row, column] < at[2]:
+                    free[row, column], looked[row, column] = NEVER, TAKEN
+                    if assumed[row, column]:
+                        stood[row, column], assumed[row, column] = NEVER, False
             if echo:
                 row = _cell(y + far * math.sin(angle))
                 column = _cell(x + far * math.cos(angle))

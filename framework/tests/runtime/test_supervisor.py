@@ -149,13 +149,14 @@ def test_what_a_process_has_forked_ends_with_it_before_it_is_started_again(rig: 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the environment of a process")
 def test_what_an_earlier_supervisor_left_is_ended_first(rig: tuple[RobotFolder, list[str]]) -> None:
     left = subprocess.Popen(["sleep", "60"], env={**os.environ, MARK: f"1:{rig[0].path}", PROCESS: "drive"})
+    while left.pid not in [one.pid for one in descendants()]:  # it has its environment a moment after its start
+        time.sleep(0.005)
     keeper = supervisor(rig, LiveTable())
     keeper.start()
-    assert not Path(f"/proc/{left.pid}").exists()
+    left.wait(5.0)
     ended = f"process {left.pid} (sleep 60) of drive"
     assert rig[1] == [f"ended what was left of an earlier robot of this name: {ended}"]
     keeper.stop()
-    left.wait()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is shared by name on Linux only")

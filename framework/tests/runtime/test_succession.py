@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import ssl
 import threading
@@ -236,11 +237,13 @@ def test_files_that_do_not_fit_are_named_and_the_router_goes_on_with_the_old_one
 
 def test_a_router_that_took_over_can_be_replaced_as_well(net: Net) -> None:
     client = net.join("nodes")
+    before = len(os.listdir("/proc/self/fd"))
     for moves in (1, 2):
         renew(net.folder, ("router",), (), 60, datetime.now(UTC))
         net.take_new_files()
         until(lambda moves=moves: client.moves == moves, "it went over")
     assert client.losses == 0
+    assert len(os.listdir("/proc/self/fd")) < before + 30  # the sessions before linger
 
 
 def test_who_joins_is_told_of_certificates_that_expire_soon(net: Net) -> None:

@@ -397,7 +397,6 @@ def _carry(source: socket.socket, sink: socket.socket, size: int, pause: float) 
 
 OWN = "avoider/shadow_vfh"
 """What the shadow's certificate is for."""
-DEEP = b"[" * 100_000
 
 KINDS: dict[str, tuple[str, Run]] = {
     "nothing": ("viewer", lambda attack: time.sleep(max(0.0, attack.limit - time.monotonic()))),

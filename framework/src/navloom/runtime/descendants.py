@@ -10,7 +10,7 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["MARK", "PROCESS", "Descendant", "descendants", "end_all", "left_of", "mark", "reap_orphans"]
+__all__ = ["MARK", "PROCESS", "Descendant", "descendants", "end_all", "left_of", "mark", "reap_orphans", "status_of"]
 
 MARK = "NAVLOOM_SUPERVISED"
 """Environment variable of every process below `navloom up`: PID.START:FOLDER of its supervisor and of the robot.
@@ -116,7 +116,7 @@ def reap_orphans(groups: Container[int], own: Container[int]) -> None:
         if pid in own:
             continue
         with contextlib.suppress(OSError, ValueError):
-            state, _, group, its_session = _status(pid)[1:5]
+            state, _, group, its_session = status_of(pid)[1:5]
             if state == "Z" and (int(group) in groups or int(its_session) != session):
                 os.waitpid(pid, os.WNOHANG)
 
@@ -128,7 +128,7 @@ def _read(pid: int) -> Descendant | None:
         return None
     supervisor, _, folder = marks.partition(":")
     number, _, start = supervisor.partition(".")
-    name, _, _, group, session = _status(pid)[:5]
+    name, _, _, group, session = status_of(pid)[:5]
     line = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace").strip()
     started_by = _variables(environment, PROCESS)
     if not started_by:  # a fork has the environment and the command line of what it was forked off, but its own name
@@ -143,13 +143,13 @@ def _read(pid: int) -> Descendant | None:
 def _start(pid: int) -> str:
     """When a process was started; empty where there is none any more, even if it was not reaped."""
     try:
-        status = _status(pid)
+        status = status_of(pid)
         return status[20] if status[1] not in "ZX" else ""
     except OSError:
         return ""
 
 
-def _status(pid: int) -> list[str]:
+def status_of(pid: int) -> list[str]:
     """Of a process: name, state, parent, group, session, and at place 20 its start."""
     before, _, after = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")
     return [before.partition("(")[2], *after.split()]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Container
-from pathlib import Path
 
-from navloom.runtime.descendants import Descendant, descendants
+from navloom.runtime.descendants import Descendant, descendants, status_of
 from navloom.runtime.directory import Fate, RobotFolder, runtime_folder
 from navloom.runtime.findings import Finding
 
@@ -88,5 +87,5 @@ def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, s
 def is_stopped(pid: int) -> bool:
     """Somebody has stopped a process of this host, with Ctrl-Z or SIGSTOP."""
     with contextlib.suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] in ("T", "t")
+        return status_of(pid)[1] in ("T", "t")
     return False

@@ -8,10 +8,8 @@ linked to it by a socket, so that streams pass between the clients of both. The 
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import socket
-import stat
 import threading
 import time
 from collections.abc import Callable
@@ -101,20 +99,17 @@ def _await_streams(first: Bus, second: Bus, link: Link, ending: threading.Event)
         pass
 
 
-def _shared_socket(number: int) -> socket.socket:
-    """Another descriptor of a socket. Raises OSError for what is none; nothing stays open."""
-    if not stat.S_ISSOCK(os.fstat(number).st_mode):
-        raise OSError(errno.ENOTSOCK, os.strerror(errno.ENOTSOCK))
-    return socket.socket(fileno=os.dup(number))
-
-
 def _stop_listening(port: int) -> None:
     """Have this process take no more connections at a port, and keep those that are up. Zenoh has no call for it.
 
     A listening socket that is shut down leaves its port to another, and keeps its number, by which Zenoh knows it.
     """
     for number in map(int, os.listdir("/proc/self/fd")):
-        with contextlib.suppress(OSError), _shared_socket(number) as one:
-            is_listening = one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
-            if is_listening and one.family in (socket.AF_INET, socket.AF_INET6) and one.getsockname()[1] == port:
-                one.shutdown(socket.SHUT_RDWR)
+        with contextlib.suppress(OSError):  # it is no socket
+            one = socket.socket(fileno=number)
+            try:
+                is_listening = one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+                if is_listening and one.family in (socket.AF_INET, socket.AF_INET6) and one.getsockname()[1] == port:
+                    one.shutdown(socket.SHUT_RDWR)
+            finally:
+                one.detach()  # Zenoh goes on with it

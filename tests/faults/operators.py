@@ -25,33 +25,19 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 
-from live_rig import Up, up
+from live_rig import EMPTY, Up, up
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.joining import join
 
 __all__ = ["CONFIG", "main", "session"]
 
-CONFIG = """
-[world]
-ref = "empty"
-
-[platform]
-plugin = "sensors_sim"
-
-[[sensor]]
-name = "sonars"
-kind = "sonar_ring"
-
-[mapper]
-plugin = "known_map"
-
-[navigation]
-drive = false
-start = { x = 0.0, y = 0.0 }
-
+CONFIG = (
+    EMPTY
+    + """
 [live]
 restart_limit = 1000
 """
+)
 BOUND = 10.0
 """s after which a request that has not ended hangs: more than any client waits."""
 GOALS = 230 / 310

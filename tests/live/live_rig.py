@@ -16,6 +16,25 @@ from pathlib import Path
 from typing import Any
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
+EMPTY = """
+[world]
+ref = "empty"
+
+[platform]
+plugin = "sensors_sim"
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+
+[mapper]
+plugin = "known_map"
+
+[navigation]
+drive = false
+start = { x = 0.0, y = 0.0 }
+"""
+"""A robot with sonars where nothing is, that waits for goals; more of `[navigation]` and other tables may follow."""
 START = 90.0
 END = 20.0
 

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from live_rig import COMMAND, Up, is_running, runtime_folder, up
+from live_rig import COMMAND, EMPTY, Up, is_running, runtime_folder, up
 from navloom.cli import main
 from navloom.runtime.navigator import Navigator
 
@@ -20,24 +20,9 @@ SPLIT = {
     "platform": "robot", "localizer": "robot", "mapper": "think", "planner": "think", "goal": "think",
     "reference": "drive", "controller": "drive", "avoider": "drive", "recovery": "drive", "gate": "safe",
 }  # fmt: skip
-BESIDE = """
-[world]
-ref = "empty"
-
-[platform]
-plugin = "sensors_sim"
-
-[[sensor]]
-name = "sonars"
-kind = "sonar_ring"
-
-[mapper]
-plugin = "known_map"
-
-[navigation]
-drive = false
-speed = [0.1, 0.1]
-start = { x = 0.0, y = 0.0 }
+BESIDE = (
+    EMPTY
+    + """speed = [0.1, 0.1]
 
 [[alternative]]
 name = "other"
@@ -45,6 +30,7 @@ role = "avoider"
 plugin = "improved_vfh"
 shadow = false
 """
+)
 WRONG = [
     (["swap", "avoidr", "other"], "'avoidr' is no role that can be swapped; did you mean 'avoider'?"),
     (["params", "get", "avoider.othr"], "no avoider 'othr' answers; did you mean 'other'?"),

@@ -5,11 +5,11 @@
 
 Every process of the robot is sampled for its resident memory. Growth is counted from the end of the first tenth, when
 every buffer has filled, to the end: median of the last tenth against median of the second. A deadline is missed where
-the platform's tick began more than half a period late or was passed over. Of the ticks in which the robot drove, the
-share that a command of their own drove is told, and how long a tick's commands take. With `--record` a recorder listens
-beside it: its share of a processor, what it dropped and how large its file is are told too. With `--continuous` the
-laser sweeps without end, so that a frame of it is on its way all the time. A bare timer of the same rate and priority
-is counted beside it: what that misses is the host's doing.
+the platform's tick began more than half a period late or was passed over. The result also has the share of driven ticks
+that were driven by a command of their own, and how long a tick's commands took. With `--record` a recorder listens
+beside it; the result has its share of a processor, what it dropped and the size of its file. With `--continuous` the
+laser sweeps without end, so that a frame of it is always on its way. A bare timer of the same rate and priority runs
+beside it: what that misses is the host's doing.
 """
 
 from __future__ import annotations

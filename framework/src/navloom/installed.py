@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 GROUP = "navloom"
-NO_ROLES = ("world", "scheme", "metric", "panel")
+NO_ROLES = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
 """What an entry point may give beside a role's plugin."""
 
 

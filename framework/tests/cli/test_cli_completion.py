@@ -19,6 +19,7 @@ from navloom.cli.shells import SCRIPTS
 from navloom.cli.tree import commands
 from navloom.installed import candidates, shipped_names
 from navloom.plugins import Discovery
+from navloom.roles import ROLES
 from navloom.runtime.directory import RobotFolder, Running
 from typer.main import get_command
 
@@ -124,7 +125,7 @@ def test_an_unknown_shell_is_refused_with_those_there_are(in_process: Callable[.
 
 def test_candidates_are_those_that_the_framework_finds() -> None:
     found = Discovery()
-    roles = [info for info in found.infos() if info.role not in ("world", "scheme", "metric", "panel")]
+    roles = [info for info in found.infos() if info.role in ROLES]
     assert candidates("plugins") == sorted(f"{info.role}.{info.name}" for info in roles)
     assert candidates("worlds") == found.names("world")
     assert candidates("controller") == found.names("controller")

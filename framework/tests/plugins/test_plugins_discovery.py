@@ -86,8 +86,8 @@ def test_entry_points_that_nobody_can_ask_for_are_told() -> None:
         found=[point(name, "fake_any") for name in ("planner.a", "planner.b", "planner.b", "planer.c", "d")]
     )
     assert found.problems() == [
-        "entry point 'd' of fake_any: expected ROLE.NAME; known are avoider, controller, localizer, mapper, metric, "
-        "panel, planner, platform, recovery, scheme, world",
+        "entry point 'd' of fake_any: expected ROLE.NAME; known are avoider, command, controller, localizer, "
+        "mapper, message, metric, node, observer, panel, planner, platform, recovery, scheme, world",
         "entry point 'planer.c' of fake_any: expected ROLE.NAME; did you mean 'planner'?",
         "two plugins are named 'planner.b', from fake_any and fake_any: uninstall or rename one of them",
     ]
@@ -227,6 +227,18 @@ def test_worlds_come_by_name_by_scheme_and_by_toml_file(module: Write) -> None:
     assert found.world("hall", Path()).name == "hall"
     assert found.world("file:a.yaml#3", Path("/maps")).name == "maps/a.yaml#3"
     assert found.world("rooms/one.toml", Path()).name == "toml rooms/one.toml"
+
+
+def test_a_node_comes_by_name(module: Write) -> None:
+    text = "from navloom import hookimpl\nclass Tracker:\n    name = 'tracker'\n"
+    text += "@hookimpl\ndef navloom_register(registry):\n    registry.node(Tracker)\n"
+    found = Discovery(found=[point("node.tracker", module("fake_node", text)), point("node.other", "fake_node")])
+    assert found.names("node") == ["other", "tracker"]
+    assert found.node("tracker") is sys.modules["fake_node"].Tracker
+    with pytest.raises(PluginError, match=r"the entry point node\.other registers node\.tracker, expected node\.other"):
+        found.node("other")
+    with pytest.raises(PluginError, match=r"no plugin 'node\.trakcer' is installed; did you mean 'tracker'\?"):
+        found.node("trakcer")
 
 
 def test_unknown_worlds_and_schemes_are_refused_with_the_nearest(module: Write) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from navloom.config.schema import AlternativeTable
 from navloom.geometry.world import World
-from navloom.messages import PlanFailure, Point2D
+from navloom.messages import Message, PlanFailure, Point2D
 from navloom.plugins import PluginError, Registry
 from navloom.plugins.registry import nearest
 from navloom.roles import ROLE_API, ROLES, Params, Planner, PlannerInput, Role
@@ -109,6 +109,28 @@ def test_worlds_and_schemes_of_one_name_are_refused() -> None:
     with pytest.raises(PluginError, match="world scheme 'file' is registered twice"):
         registry.world_scheme("file", load)
     assert (registry.worlds, registry.schemes) == ({"hall": make}, {"file": load})
+
+
+def test_nodes_and_messages_are_kept_by_their_names() -> None:
+    registry = Registry()
+    registry.node(Nowhere)
+    registry.message(Point2D)
+    registry.message(Point2D)
+    assert (registry.nodes, registry.messages) == ({"nowhere": Nowhere}, {"Point2D": Point2D})
+    with pytest.raises(PluginError, match="node 'nowhere' is registered twice"):
+        registry.node(type("Other", (), {"name": "nowhere"}))
+
+
+@pytest.mark.parametrize("given", [Nowhere.plan, "Nowhere", nameless, object])
+def test_what_is_not_the_class_of_a_node_is_refused(given: Any) -> None:
+    with pytest.raises(PluginError, match="expected the class of a node"):
+        Registry().node(given)
+
+
+@pytest.mark.parametrize("given", [Nowhere, Message, type("Bare", (Message,), {}), Point2D(0.0, 0.0)])
+def test_what_is_not_a_declared_message_is_refused(given: Any) -> None:
+    with pytest.raises(PluginError, match=r"expected a subclass of navloom\.Message, declared with @message"):
+        Registry().message(given)
 
 
 @pytest.mark.parametrize(

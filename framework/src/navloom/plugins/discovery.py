@@ -20,8 +20,8 @@ from navloom.roles import ROLES, Role
 __all__ = ["GROUP", "Discovery", "PluginInfo"]
 
 GROUP = "navloom"
-OTHERS = ("world", "scheme", "metric", "panel")
-"""What an entry point may give."""
+OTHERS = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
+"""What an entry point may give beside a role's plugin."""
 T = TypeVar("T")
 
 
@@ -30,7 +30,7 @@ class PluginInfo:
     """What is known of a plugin without importing it.
 
     Attributes:
-        role, name: From the entry point `<role>.<name>`; the role may also be "world", "scheme", "metric" or "panel".
+        role, name: From the entry point `<role>.<name>`; in place of a role there may be one of OTHERS.
         distribution, version: Who provides it.
         target: Module that implements the hook.
     """
@@ -131,6 +131,14 @@ class Discovery:
             PluginError: No panel of that name, named twice, or broken.
         """
         return self._given("panel", name, self._load("panel", name).panels)
+
+    def node(self, name: str) -> type[Any]:
+        """The class of a node that is no role's.
+
+        Raises:
+            PluginError: No node of that name, named twice, or broken.
+        """
+        return self._given("node", name, self._load("node", name).nodes)
 
     def instead_of(self, role: str, name: str, beside: Iterable[str] = ()) -> str:
         """What to do about a plugin that is not installed, to append to a message: install it, or ask for another.

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from navloom.geometry.world import World
 from navloom.messages import Message
@@ -41,7 +41,7 @@ def close_to(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """Classes by role and name, worlds, schemes, metrics and panels; filled by one entry point at a time."""
+    """Classes by role and name, nodes, messages, worlds, schemes, metrics and panels; filled by one entry point."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}
@@ -49,6 +49,8 @@ class Registry:
         self.schemes: dict[str, Callable[[str, Path], World]] = {}
         self.metrics: dict[str, Named] = {}
         self.panels: dict[str, Named] = {}
+        self.nodes: dict[str, type[Any]] = {}
+        self.messages: dict[str, type[Message]] = {}
 
     def add(self, plugin: type[Role]) -> None:
         """Add a role's implementation.
@@ -93,6 +95,27 @@ class Registry:
     def panel(self, panel: Named) -> None:
         """Add a viewer panel, a `navloom.Panel`."""
         _keep_named(self.panels, panel, "panel", "a navloom.Panel")
+
+    def node(self, cls: type[Any]) -> None:
+        """Add the class of a node that is no role's.
+
+        Raises:
+            PluginError: Not a class with a `name`, or named twice.
+        """
+        if not isinstance(cls, type):
+            raise PluginError(f"{cls!r}: expected the class of a node, with a `name`")
+        _keep_named(self.nodes, cls, "node", "the class of a node")
+
+    def message(self, cls: type[Message]) -> None:
+        """Add a class of messages, under its own name.
+
+        Raises:
+            PluginError: Not declared with `@message`, or named twice.
+        """
+        if not (isinstance(cls, type) and issubclass(cls, Message) and cls.schema_name):
+            raise PluginError(f"{cls!r}: expected a subclass of navloom.Message, declared with @message")
+        if self.messages.setdefault(cls.__name__, cls) is not cls:
+            raise PluginError(f"message {cls.__name__!r} is registered twice: rename one of them")
 
 
 def _wrong_part(plugin: type[Role]) -> str:

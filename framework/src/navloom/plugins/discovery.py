@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, TypeVar
 
-import pluggy
-
+from navloom.entry_kinds import OTHERS, installed_points
 from navloom.geometry.world import World
 from navloom.plugins.blame import raised_in
-from navloom.plugins.hooks import HookSpecs
+from navloom.plugins.loading import Loader, module_of, owner_of
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
 from navloom.plugins.shipped import distribution_of, shipped_names
 from navloom.roles import ROLES, Role
 
-__all__ = ["GROUP", "Discovery", "PluginInfo"]
+__all__ = ["Discovery", "PluginInfo"]
 
-GROUP = "navloom"
-OTHERS = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
-"""What an entry point may give beside a role's plugin."""
 T = TypeVar("T")
 
 
@@ -52,8 +48,9 @@ class Discovery:
 
     def __init__(self, blocked: Iterable[str] = (), found: Iterable[EntryPoint] | None = None) -> None:
         self.blocked = frozenset(blocked)
-        points = entry_points(group=GROUP) if found is None else found
-        self._points = sorted((p for p in points if p.name not in self.blocked), key=lambda p: p.name)
+        self._loader = Loader(self.blocked)
+        points = installed_points() if found is None else found
+        self._points = sorted((p for p in points if not self._loader.is_blocked(p.name)), key=lambda p: p.name)
         self._loaded: dict[str, Registry] = {}
 
     def infos(self) -> list[PluginInfo]:
@@ -72,7 +69,9 @@ class Discovery:
         for point in self._points:
             role, _, name = point.name.partition(".")
             if role not in kinds or not name:
-                found.append(f"entry point {point.name!r} of {_owner(point)}: expected ROLE.NAME{nearest(role, kinds)}")
+                found.append(
+                    f"entry point {point.name!r} of {owner_of(point)}: expected ROLE.NAME{nearest(role, kinds)}"
+                )
         for name in dict.fromkeys(point.name for point in self._points):
             twins = [point for point in self._points if point.name == name]
             if len(twins) > 1:
@@ -92,7 +91,7 @@ class Discovery:
         """
         if role not in ROLES:
             raise PluginError(f"role {role!r} does not exist{nearest(role, list(ROLES))}")
-        return self._given(role, name, {n: cls for (r, n), cls in self._load(role, name).roles.items() if r == role})
+        return self._given(role, name, {n: cls for (r, n), cls in self.load(role, name).roles.items() if r == role})
 
     def world(self, reference: str, base: Path) -> World:
         """The world of a reference: a name, `scheme:argument`, or a `.toml` file, relative to a base folder.
@@ -108,12 +107,12 @@ class Discovery:
             schemes = self.names("scheme")
             if scheme not in schemes and f"scheme.{scheme}" not in self.blocked:
                 raise PluginError(f"world {reference!r}: unknown scheme {scheme!r}{nearest(scheme, schemes)}")
-            load = self._given("scheme", scheme, self._load("scheme", scheme).schemes)
+            load = self._given("scheme", scheme, self.load("scheme", scheme).schemes)
             return _world_of(f"world scheme {scheme!r}", reference, load, argument, base)
         worlds = self.names("world")
         if reference not in worlds and f"world.{reference}" not in self.blocked:
             raise PluginError(f"world {reference!r} does not exist{nearest(reference, worlds)}")
-        make = self._given("world", reference, self._load("world", reference).worlds)
+        make = self._given("world", reference, self.load("world", reference).worlds)
         return _world_of(f"world {reference!r}", reference, make)
 
     def metric(self, name: str) -> Named:
@@ -122,7 +121,7 @@ class Discovery:
         Raises:
             PluginError: No metric of that name, named twice, or broken.
         """
-        return self._given("metric", name, self._load("metric", name).metrics)
+        return self._given("metric", name, self.load("metric", name).metrics)
 
     def panel(self, name: str) -> Named:
         """A viewer panel.
@@ -130,7 +129,7 @@ class Discovery:
         Raises:
             PluginError: No panel of that name, named twice, or broken.
         """
-        return self._given("panel", name, self._load("panel", name).panels)
+        return self._given("panel", name, self.load("panel", name).panels)
 
     def node(self, name: str) -> type[Any]:
         """The class of a node that is no role's.
@@ -138,7 +137,7 @@ class Discovery:
         Raises:
             PluginError: No node of that name, named twice, or broken.
         """
-        return self._given("node", name, self._load("node", name).nodes)
+        return self._given("node", name, self.load("node", name).nodes)
 
     def instead_of(self, role: str, name: str, beside: Iterable[str] = ()) -> str:
         """What to do about a plugin that is not installed, to append to a message: install it, or ask for another.
@@ -164,11 +163,25 @@ class Discovery:
             raise PluginError(f"the entry point {role}.{name} registers {given}, expected {role}.{name}{hint}")
         return registered[name]
 
-    def _load(self, role: str, name: str) -> Registry:
+    def load(self, role: str, name: str) -> Registry:
+        """What one entry point registers; it is imported when this is first asked for.
+
+        Raises:
+            PluginError: Unknown, named twice, or broken.
+        """
         key = f"{role}.{name}"
         if key not in self._loaded:
-            self._loaded[key] = _register(self._point(key, role, name))
+            self._loaded[key] = self._loader.register(key, self._point(key, role, name))
         return self._loaded[key]
+
+    def call(self, role: str, name: str, hook: str, **given: Any) -> Sequence[Any]:
+        """Call a hook in one entry point that was loaded; what it raises goes through."""
+        return self._loader.call(f"{role}.{name}", hook, **given)
+
+    def blamed(self, role: str, name: str, error: BaseException) -> str:
+        """What an entry point raised: whose it is, the error, and the innermost line of its own code."""
+        point = self._point(f"{role}.{name}", role, name)
+        return f"{point.name} of {owner_of(point)} failed: {raised_in(error, module_of(point))}"
 
     def _point(self, key: str, role: str, name: str) -> EntryPoint:
         matches = [p for p in self._points if p.name == key]
@@ -192,36 +205,6 @@ def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: A
     return world
 
 
-def _owner(point: EntryPoint) -> str:
-    return point.dist.name if point.dist else point.value
-
-
 def _of_one_name(name: str, points: Iterable[EntryPoint]) -> str:
-    owners = " and ".join(sorted(map(_owner, points)))
+    owners = " and ".join(sorted(map(owner_of, points)))
     return f"two plugins are named {name!r}, from {owners}: uninstall or rename one of them"
-
-
-def _register(point: EntryPoint) -> Registry:
-    """Import one entry point's module and let it register, alone: what another one did cannot spoil it."""
-    if point.name.partition(".")[0] in ROLES:  # it may bring kernels
-        from navloom.kernel_cache import harden_kernel_cache
-
-        harden_kernel_cache()
-    registry = Registry()
-    hooks = pluggy.PluginManager(GROUP)
-    hooks.add_hookspecs(HookSpecs)
-    try:
-        hooks.register(point.load(), name=point.value)
-        hooks.check_pending()
-        hooks.hook.navloom_register(registry=registry)
-    except PluginError as error:
-        raise PluginError(f"plugin {point.name!r} from {point.value}: {error}") from error
-    except (Exception, SystemExit) as error:
-        cause = " ".join(f"{type(error).__name__}: {error}".split())
-        if isinstance(error, pluggy.PluginValidationError):
-            cause += "; the hook is `navloom_register(registry)`"
-        raise PluginError(
-            f"plugin {point.name!r} from {point.value} fails on import: {cause}; "
-            f"repair it, or block it if it is not needed"
-        ) from error
-    return registry

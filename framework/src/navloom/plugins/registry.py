@@ -151,7 +151,7 @@ def _keys_of(params: type[Params]) -> set[str]:
     }
 
 
-def _keep_named(kept: dict[str, Named], given: Named, kind: str, expected: str) -> None:
+def _keep_named(kept: dict[str, Any], given: Any, kind: str, expected: str) -> None:
     name = getattr(given, "name", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise PluginError(f"{given!r}: expected {expected} with a name of lower case letters, digits and _")

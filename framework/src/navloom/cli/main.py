@@ -11,6 +11,7 @@ import typer
 
 from navloom.cli import (
     about,
+    added,
     bench,
     compare,
     completion,
@@ -44,6 +45,7 @@ from navloom.cli import (
 __all__ = ["app", "main"]
 
 app = typer.Typer(
+    cls=added.Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -110,7 +112,8 @@ def main() -> None:
         if _is_wrong_request(error):
             _say(_words(error))
             sys.exit(2)
-        _say(f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})")
+        internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
+        _say(added.blamed(error) or internal)
         sys.exit(1)
 
 

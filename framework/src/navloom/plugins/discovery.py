@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -78,6 +78,14 @@ class Discovery:
                 found.append(_of_one_name(name, twins))
         return found
 
+    def taken(self, role: str, names: Collection[str]) -> list[str]:
+        """Entry points that nobody can ask for since navloom has something of that name itself, in words."""
+        found = [point for point in self._points if point.name in {f"{role}.{name}" for name in names}]
+        return [
+            f"entry point {point.name!r} of {owner_of(point)}: navloom has a {role} of that name; rename it"
+            for point in found
+        ]
+
     def names(self, role: str) -> list[str]:
         """Names of one role's plugins."""
         parts = (point.name.partition(".") for point in self._points)
@@ -138,6 +146,14 @@ class Discovery:
             PluginError: No node of that name, named twice, or broken.
         """
         return self._given("node", name, self.load("node", name).nodes)
+
+    def command(self, name: str) -> Callable[..., Any]:
+        """A command of the command line.
+
+        Raises:
+            PluginError: No command of that name, named twice, or broken.
+        """
+        return self._given("command", name, self.load("command", name).commands)
 
     def instead_of(self, role: str, name: str, beside: Iterable[str] = ()) -> str:
         """What to do about a plugin that is not installed, to append to a message: install it, or ask for another.

@@ -11,16 +11,13 @@ from typing import Any
 
 import pluggy
 
-from navloom.entry_kinds import GROUP
+from navloom.entry_kinds import GROUP, TRACE_HOOKS
 from navloom.plugins.blame import raised_in
 from navloom.plugins.hooks import HookSpecs
 from navloom.plugins.registry import PluginError, Registry
 from navloom.roles import ROLES
 
-__all__ = ["TRACE_HOOKS", "Loader", "module_of", "owner_of"]
-
-TRACE_HOOKS = "NAVLOOM_TRACE_HOOKS"
-"""Environment variable: where it is not empty, every hook call is printed, in child processes too."""
+__all__ = ["Loader", "module_of", "owner_of"]
 
 
 class _Hooked:

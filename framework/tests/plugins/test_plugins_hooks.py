@@ -239,7 +239,7 @@ def test_a_command_that_navloom_has_itself_is_not_replaced_and_told(install: Ins
     ("old", "new", "told"),
     [
         ("import typer", "import typewriter", "ModuleNotFoundError: No module named 'typewriter' (fake_greeter.py:2)"),
-        ("times: int", "times: dict", "command 'greet': typer cannot make a command of it"),
+        ("times: int", "times: int | bytes", "command 'greet': typer cannot make a command of it"),
         ('"greet", greet', '"greet", "greet"', "expected a function or a typer.Typer"),
         ('command("greet"', 'command("great"', "registers command.great, command.several, expected command.greet"),
     ],

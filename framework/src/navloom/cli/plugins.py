@@ -22,7 +22,8 @@ def plugins(
     discovery = Discovery()
     if name is None:
         infos = discovery.infos()
-        for problem in (*discovery.problems(), *discovery.taken("command", context.find_root().command.commands)):
+        root: Any = context.find_root().command
+        for problem in (*discovery.problems(), *discovery.taken("command", root.commands)):
             typer.echo(f"navloom: {problem}", err=True)
         if as_json:
             print_json([asdict(info) for info in infos])

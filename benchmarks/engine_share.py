@@ -182,7 +182,8 @@ class Run:
                 found.append(Site("handover", node.rule, "step"))
             if isinstance(node, self.layout.reference.ReferenceNode):
                 found.append(Site("reference", node, "_reference"))
-        found.append(Site("handover", self.layout.nodes, "own_way"))
+        if hasattr(self.layout.nodes, "own_way"):  # older hand-overs look along the trajectory alone
+            found.append(Site("handover", self.layout.nodes, "own_way"))
         found.append(Site("reference", self.layout.reference, "trajectory_of"))
         return found
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from navloom.avoidance.clearance import footprint_edges, outside_distance
 from navloom_dwa.rollout import choose, stays_free
-from navloom_improved_vfh.clearance import footprint_edges, outside_distance
 
 EDGES = footprint_edges(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]))
 TURN = math.radians(25.0)

@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 from navloom import AvoiderInput, Context, Point2D, Pose2D, PoseEstimate, RangeScan, RobotSpec, Twist2D
+from navloom.avoidance.clearance import footprint_edges, outside_distance
 from navloom_dwa.adapter import Dwa
 from navloom_dwa.contact import enlarged_corners, first_contacts
-from navloom_improved_vfh.clearance import footprint_edges, outside_distance
 
 FOOTPRINT = np.array([[0.21, 0.165], [-0.21, 0.165], [-0.21, -0.165], [0.21, -0.165]])
 TICK = 0.05

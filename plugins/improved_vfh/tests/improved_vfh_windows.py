@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from navloom_improved_vfh.certainty import insert_beams, new_window
-from navloom_improved_vfh.support import new_record
+from navloom.avoidance.certainty import insert_beams, new_window
+from navloom.avoidance.support import new_record
 
 CELL, SIZE = 0.1, 41
 CENTRE = (0.05, 0.05, 0.0)  # the middle of cell (0, 0), which is the middle of the window

@@ -19,7 +19,9 @@ from improved_vfh_arena import (
     rim_origins,
     u_trap,
 )
-from navloom_improved_vfh.avoidance import Avoidance, Beams, Robot
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.robot import Robot
+from navloom_improved_vfh.avoidance import Avoidance
 from navloom_improved_vfh.params import ImprovedVfhParams, paper_literal
 
 SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])

@@ -18,8 +18,8 @@ from navloom import (
     RobotSpec,
     Twist2D,
 )
-from navloom_improved_vfh import certainty, clearance
-from navloom_vff import forces, himm
+from navloom.avoidance import certainty, clearance, himm
+from navloom_vff import forces
 from navloom_vff.adapter import Vff
 from navloom_vff.avoidance import disc_radius
 from navloom_vff.params import VffParams, paper_literal

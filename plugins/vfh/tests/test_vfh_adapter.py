@@ -18,8 +18,7 @@ from navloom import (
     RobotSpec,
     Twist2D,
 )
-from navloom_improved_vfh import certainty, clearance
-from navloom_vff import himm
+from navloom.avoidance import certainty, clearance, himm
 from navloom_vfh import costs, lookahead, survey, turning
 from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar
 from navloom_vfh.params import paper_literal

@@ -51,6 +51,6 @@ def test_each_example_is_a_valid_table():
 def test_every_function_of_the_equation_table_is_there():
     named = re.findall(r"`(\w+)\.(\w+)`", README.partition("## Where")[2].partition("## Choices")[0])
     for module, name in named:
-        package = "navloom_improved_vfh" if module == "search" else "navloom_vff" if module == "himm" else "navloom_vfh"
+        package = "navloom.avoidance" if module in ("search", "himm") else "navloom_vfh"
         assert hasattr(__import__(f"{package}.{module}", fromlist=[name]), name), f"{module}.{name}"
     assert len(named) > 15

@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
-from navloom_improved_vfh.avoidance import Beams
-from navloom_improved_vfh.certainty import THIN_BEAM
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.certainty import THIN_BEAM
 from numpy.typing import NDArray
 
 from navloom_dwa import warming

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from navloom_improved_vfh.avoidance import Beams
-from navloom_improved_vfh.certainty import insert_beams, new_window, occupied_cells
-from navloom_improved_vfh.clearance import footprint_edges
-from navloom_improved_vfh.motors import Motors
-from navloom_improved_vfh.search import Progress, Trap
-from navloom_improved_vfh.smoothing import smoothed
-from navloom_improved_vfh.support import new_record
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.certainty import insert_beams, new_window, occupied_cells
+from navloom.avoidance.clearance import footprint_edges
+from navloom.avoidance.motors import Motors
+from navloom.avoidance.search import Progress, Trap
+from navloom.avoidance.smoothing import smoothed
+from navloom.avoidance.support import new_record
 from numpy.typing import NDArray
 
 from navloom_dwa.contact import enlarged_corners, first_contacts

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from navloom_improved_vfh.clearance import outside_distance
+from navloom.avoidance.clearance import outside_distance
 from numba import njit
 from numpy.typing import NDArray
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from navloom_improved_vfh.steering import wrap
+from navloom.avoidance.steering import wrap
 from numpy.typing import NDArray
 
 Point = tuple[float, float]

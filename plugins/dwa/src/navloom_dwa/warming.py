@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from navloom_improved_vfh.avoidance import Beams
+from navloom.avoidance.beams import Beams
 
 from navloom_dwa.avoidance import DynamicWindow, Given, Robot
 from navloom_dwa.params import DwaParams, fox_1997

@@ -7,12 +7,14 @@ import math
 import numpy as np
 from navloom import Avoidance as Answer
 from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
+from navloom.avoidance.beams import Joiner
+from navloom.avoidance.decision import Decision
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.smoothing import warm_up_smoothing
 
 from navloom_improved_vfh import avoidance
-from navloom_improved_vfh.avoidance import Avoidance, Beams, Decision, Robot
-from navloom_improved_vfh.joining import Joiner
+from navloom_improved_vfh.avoidance import Avoidance
 from navloom_improved_vfh.params import ImprovedVfhParams
-from navloom_improved_vfh.smoothing import warm_up_smoothing
 
 __all__ = ["ImprovedVfh"]
 
@@ -25,12 +27,8 @@ class ImprovedVfh(Avoider):
 
     def __init__(self, params: ImprovedVfhParams, context: Context) -> None:
         super().__init__(params, context)
-        r = context.robot
-        robot = Robot(
-            r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
-        )  # fmt: skip
-        self._method = Avoidance(params, robot, context.period)
-        self._joiner = Joiner(Beams, params.agreement)
+        self._method = Avoidance(params, Robot.of(context.robot), context.period)
+        self._joiner = Joiner(params.agreement)
 
     def reset(self) -> None:
         self._method.reset()

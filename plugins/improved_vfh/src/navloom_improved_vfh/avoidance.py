@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
+from navloom.avoidance.clearance import footprint_edges, free_command, nearest_ahead
+from navloom.avoidance.decision import Decision
+from navloom.avoidance.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
+from navloom.avoidance.motors import Motors
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.search import Progress, RotationSearch, Trap
+from navloom.avoidance.steering import turn_rate, wrap
+from navloom.avoidance.support import new_record
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_improved_vfh.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
-from navloom_improved_vfh.clearance import footprint_edges, free_command, nearest_ahead
-from navloom_improved_vfh.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
-from navloom_improved_vfh.motors import Motors
-from navloom_improved_vfh.search import Progress, RotationSearch, Trap
-from navloom_improved_vfh.steering import forward_speed, is_turning, select_direction, turn_rate, wrap
-from navloom_improved_vfh.support import new_record
+from navloom_improved_vfh.steering import forward_speed, is_turning, select_direction
 
 if TYPE_CHECKING:
     from navloom_improved_vfh.params import ImprovedVfhParams
@@ -24,52 +27,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
-
-    footprint: Floats
-    max_linear: float
-    max_angular: float
-    max_acceleration: float
-    max_deceleration: float
-    motor_lag: float = 0.0
-    dead_time: float = 0.0
-
-
-class Beams(NamedTuple):
-    """Readings of all range sensors in one tick, base frame.
-
-    Attributes:
-        origins: (n, 2), m. bearings: (n,), rad. half_angles: (n,), rad; 0 for a laser.
-        ranges: (n,), m, +inf for no echo. limits: (n, 2), range_min and range_max of each, m.
-        sensors: (n,) int64, number of the sensor of each beam.
-    """
-
-    origins: Floats
-    bearings: Floats
-    half_angles: Floats
-    ranges: Floats
-    limits: Floats
-    sensors: NDArray[np.int64]
-
-
-class Decision(NamedTuple):
-    """Answer of one tick; directions in the pose frame, rad.
-
-    Attributes:
-        speed: m/s. turn: rad/s. status: As the Avoider role names it.
-        direction: theta_d, or None while rotating or trapped.
-        why: One phrase.
-    """
-
-    speed: float
-    turn: float
-    status: Literal["clear", "steering", "trapped"]
-    direction: float | None
-    why: str
 
 
 class View(NamedTuple):

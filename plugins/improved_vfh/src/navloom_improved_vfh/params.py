@@ -3,9 +3,8 @@
 from typing import Any, Literal
 
 from navloom import Params
+from navloom.avoidance.support import LONGEST_MEMORY
 from pydantic import Field
-
-from navloom_improved_vfh.support import LONGEST_MEMORY
 
 
 class ImprovedVfhParams(Params):

@@ -1,14 +1,9 @@
-"""Choice of a direction, and the laws for turn rate and speed: Hoang et al. 2013, III.C."""
+"""Choice of a direction, and the law for the speed: Hoang et al. 2013, III.C."""
 
 import math
 from collections.abc import Sequence
 
-TURN = 2.0 * math.pi
-
-
-def wrap(angle: float) -> float:
-    """The angle in [-pi, pi), rad."""
-    return (angle + math.pi) % TURN - math.pi
+from navloom.avoidance.steering import wrap
 
 
 def select_direction(
@@ -45,11 +40,6 @@ def select_direction(
         if cost < least:
             best, least = wrap(direction), cost
     return best
-
-
-def turn_rate(direction: float, heading: float, gain: float, limit: float) -> float:
-    """omega = 10 (theta_d - theta), |omega| <= 25 deg/s: gain in 1/s, limit and result in rad/s."""
-    return max(-limit, min(limit, gain * wrap(direction - heading)))
 
 
 def forward_speed(

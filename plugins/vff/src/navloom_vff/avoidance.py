@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
-from navloom_improved_vfh.certainty import new_window, occupied_cells, place_beams, scroll_window
-from navloom_improved_vfh.clearance import footprint_edges, free_command
-from navloom_improved_vfh.motors import Motors
-from navloom_improved_vfh.search import Progress, Trap
-from navloom_improved_vfh.steering import wrap
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.certainty import new_window, occupied_cells, place_beams, scroll_window
+from navloom.avoidance.clearance import disc_radius, footprint_edges, free_command
+from navloom.avoidance.decision import Decision
+from navloom.avoidance.himm import count_readings
+from navloom.avoidance.motors import SPEED_ERROR, TURN_ERROR, Motors
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.search import Progress, Trap
+from navloom.avoidance.steering import wrap
 from numpy.typing import NDArray
 
 from navloom_vff.following import WallFollowing, is_turned_away, wall_direction
 from navloom_vff.forces import damping_factor, force_constant, repulsive_force, resultant, travel_cosine
-from navloom_vff.himm import count_readings
 from navloom_vff.steering import forward_speed, low_pass, slowed_for_turn, turn_rate
 
 if TYPE_CHECKING:
@@ -25,53 +28,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-SPEED_ERROR, TURN_ERROR = 0.1, 0.2  # m/s, rad/s: a robot this far off its command is not following it
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
-
-    footprint: Floats
-    max_linear: float
-    max_angular: float
-    max_acceleration: float
-    max_deceleration: float
-    motor_lag: float = 0.0
-    dead_time: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Beams:
-    """Readings of all range sensors in one tick, base frame.
-
-    Attributes:
-        origins: (n, 2), m. bearings: (n,), rad. half_angles: (n,), rad; 0 for a laser.
-        ranges: (n,), m, +inf for no echo. limits: (n, 2), range_min and range_max of each, m.
-    """
-
-    origins: Floats
-    bearings: Floats
-    half_angles: Floats
-    ranges: Floats
-    limits: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Decision:
-    """Answer of one tick.
-
-    Attributes:
-        speed: m/s. turn: rad/s. status: As the Avoider role names it.
-        direction: delta, rad, pose frame, or None while trapped.
-        why: One phrase.
-    """
-
-    speed: float
-    turn: float
-    status: Literal["clear", "steering", "trapped"]
-    direction: float | None
-    why: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +50,6 @@ class View:
     push: Point
     cosine: float
     factor: float
-
-
-def disc_radius(footprint: Floats, disc: str) -> float:
-    """Radius, m, of the disc about the base that encloses the (k, 2) footprint, or lies within it; 0 for a point."""
-    if disc == "point":
-        return 0.0
-    if disc == "enclosing":
-        return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
-    return float(footprint_edges(footprint)[:, 2].min())
 
 
 class ForceField:
@@ -269,14 +216,10 @@ class ForceField:
 
 
 def warm_up(*choices: VffParams) -> None:
-    """Compile every kernel for the types one tick uses: beams of one scan, which nobody may change, and of several."""
+    """Compile every kernel for the types one tick uses."""
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
-    limits = np.tile([0.3, 4.0], (2, 1))
-    arrays = (np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2))
+    limits, sensors = np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64)
+    beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits, sensors)
     for params in choices:
-        for is_writeable in (True, False):
-            for array in arrays:
-                array.flags.writeable = is_writeable
-            beams = Beams(arrays[0], arrays[1], arrays[2], arrays[3], limits)
-            ForceField(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))
+        ForceField(params, robot, 0.05).step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

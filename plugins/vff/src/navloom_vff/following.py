@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from navloom_improved_vfh.steering import wrap
+from navloom.avoidance.steering import wrap
 
 RIGHT_ANGLE = 0.5 * math.pi
 

@@ -6,10 +6,9 @@ Forces are pure numbers: 1 is the pull of the target.
 import math
 
 import numpy as np
+from navloom.avoidance.himm import TOP
 from numba import njit
 from numpy.typing import NDArray
-
-from navloom_vff.himm import TOP
 
 TURN = 2.0 * math.pi
 

@@ -2,12 +2,9 @@
 
 import math
 
-from navloom_improved_vfh.steering import wrap
+from navloom.avoidance.steering import turn_rate
 
-
-def turn_rate(direction: float, heading: float, gain: float, limit: float) -> float:
-    """Omega = K_s (delta - theta), the difference in [-pi, pi): rad, gain in 1/s, limit and result in rad/s."""
-    return max(-limit, min(limit, gain * wrap(direction - heading)))
+__all__ = ["forward_speed", "low_pass", "slowed_for_turn", "turn_rate"]
 
 
 def low_pass(previous: float, wanted: float, period: float, time_constant: float) -> float:

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
-from navloom_improved_vfh.joining import Joiner
-from navloom_improved_vfh.smoothing import warm_up_smoothing
-from navloom_vff.avoidance import Beams, Decision, Robot
+from navloom.avoidance.beams import Beams, Joiner
+from navloom.avoidance.decision import Decision
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.smoothing import warm_up_smoothing
 from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance
@@ -29,12 +30,8 @@ class _HistogramAvoider(Avoider):
 
     def __init__(self, params: VfhParams | VfhPlusParams, context: Context) -> None:
         super().__init__(params, context)
-        r = context.robot
-        robot = Robot(
-            r.footprint, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration, r.motor_lag, r.dead_time
-        )  # fmt: skip
-        self._method = self._make(params, robot, context.period)
-        self._joiner = Joiner(_beams_of, self._method.common.agreement)
+        self._method = self._make(params, Robot.of(context.robot), context.period)
+        self._joiner = Joiner(self._method.common.agreement)
 
     def reset(self) -> None:
         self._method.reset()
@@ -87,15 +84,8 @@ class VfhStar(_HistogramAvoider):
     _make = VfhStarAvoidance
 
 
-def _beams_of(
-    origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats, limits: Floats, sensors: object
-) -> Beams:
-    """Beams, whose sensor no method here asks for."""
-    return Beams(origins, bearings, half_angles, ranges, limits)
-
-
 def warm_up(method: HistogramAvoidance) -> None:
     """Compile every kernel for the types one tick uses, with a cell ahead so that each stage has something to do."""
     limits = np.tile([0.3, 4.0], (2, 1))
-    beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits)
+    beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits, np.zeros(2, np.int64))
     method.step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from navloom_improved_vfh.certainty import new_window, place_beams, scroll_window
-from navloom_improved_vfh.clearance import footprint_edges, free_command
-from navloom_improved_vfh.motors import Motors
-from navloom_improved_vfh.search import Progress, RotationSearch, Trap
-from navloom_vff.avoidance import SPEED_ERROR, TURN_ERROR, Beams, Decision, Robot, disc_radius
-from navloom_vff.himm import count_readings
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.certainty import new_window, place_beams, scroll_window
+from navloom.avoidance.clearance import disc_radius, footprint_edges, free_command
+from navloom.avoidance.decision import Decision
+from navloom.avoidance.himm import count_readings
+from navloom.avoidance.motors import SPEED_ERROR, TURN_ERROR, Motors
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.search import Progress, RotationSearch, Trap
 from numpy.typing import NDArray
 
 from navloom_vfh.steering import forward_speed, turn_rate

@@ -7,9 +7,10 @@ numbers: 1 is one cell of full certainty at the robot.
 import math
 
 import numpy as np
-from navloom_improved_vfh.certainty import AXIS_CERTAINTY
-from navloom_improved_vfh.histogram import TURN, cell_magnitude
-from navloom_vff.himm import TOP
+from navloom.avoidance.certainty import AXIS_CERTAINTY
+from navloom.avoidance.himm import TOP
+from navloom.avoidance.histogram import cell_magnitude
+from navloom.avoidance.steering import TURN
 from numba import njit
 from numpy.typing import NDArray
 

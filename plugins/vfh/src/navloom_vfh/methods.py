@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from navloom_improved_vfh.steering import wrap
-from navloom_vff.avoidance import Robot
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.steering import wrap
 
 from navloom_vfh.avoidance import Choice, Floats, HistogramAvoidance, View
 from navloom_vfh.costs import cheapest

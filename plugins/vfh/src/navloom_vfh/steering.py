@@ -1,6 +1,6 @@
 """From a direction to turn rate and speed: Borenstein & Koren 1991 (VFH), which VFH+ and VFH* take over."""
 
-from navloom_improved_vfh.steering import turn_rate
+from navloom.avoidance.steering import turn_rate
 
 __all__ = ["forward_speed", "turn_rate"]
 

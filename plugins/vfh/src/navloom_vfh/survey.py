@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
-from navloom_improved_vfh.certainty import occupied_cells
-from navloom_improved_vfh.histogram import TURN, free_slots, slot_directions, smooth
+from navloom.avoidance.certainty import occupied_cells
+from navloom.avoidance.histogram import free_slots, slot_directions, smooth
+from navloom.avoidance.steering import TURN
 from numba import njit
 from numpy.typing import NDArray
 

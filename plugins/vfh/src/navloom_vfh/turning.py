@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from navloom_improved_vfh.histogram import TURN
+from navloom.avoidance.steering import TURN
 from numba import njit
 from numpy.typing import NDArray
 

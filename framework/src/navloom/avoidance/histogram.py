@@ -10,9 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_improved_vfh.certainty import AXIS_CERTAINTY
-
-TURN = 2.0 * math.pi
+from navloom.avoidance.certainty import AXIS_CERTAINTY
+from navloom.avoidance.steering import TURN
 
 
 @njit(cache=True, nogil=True)

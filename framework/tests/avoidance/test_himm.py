@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_improved_vfh.certainty import new_window, place_beams, scroll_window
-from navloom_vff.himm import count_readings, vote_line
+from navloom.avoidance.certainty import new_window, place_beams, scroll_window
+from navloom.avoidance.himm import count_readings, vote_line
 
 CELL, SIZE = 0.1, 41
 CENTRE = (0.05, 0.05, 0.0)  # the middle of cell (0, 0), which is the middle of the window

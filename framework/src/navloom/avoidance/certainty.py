@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from navloom_improved_vfh.support import age_record, has_support
+from navloom.avoidance.support import age_record, has_support
 
 AXIS_CERTAINTY = 3
 ARC_CERTAINTY = 2

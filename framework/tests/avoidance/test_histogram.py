@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_improved_vfh.histogram import (
+from navloom.avoidance.histogram import (
     cell_magnitude,
     enlarged_density,
     free_slots,

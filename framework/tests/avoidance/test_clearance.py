@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navloom_improved_vfh.clearance import footprint_edges, free_command, is_free, nearest_ahead, outside_distance
+from navloom.avoidance.clearance import footprint_edges, free_command, is_free, nearest_ahead, outside_distance
 
 EDGES = footprint_edges(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]))
 TURN = math.radians(25.0)

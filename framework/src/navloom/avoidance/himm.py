@@ -68,7 +68,7 @@ def count_readings(
 
     Args:
         grid: (size, size), certainty 0..15, in place. origin, cell: Its place, in cells, and side of a cell, m.
-        placed: (n, 8), beams in the pose frame, from navloom_improved_vfh.certainty.place_beams().
+        placed: (n, 8), beams in the pose frame, from navloom.avoidance.certainty.place_beams().
         limits: (n, 2), least and greatest range of each beam, m.
         blind_depth: A reading at the least range may be of something nearer, m: the axis counts this far before it.
         up, down: Counted up (3) and down (1).

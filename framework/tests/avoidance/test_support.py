@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from improved_vfh_windows import CELL, CENTRE, SIZE, at, insert
-from navloom_improved_vfh.certainty import new_window
+from navloom.avoidance.certainty import new_window
+from navloom.avoidance.support import age_record, has_support, new_record
 from navloom_improved_vfh.params import ImprovedVfhParams
-from navloom_improved_vfh.support import age_record, has_support, new_record
 
 SONAR = 15.0  # half angle, degrees
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from improved_vfh_windows import CELL, CENTRE, SIZE, at, filled_window, insert
-from navloom_improved_vfh.certainty import new_window, occupied_cells
-from navloom_improved_vfh.clearance import footprint_edges
+from navloom.avoidance.certainty import new_window, occupied_cells
+from navloom.avoidance.clearance import footprint_edges
 
 SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
 

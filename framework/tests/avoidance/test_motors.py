@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from navloom_improved_vfh.motors import Motors
+from navloom.avoidance.motors import Motors
 
 
 def sent(motors, *commands, twist=(0.0, 0.0), share=1.0):

@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom_improved_vfh.certainty import THIN_BEAM
-from navloom_improved_vfh.smoothing import smoothed
+from navloom.avoidance.certainty import THIN_BEAM
+from navloom.avoidance.smoothing import smoothed
 
-__all__ = ["Joiner", "Scan"]
+__all__ = ["Beams", "Joiner", "Scan"]
 
 Floats = NDArray[np.float64]
-B = TypeVar("B")
+
+
+class Beams(NamedTuple):
+    """Readings of all range sensors in one tick, base frame.
+
+    Attributes:
+        origins: (n, 2), m. bearings: (n,), rad. half_angles: (n,), rad; 0 for a laser.
+        ranges: (n,), m, +inf for no echo. limits: (n, 2), range_min and range_max of each, m.
+        sensors: (n,) int64, number of the sensor of each beam.
+    """
+
+    origins: Floats
+    bearings: Floats
+    half_angles: Floats
+    ranges: Floats
+    limits: Floats
+    sensors: NDArray[np.int64]
 
 
 class Scan(Protocol):
@@ -34,25 +50,22 @@ class Scan(Protocol):
     def range_max(self) -> float: ...
 
 
-class Joiner(Generic[B]):
+class Joiner:
     """Joins scans; of sensors that stay where they are only the ranges are written anew.
 
     The arrays are its own: numba would compile once more for those of messages, which are read-only.
 
     Args:
-        make: Makes the beams, of origins, bearings, half angles, ranges, limits and numbers of the sensors.
         agreement: Echoes of a laser that differ by no more are averaged, m, see smoothing.smoothed(); 0 for none.
     """
 
-    def __init__(
-        self, make: Callable[[Floats, Floats, Floats, Floats, Floats, NDArray[np.int64]], B], agreement: float
-    ) -> None:
-        self._make, self._agreement = make, agreement
+    def __init__(self, agreement: float) -> None:
+        self._agreement = agreement
         self._known: Sequence[Scan] = ()
         self._lasers: list[bool] = []
         self._ranges = np.empty(0)
 
-    def join(self, scans: Sequence[Scan]) -> B:
+    def join(self, scans: Sequence[Scan]) -> Beams:
         """All beams of a tick, one scan at least. The same object, with other ranges, until a sensor changes."""
         if not self._is_known(scans):
             self._open(scans)
@@ -84,7 +97,7 @@ class Joiner(Generic[B]):
         sizes = [scan.ranges.size for scan in scans]
         limits = np.array([(scan.range_min, scan.range_max) for scan in scans]).repeat(sizes, axis=0)
         self._ranges = np.empty(sum(sizes))
-        self._beams = self._make(
+        self._beams = Beams(
             np.concatenate([scan.origins for scan in scans]),
             np.concatenate([scan.bearings for scan in scans]),
             np.concatenate([scan.half_angles for scan in scans]),

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from navloom_improved_vfh.avoidance import Avoidance, Beams, Robot
+from navloom.avoidance.beams import Beams
+from navloom.avoidance.robot import Robot
+from navloom.avoidance.smoothing import smoothed
+from navloom_improved_vfh.avoidance import Avoidance
 from navloom_improved_vfh.params import ImprovedVfhParams
-from navloom_improved_vfh.smoothing import smoothed
 
 
 def test_a_reading_is_averaged_with_the_two_on_either_side():

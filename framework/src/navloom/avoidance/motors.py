@@ -8,8 +8,10 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Motors"]
+__all__ = ["SPEED_ERROR", "TURN_ERROR", "Motors"]
 
+SPEED_ERROR, TURN_ERROR = 0.1, 0.2
+"""A robot that is this far off its command does not follow it, m/s and rad/s."""
 FOREIGN = 0.1
 """A robot this much further off its command than its motors explain follows another one, m/s."""
 

@@ -25,6 +25,15 @@ def footprint_edges(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ascontiguousarray(np.column_stack((normal, np.sum(normal * vertices, axis=1))))
 
 
+def disc_radius(footprint: NDArray[np.float64], disc: str) -> float:
+    """Radius, m, of the disc about the base that encloses the (k, 2) footprint, or lies within it; 0 for a point."""
+    if disc == "point":
+        return 0.0
+    if disc == "enclosing":
+        return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+    return float(footprint_edges(footprint)[:, 2].min())
+
+
 @njit(cache=True, nogil=True)
 def outside_distance(edges: NDArray[np.float64], x: float, y: float) -> float:
     """Greatest distance of a point beyond a side, m: negative inside, never more than the true distance outside."""

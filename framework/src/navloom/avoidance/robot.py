@@ -1,0 +1,35 @@
+"""What an avoider has to know of the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from navloom.roles import RobotSpec
+
+__all__ = ["Robot"]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
+
+    footprint: NDArray[np.float64]
+    max_linear: float
+    max_angular: float
+    max_acceleration: float
+    max_deceleration: float
+    motor_lag: float = 0.0
+    dead_time: float = 0.0
+
+    @classmethod
+    def of(cls, spec: RobotSpec) -> Self:
+        """From what every plugin is told about the robot."""
+        return cls(
+            spec.footprint, spec.max_linear, spec.max_angular, spec.max_acceleration, spec.max_deceleration,
+            spec.motor_lag, spec.dead_time,
+        )  # fmt: skip

@@ -28,7 +28,6 @@ from navloom.cli import (
     map,
     nodes,
     operate,
-    paper,
     plan,
     plugins,
     record,
@@ -79,7 +78,6 @@ app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
-app.command("paper")(paper.paper)
 app.command("bench")(bench.bench)
 app.command("graph")(graph.graph)
 app.command("completion")(completion.completion)

@@ -7,6 +7,7 @@ __all__ = ["SHIPPED", "distribution_of", "shipped_names"]
 SHIPPED = {
     "navloom-astar": ("planner.astar", "planner.dijkstra", "planner.jps"),
     "navloom-dwa": ("avoider.dwa",),
+    "navloom-hoang2013": ("command.paper",),
     "navloom-improved-vfh": ("avoider.improved_vfh",),
     "navloom-ipabd": ("mapper.ipabd", "mapper.union"),
     "navloom-known-map": ("mapper.known_map",),

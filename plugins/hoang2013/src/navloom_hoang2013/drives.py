@@ -6,11 +6,12 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.geometry.frames import transform
 from navloom.messages import Pose2D
-from navloom.study.paper_figures import (
+from navloom.study.plotting import GREY, new_figure
+from numpy.typing import NDArray
+
+from navloom_hoang2013.figures import (
     BLACK,
     BLUE,
     COLUMN,
@@ -24,8 +25,7 @@ from navloom.study.paper_figures import (
     plan_axes,
     set_room,
 )
-from navloom.study.paper_runs import GATE_LINE, Choice, Drive, box
-from navloom.study.plotting import GREY, new_figure
+from navloom_hoang2013.runs import GATE_LINE, Choice, Drive, box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from navloom.study.plotting import GREY, OKABE_ITO, new_figure
 
-from navloom.study.paper_cloud import Cloud
-from navloom.study.paper_errata import Errata, Variant, grown, length_of
-from navloom.study.paper_figures import (
+from navloom_hoang2013.cloud import Cloud
+from navloom_hoang2013.errata import Errata, Variant, grown, length_of
+from navloom_hoang2013.figures import (
     BLACK,
     BLUE,
     COLUMN,
@@ -21,9 +22,8 @@ from navloom.study.paper_figures import (
     draw_world,
     set_room,
 )
-from navloom.study.paper_law import BAND
-from navloom.study.paper_runs import box
-from navloom.study.plotting import GREY, OKABE_ITO, new_figure
+from navloom_hoang2013.law import BAND
+from navloom_hoang2013.runs import box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Box, World
 from navloom.messages import Pose2D, Sweep
+from numpy.typing import NDArray
 
 __all__ = ["CLASSES", "Cloud", "cloud_of", "hits_by_box", "on_box", "on_floor"]
 

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from navloom.study.paper_cloud import Cloud
-from navloom.study.paper_drives import avoiding_figure, choice_figure, tracking_figure
-from navloom.study.paper_errata import Errata, length_of, limits_of, off_the_walls
-from navloom.study.paper_errata_figures import gain_figure, geometry_figure, grid_rules_figure, order_figure
-from navloom.study.paper_figures import cloud_figure, grid_figure, map_figure, union_figure
-from navloom.study.paper_law import BESIDE, SPEED
-from navloom.study.paper_numbers import Number
-from navloom.study.paper_runs import Drive
+from navloom_hoang2013.cloud import Cloud
+from navloom_hoang2013.drives import avoiding_figure, choice_figure, tracking_figure
+from navloom_hoang2013.errata import Errata, length_of, limits_of, off_the_walls
+from navloom_hoang2013.errata_figures import gain_figure, geometry_figure, grid_rules_figure, order_figure
+from navloom_hoang2013.figures import cloud_figure, grid_figure, map_figure, union_figure
+from navloom_hoang2013.law import BESIDE, SPEED
+from navloom_hoang2013.numbers import Number
+from navloom_hoang2013.runs import Drive
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

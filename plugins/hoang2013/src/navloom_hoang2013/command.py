@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from navloom.study.paper_numbers import Number
+    from navloom_hoang2013.numbers import Number
 
 __all__ = ["DEFAULT", "paper"]
 
@@ -31,9 +31,10 @@ def paper(
     Exit 0: the robot arrived at D both times, through gate B and without contact; 1: it did not.
     """
     from navloom.cli.output import print_json
-    from navloom.study.paper import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps
     from navloom.study.plotting import need_matplotlib
     from navloom.study.results import OutFolder
+
+    from navloom_hoang2013.reproduction import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps
 
     need_matplotlib()
     try:

@@ -13,18 +13,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom.cli import paper
 from navloom.messages import Path as Plan
-from navloom.study import paper as study
-from navloom.study.paper_cloud import CLASSES, hits_by_box, on_box
-from navloom.study.paper_errata import grown, length_of, off_the_walls
-from navloom.study.paper_figures import cells_of
-from navloom.study.paper_law import LAWS
-from navloom.study.paper_numbers import Number
-from navloom.study.paper_plates import Reproduction, plates_of
-from navloom.study.paper_report import page_of
-from navloom.study.paper_runs import GATE_LINE, Drive, box, crossing, gates_of
 from navloom.worlds.paper import paper_gates
+from navloom_hoang2013 import command as paper
+from navloom_hoang2013 import reproduction as study
+from navloom_hoang2013.cloud import CLASSES, hits_by_box, on_box
+from navloom_hoang2013.errata import grown, length_of, off_the_walls
+from navloom_hoang2013.figures import cells_of
+from navloom_hoang2013.law import LAWS
+from navloom_hoang2013.numbers import Number
+from navloom_hoang2013.plates import Reproduction, plates_of
+from navloom_hoang2013.report import page_of
+from navloom_hoang2013.runs import GATE_LINE, Drive, box, crossing, gates_of
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -451,8 +451,8 @@ def test_a_drive_that_ends_otherwise_is_exit_1_and_its_report_is_kept(
 
 def test_it_says_as_many_steps_as_it_announces(made: Reproduction, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    monkeypatch.setattr("navloom.study.paper_errata.drive", lambda *settings, seed=None: made.run)
-    monkeypatch.setattr("navloom.study.paper_errata.settle", lambda law, discovery: made.errata.laws[0])
+    monkeypatch.setattr("navloom_hoang2013.errata.drive", lambda *settings, seed=None: made.run)
+    monkeypatch.setattr("navloom_hoang2013.errata.settle", lambda law, discovery: made.errata.laws[0])
     monkeypatch.setattr(study, "drive", lambda *settings, seed=None: made.run)
     study.reproduce(say=said.append)
     assert len(said) + study.FIGURES == study.steps()

@@ -9,13 +9,13 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-
 from navloom.study import html
-from navloom.study.paper_cloud import hits_by_box
-from navloom.study.paper_errata import Errata, Variant, length_of
-from navloom.study.paper_law import BAND
-from navloom.study.paper_numbers import Number
-from navloom.study.paper_plates import Plate, Reproduction
+
+from navloom_hoang2013.cloud import hits_by_box
+from navloom_hoang2013.errata import Errata, Variant, length_of
+from navloom_hoang2013.law import BAND
+from navloom_hoang2013.numbers import Number
+from navloom_hoang2013.plates import Plate, Reproduction
 
 __all__ = ["page_of"]
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.geometry.world import Box, World
 from navloom.plugins import Discovery
-from navloom.study.paper_cloud import Cloud, cloud_of, on_box, on_floor
-from navloom.study.paper_law import LAWS, Settling, settle
-from navloom.study.paper_runs import PLANNED, QUIET, START, Drive, box, crossing, drive
+from numpy.typing import NDArray
+
+from navloom_hoang2013.cloud import Cloud, cloud_of, on_box, on_floor
+from navloom_hoang2013.law import LAWS, Settling, settle
+from navloom_hoang2013.runs import PLANNED, QUIET, START, Drive, box, crossing, drive
 
 __all__ = ["Errata", "Variant", "errata_of", "grown", "length_of", "limits_of", "off_the_walls", "steps_of_errata"]
 

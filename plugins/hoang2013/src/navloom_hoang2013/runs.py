@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.config import load_config
 from navloom.geometry.angles import wrap
 from navloom.geometry.world import Box, World
@@ -30,6 +28,7 @@ from navloom.messages import (
     Trajectory,
 )
 from navloom.study.episode import Episode, run_episode
+from numpy.typing import NDArray
 
 __all__ = ["PLANNED", "QUIET", "START", "Choice", "Drive", "Gate", "box", "crossing", "drive", "gates_of"]
 

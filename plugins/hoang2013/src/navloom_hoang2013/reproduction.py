@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from navloom.plugins import Discovery
-from navloom.study.paper_cloud import cloud_of
-from navloom.study.paper_errata import Errata, Variant, errata_of, limits_of, steps_of_errata
-from navloom.study.paper_numbers import numbers_of
-from navloom.study.paper_plates import Plate, Reproduction, plates_of
-from navloom.study.paper_report import page_of
-from navloom.study.paper_runs import START, Drive, crossing, drive
+
+from navloom_hoang2013.cloud import cloud_of
+from navloom_hoang2013.errata import Errata, Variant, errata_of, limits_of, steps_of_errata
+from navloom_hoang2013.numbers import numbers_of
+from navloom_hoang2013.plates import Plate, Reproduction, plates_of
+from navloom_hoang2013.report import page_of
+from navloom_hoang2013.runs import START, Drive, crossing, drive
 
 __all__ = ["FIGURES", "FILES", "PaperError", "drawn", "facts_of", "files_of", "is_reproduced", "reproduce", "steps"]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from navloom.study.paper_cloud import CLASSES, Cloud, on_floor
-from navloom.study.paper_errata import Errata
-from navloom.study.paper_runs import Drive, box, crossing, gates_of
+from navloom_hoang2013.cloud import CLASSES, Cloud, on_floor
+from navloom_hoang2013.errata import Errata
+from navloom_hoang2013.runs import Drive, box, crossing, gates_of
 
 __all__ = ["NOT_STATED", "Number", "numbers_of"]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import Box, World
 from navloom.messages import OccupancyGrid
-from navloom.study.paper_cloud import Cloud
-from navloom.study.paper_runs import GATE_LINE, Drive, gates_of
 from navloom.study.plotting import GREY, OKABE_ITO, new_figure
+from numpy.typing import NDArray
+
+from navloom_hoang2013.cloud import Cloud
+from navloom_hoang2013.runs import GATE_LINE, Drive, gates_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

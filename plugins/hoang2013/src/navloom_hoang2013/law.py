@@ -9,14 +9,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.config import check_params
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.messages import Point2D, Pose2D, PoseEstimate, Reference, Trajectory, Twist2D
 from navloom.plugins import Discovery
 from navloom.roles import Context, Controller, ControllerInput, RobotSpec
+from numpy.typing import NDArray
 
 __all__ = ["BAND", "BESIDE", "LAWS", "SPEED", "Law", "Settling", "settle"]
 

@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from navloom.errors import *  # noqa: F403
     from navloom.geometry.world import *  # noqa: F403
     from navloom.messages import *  # noqa: F403
     from navloom.plugins import *  # noqa: F403
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 _HOUSES = (
     "navloom.messages",
+    "navloom.errors",
     "navloom.geometry.world",
     "navloom.roles",
     "navloom.plugins",

@@ -40,6 +40,7 @@ from navloom.cli import (
     view,
     worlds,
 )
+from navloom.errors import NavloomError
 
 __all__ = ["app", "main"]
 
@@ -104,12 +105,10 @@ def main() -> None:
     except BrokenPipeError:
         sys.exit(1)
     except Exception as error:
-        if _is_failure(error):
+        code = _exit_code(error)
+        if code is not None:
             _say(_words(error))
-            sys.exit(1)
-        if _is_wrong_request(error):
-            _say(_words(error))
-            sys.exit(2)
+            sys.exit(code)
         internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
         _say(added.blamed(error) or internal)
         sys.exit(1)
@@ -129,46 +128,13 @@ def _run() -> None:
             raise
 
 
-def _is_wrong_request(error: Exception) -> bool:
-    """Errors that are about what was asked for, wherever they were found."""
-    from navloom.config import ConfigError
-    from navloom.engine.graph import GraphError
-    from navloom.plugins import PluginError
-    from navloom.recording.header import RecordingError
-    from navloom.roles import InputError
-    from navloom.runtime.client import Refused
-    from navloom.runtime.directory import DirectoryError
-    from navloom.runtime.links import LinkError
-    from navloom.runtime.looking import NoStream
-    from navloom.worlds import WorldError
-
-    kinds = (
-        ConfigError,
-        PluginError,
-        GraphError,
-        WorldError,
-        InputError,
-        OSError,
-        DirectoryError,
-        LinkError,
-        NoStream,
-        Refused,
-        RecordingError,
-    )
-    return isinstance(error, kinds)
-
-
-def _is_failure(error: Exception) -> bool:
-    """Errors of what was asked for rightly and did not work; a full disk is one."""
-    from navloom.recording.writer import WriteError
-    from navloom.runtime.client import ClientError
-    from navloom.runtime.conductor import BarrierError
-    from navloom.runtime.robot import StartError
-    from navloom.viewer.extra import ViewerLost
-
-    if isinstance(error, OSError) and error.errno in FULL:
-        return True
-    return isinstance(error, (ClientError, BarrierError, StartError, ViewerLost, WriteError))
+def _exit_code(error: Exception) -> int | None:
+    """1 or 2 for what is an answer to the user; None for what nobody expected."""
+    if isinstance(error, NavloomError):
+        return error.exit_code
+    if isinstance(error, OSError):
+        return 1 if error.errno in FULL else 2
+    return None
 
 
 def _words(error: Exception) -> str:

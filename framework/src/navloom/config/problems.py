@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from navloom.errors import NavloomError
 from navloom.plugins.registry import PluginError, nearest
 
 __all__ = ["ConfigError", "Gathered", "check_params", "problems_of"]
@@ -44,7 +45,7 @@ _PATTERNS = {
 """Patterns of names in words."""
 
 
-class ConfigError(ValueError):
+class ConfigError(NavloomError, ValueError):
     """The config cannot be used; each line of the text names a place, the value, the expectation and the nearest fix.
 
     Attributes:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from navloom.engine.ports import Input, NodeSpec
+from navloom.errors import NavloomError
 
 __all__ = ["GraphError", "edges", "order"]
 
 
-class GraphError(ValueError):
+class GraphError(NavloomError, ValueError):
     """The wiring does not work: an input that leads nowhere, or a cycle without a `~` edge."""
 
 

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Protocol
 
+from navloom.errors import NavloomError
 from navloom.geometry.world import World
 from navloom.messages import Message
 from navloom.roles import ROLE_API, ROLES, Params, Role
@@ -25,7 +26,7 @@ class Named(Protocol):
         """By which it is asked for."""
 
 
-class PluginError(ValueError):
+class PluginError(NavloomError, ValueError):
     """A plugin is unknown, broken, built for another version of its role, or named twice."""
 
 

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
 from navloom.config import Loaded
+from navloom.errors import NavloomError
 from navloom.inputs.texts import json_of
 
 __all__ = ["HEADER", "Kind", "RecordingError", "RecordingHeader", "header_of"]
@@ -20,7 +21,7 @@ HEADER = "navloom"
 Kind = Literal["lockstep", "barrier", "live", "imported"]
 
 
-class RecordingError(ValueError):
+class RecordingError(NavloomError, ValueError):
     """A file that is not a recording of ours, or lacks what was asked for; the text says which and what to do."""
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from navloom.errors import NavloomError
 from navloom.messages.codec import schema_label
 from navloom.messages.schema import SCHEMAS
 from navloom.recording.header import HEADER, RecordingError, RecordingHeader
@@ -21,12 +22,14 @@ CHUNK = 1 << 20
 """Bytes after which a chunk is closed, whatever the time."""
 
 
-class WriteError(OSError):
+class WriteError(NavloomError, OSError):
     """The file cannot be written on; what it holds so far is whole. The text says why, and how much there is.
 
     Attributes:
         why: The cause alone.
     """
+
+    exit_code = 1
 
     def __init__(self, text: str, why: str = "") -> None:
         super().__init__(text)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
 
+from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 
@@ -22,7 +23,7 @@ RESERVED_KEYS = ("plugin", "name", "sensors", "rate_hz", "latency", "diagnostics
 """Keys of a role's table that the framework reads itself: no plugin can have a parameter of such a name."""
 
 
-class InputError(ValueError):
+class InputError(NavloomError, ValueError):
     """A plugin was given data it cannot use: the text says what was given and what was expected."""
 
 

@@ -9,6 +9,7 @@ import uuid
 from collections.abc import Mapping
 from typing import Any
 
+from navloom.errors import NavloomError
 from navloom.messages import Message
 from navloom.messages.codec import CodecError, decode
 from navloom.runtime.directory import RobotFolder
@@ -54,15 +55,17 @@ _COUNTED = frozenset({"received", "dropped", "malformed", "late", "latest"})
 """What it says of each stream that it reads."""
 
 
-class ClientError(RuntimeError):
+class ClientError(NavloomError, RuntimeError):
     """Nobody answers; the text says who was asked and what to do."""
+
+    exit_code = 1
 
 
 class Unanswered(ClientError):
     """It was asked and gave no answer, so that it may have been done or not."""
 
 
-class Refused(ValueError):
+class Refused(NavloomError, ValueError):
     """The robot answered, but does not do it; the text says why."""
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from navloom.engine.build import System
 from navloom.engine.lockstep import Observer, RunLog
 from navloom.engine.trace import TraceWriter
+from navloom.errors import NavloomError
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, OperatorRequest, PortMark, Selection
 from navloom.messages.codec import schema_label
 from navloom.messages.steps import StepReport
@@ -24,8 +25,10 @@ STALL = 30.0
 """s without any progress after which the run has failed."""
 
 
-class BarrierError(RuntimeError):
+class BarrierError(NavloomError, RuntimeError):
     """A node did not report a tick, so the run ends; the text names it."""
+
+    exit_code = 1
 
 
 class Conductor:

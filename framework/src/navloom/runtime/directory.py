@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from navloom.errors import NavloomError
 from navloom.files import write_whole
 from navloom.runtime.process_log import last_lines
 
@@ -25,7 +26,7 @@ CLAIMS, LOOK = 3, 0.005
 """Times a robot is claimed, and s between them: longer than a look at the lock lasts."""
 
 
-class DirectoryError(ValueError):
+class DirectoryError(NavloomError, ValueError):
     """No robot, too many, or a folder that cannot be used; the text says what to do."""
 
 

@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from navloom.errors import NavloomError
 from navloom.inputs.bounds import open_file
 from navloom.runtime.access import AccessError, limits, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
@@ -51,7 +52,7 @@ _LOCAL, _PLAIN, _SECURE = ("unixsock-stream",), ("tcp", "udp"), ("tls",)
 _MODES = ("peer", "client", "router")
 
 
-class LinkError(ValueError):
+class LinkError(NavloomError, ValueError):
     """A link that is refused; the text says why and what to do."""
 
 

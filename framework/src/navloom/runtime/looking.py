@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from navloom.errors import NavloomError
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.navigation.gate import OBSTACLE
@@ -75,7 +76,7 @@ _KINDS = {
 }
 
 
-class NoStream(ValueError):
+class NoStream(NavloomError, ValueError):
     """A key that no stream of the robot has; the text names the nearest."""
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 
 from navloom.engine.build import System
+from navloom.errors import NavloomError
 from navloom.runtime.cell import Source
 from navloom.runtime.cells import all_sources
 from navloom.runtime.directory import DirectoryError, RobotFolder, Running
@@ -33,8 +34,10 @@ JOIN = 15.0
 """s to wait for a router of this host's own."""
 
 
-class StartError(RuntimeError):
+class StartError(NavloomError, RuntimeError):
     """The robot did not come up; the text says who is missing and what it said last."""
+
+    exit_code = 1
 
 
 class Robot:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 
 from navloom.config import ConfigError
+from navloom.errors import NavloomError
 
 __all__ = ["ViewerError", "ViewerLost", "need_rerun"]
 
@@ -13,8 +14,10 @@ class ViewerError(ConfigError):
     """The viewer is not installed, does not start, or cannot be reached; the text says what to do."""
 
 
-class ViewerLost(Exception):
+class ViewerLost(NavloomError):
     """The viewer failed while something was shown: what was asked for was right, and has been done but for that."""
+
+    exit_code = 1
 
 
 def need_rerun() -> None:

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from urllib.parse import parse_qsl
 
+from navloom.errors import NavloomError
 from navloom.inputs.bounds import read_file
 
 __all__ = ["WorldError", "did_you_mean", "file_of", "options_of", "read_bytes", "readable"]
@@ -17,7 +18,7 @@ _SHOWN = 30
 """Most names that an error lists."""
 
 
-class WorldError(ValueError):
+class WorldError(NavloomError, ValueError):
     """A world cannot be made: the text names the file and place, what was given and what was expected."""
 
 

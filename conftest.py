@@ -1,7 +1,11 @@
 """Settings of all tests: properties try the same examples each time; `--hypothesis-profile=explore` tries new ones."""
 
+import sys
+from collections.abc import Callable
+
 import pytest
 from hypothesis import settings
+from navloom.cli import main
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
@@ -30,3 +34,20 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     for bench in session.benchmarks if session else ():
         for name, value in bench.extra_info.items():
             terminalreporter.write_line(f"{bench.name}: {name} = {value:.3g}")
+
+
+@pytest.fixture
+def in_process(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """The command line in this process: takes its words; gives exit code, output and errors."""
+
+    def run(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["navloom", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, out, err
+
+    return run

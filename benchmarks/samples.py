@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from navloom.messages import MapUpdate, Message, OccupancyGrid, Pose2D
-from navloom.study import bench_samples
-from navloom.study.bench_samples import wire_size
+from navloom_benchmarks import samples as bench_samples
+from navloom_benchmarks.samples import wire_size
 
 __all__ = ["BACK", "THERE", "samples", "wire_size"]
 

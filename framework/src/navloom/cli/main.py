@@ -12,7 +12,6 @@ import typer
 from navloom.cli import (
     about,
     added,
-    bench,
     compare,
     completion,
     config,
@@ -79,7 +78,6 @@ app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("worlds")(worlds.worlds)
-app.command("bench")(bench.bench)
 app.command("graph")(graph.graph)
 app.command("completion")(completion.completion)
 app.command("man")(manual.man)

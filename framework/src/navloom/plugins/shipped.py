@@ -6,6 +6,7 @@ __all__ = ["SHIPPED", "distribution_of", "shipped_names"]
 
 SHIPPED = {
     "navloom-astar": ("planner.astar", "planner.dijkstra", "planner.jps"),
+    "navloom-benchmarks": ("command.bench",),
     "navloom-dwa": ("avoider.dwa",),
     "navloom-hoang2013": ("command.paper",),
     "navloom-improved-vfh": ("avoider.improved_vfh",),

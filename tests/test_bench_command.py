@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from navloom.study import bench_barn
-from navloom.study.bench_entries import rooms
-from navloom.study.bench_irsim import scene_of
-from navloom.study.bench_pairs import Child, Effort, Peer, PeerError, paired, peer_module
+from navloom_benchmarks import barn as bench_barn
+from navloom_benchmarks.entries import rooms
+from navloom_benchmarks.irsim import scene_of
+from navloom_benchmarks.pairs import Child, Effort, Peer, PeerError, paired, peer_module
 from scipy import ndimage
 
 Run = Callable[..., tuple[int, str, str]]

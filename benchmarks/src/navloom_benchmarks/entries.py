@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import assemble, make_plugins
@@ -19,9 +17,11 @@ from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.plugins import Discovery
 from navloom.roles import Context, Planner, PlannerInput, RobotSpec
-from navloom.study.bench_pairs import Effort, Peer, PeerError, Row, paired, peer_module, timed
-from navloom.study.bench_samples import ENVELOPE, samples
 from navloom.study.planning import POINT, map_update
+from numpy.typing import NDArray
+
+from navloom_benchmarks.pairs import Effort, Peer, PeerError, Row, paired, peer_module, timed
+from navloom_benchmarks.samples import ENVELOPE, samples
 
 __all__ = ["codec", "loop", "planner", "rays", "rooms"]
 

@@ -1,6 +1,6 @@
 """Round trips between two processes of one host: what a node does, beside bare bytes over Zenoh in the same run.
 
-`python -m navloom.study.bench_bus PART FOLDER` is one of the two, `ping` or `echo`; each holds an end of both peers.
+`python -m navloom_benchmarks.bus PART FOLDER` is one of the two, `ping` or `echo`; each holds an end of both peers.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from navloom.runtime.mailbox import Mailbox
 from navloom.runtime.quality import quality_of
 from navloom.runtime.switchboard import Switchboard
 from navloom.runtime.zenoh_bus import Bus
-from navloom.study.bench_pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module
-from navloom.study.bench_samples import samples, wire_size
+
+from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module
+from navloom_benchmarks.samples import samples, wire_size
 
 __all__ = ["OurEnd", "RawEnd", "bus"]
 
@@ -46,7 +47,7 @@ def bus(effort: Effort, say: Callable[[str], None]) -> Iterator[Row]:
     with tempfile.TemporaryDirectory(prefix="nlb") as top, ExitStack() as stack:
         ends = []
         for part in ("echo", "ping"):
-            command = [sys.executable, "-m", "navloom.study.bench_bus", part, top]
+            command = [sys.executable, "-m", "navloom_benchmarks.bus", part, top]
             ends.append(stack.enter_context(Child(f"bus {part}", command, Path(top))))
         trips = effort.size(40, 3)
 

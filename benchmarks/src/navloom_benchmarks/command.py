@@ -26,7 +26,8 @@ def bench(
 ) -> None:
     """Measure this machine and, in turns with it, the peers installed. Exit 1: an entry asked for has no figures."""
     from navloom.cli.output import print_json
-    from navloom.study.bench import bench as measure
+
+    from navloom_benchmarks.measuring import bench as measure
 
     found = measure(only or (), quick, barn, irsim, lambda text: print(f"navloom: {text}", file=sys.stderr, flush=True))
     if as_json:

@@ -13,16 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from navloom.config import ConfigError, load_config
 from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import System, assemble, make_plugins
 from navloom.geometry.world import Cylinder
 from navloom.messages import RangeScan, Twist2D
 from navloom.roles import Platform, PlatformInput
-from navloom.study import bench_irsim
-from navloom.study.bench_pairs import Block, Child, Effort, Peer, PeerError, Row, paired, timed
 from navloom.worlds.barn import barn_numbers
+
+from navloom_benchmarks import irsim as bench_irsim
+from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, timed
 
 __all__ = ["barn", "reference_of", "scene_given"]
 

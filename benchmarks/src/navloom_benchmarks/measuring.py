@@ -13,8 +13,9 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.plugins import PluginError
-from navloom.study.bench_pairs import Effort, PeerError, Row
 from navloom.worlds.errors import did_you_mean
+
+from navloom_benchmarks.pairs import Effort, PeerError, Row
 
 __all__ = ["NAMES", "bench", "machine"]
 
@@ -69,7 +70,8 @@ def _entries(only: Sequence[str], barn: str | None, irsim: str) -> dict[str, Ent
             raise ConfigError(f"--only {name}: there is no such entry; {did_you_mean(name, NAMES)}")
     if "barn" in only and barn is None:
         raise ConfigError("--only barn: it needs a file of the BARN data set, as in --barn barn_dev.npz#67")
-    from navloom.study import bench_barn, bench_bus, bench_entries
+    from navloom_benchmarks import barn as bench_barn
+    from navloom_benchmarks import bench_bus, bench_entries
 
     known: dict[str, Entry] = {
         "loop": bench_entries.loop,

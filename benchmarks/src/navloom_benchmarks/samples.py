@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
 from navloom.messages import Command, Envelope, Message, Sweep, Twist2D
 from navloom.messages.codec import encode
+from numpy.typing import NDArray
 
 __all__ = ["ENVELOPE", "samples", "wire_size"]
 

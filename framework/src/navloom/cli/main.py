@@ -26,6 +26,7 @@ from navloom.cli import (
     listing,
     manual,
     map,
+    messages,
     nodes,
     operate,
     paper,
@@ -78,6 +79,7 @@ app.command("view")(view.view)
 app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
+app.command("messages")(messages.messages)
 app.command("worlds")(worlds.worlds)
 app.command("paper")(paper.paper)
 app.command("bench")(bench.bench)

@@ -17,6 +17,9 @@ __all__ = ["messages"]
 _UNIT = re.compile(r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/s|1/m|kg|N|V|A|W|%)(?=[,;. ]|$)")
 """A unit in the text of a field: at its begin, or after a comma."""
 
+_IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
+"""Units that a name may end in."""
+
 
 def messages(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show the fields of this one.")] = None,
@@ -84,7 +87,8 @@ def _fields(cls: type[Message]) -> Iterator[dict[str, str]]:
     for name, kind in cls.kinds.items():
         meaning = meanings.get(name, "")
         unit = _UNIT.search(meaning)
-        yield {"name": name, "type": typed(kind), "unit": unit[1] if unit else "", "meaning": meaning}
+        in_name = _IN_NAME.get(name.rpartition("_")[2], "") if "_" in name else ""
+        yield {"name": name, "type": typed(kind), "unit": unit[1] if unit else in_name, "meaning": meaning}
 
 
 def _meanings(text: str) -> dict[str, str]:

@@ -82,7 +82,7 @@ def replay(
 
 
 def tell_reading(recording: Any) -> None:
-    """Say what a user should know of a recording before it is used: its end, and what it holds that is not known here."""
+    """Say what a user should know of a recording: how it ends, and which messages in it are not known here."""
     from navloom.plugins.opening import OPENER
 
     if recording.header.config is not None:

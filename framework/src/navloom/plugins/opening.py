@@ -1,4 +1,4 @@
-"""Opens messages of every distribution: their class is loaded when the first of them comes, or they are shown as sent."""
+"""Opens messages of every distribution: a class is loaded when its first message comes; others are shown as sent."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 
 from navloom.messages import SCHEMAS, Envelope, Message
-from navloom.messages.codec import CodecError, UnknownSchema, decode
+from navloom.messages.codec import UnknownSchema, decode
 from navloom.messages.generic import decode_generic
 from navloom.plugins.discovery import Discovery
 from navloom.plugins.registry import PluginError
@@ -66,7 +66,7 @@ class Opener:
             return decode_generic(data, label, why)
 
     def why_unknown(self, label: str) -> str | None:
-        """Why a label has no class here, empty where it has one; what declares it is loaded. None: of no distribution."""
+        """Why a label has no class here; empty where it has one, which is loaded. None: it is of no distribution."""
         if label not in self._why:
             parts = _LABEL.fullmatch(label)
             if parts is None or parts[1] == "navloom":

@@ -45,7 +45,7 @@ def message(cls: type[M], /) -> type[M]: ...
 def message(version: int = 1) -> Callable[[type[M]], type[M]]: ...
 @dataclass_transform(frozen_default=True)
 def message(version: Any = 1) -> Any:
-    """Declare a message, as `@message` or `@message(version=2)`: makes the class a frozen dataclass with slots, checked.
+    """Declare a message, as `@message` or `@message(version=2)`: the class becomes a frozen dataclass with slots.
 
     Its schema name begins with the top-level package of its module, as `navloom_people.Tracks`: two distributions may
     have messages of one name. A script's package is the name that the script would be imported by.

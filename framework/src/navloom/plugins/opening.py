@@ -83,7 +83,7 @@ class Opener:
         if schema not in SCHEMAS:
             if not owner:
                 install = f"pip install {package.replace('_', '-')}"
-                return f"messages of {package} {version} are not installed here: {install}"
+                return f"messages of {package} are not installed here ({schema}/{version} came): {install}"
             if schema not in self._discovery.names("message"):
                 return f"message {schema} is not declared by {owner}, which is installed here: update it, or unblock it"
             try:

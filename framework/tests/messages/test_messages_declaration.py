@@ -89,8 +89,6 @@ def test_a_scripts_messages_are_named_as_if_it_were_imported(tmp_path: Path) -> 
     for words in (["my_beacons.py"], ["-m", "my_beacons"]):
         done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=60)
         assert (done.stderr, done.stdout) == ("", "my_beacons.Beacons\nmy_beacons.Beacons\n")
-    done = subprocess.run([sys.executable, "-"], input=SCRIPT.partition("if ")[0], capture_output=True, text=True)
-    assert (done.stderr, done.stdout) == ("", "__main__.Beacons\n")
 
 
 @pytest.mark.parametrize(

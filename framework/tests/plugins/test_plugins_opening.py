@@ -1,4 +1,4 @@
-"""Messages of distributions in tools and recordings: loaded when one comes, shown generically where they are unknown."""
+"""Messages of distributions in tools and recordings: loaded when one comes, shown generically where unknown."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import msgpack
-import numpy as np
 import pytest
 from navloom.cli.echo import _messages, _text
 from navloom.messages import SCHEMAS, Envelope, Message, Odometry
@@ -112,7 +111,7 @@ def test_two_distributions_have_a_message_of_one_name(install: Install) -> None:
 def test_nodes_load_nothing_for_a_label_that_comes(install: Install) -> None:
     install("fake_people", tracks(), ["message.Tracks"])
     data, label = sent_by("fake_people")
-    with pytest.raises(UnknownSchema, match="schema 'fake_people.Tracks/1' is unknown here"):
+    with pytest.raises(UnknownSchema, match=r"schema 'fake_people\.Tracks/1' is unknown here"):
         decode(data, label)
     assert Packet(data, label).try_open() is None and "fake_people" not in sys.modules
 
@@ -157,7 +156,7 @@ def nested(depth: int) -> list[Any]:
         (header_of({}, [["<f8", [1 << 40], 0]]), "expected it to lie at a multiple of 64"),
         (header_of({}, [["|O", [1], 0]]), "expected dtype, shape and offset"),
         (header_of({"a": nested(40)}), "nested deeper than 16"),
-        (header_of({"a": [0] * 5000}), "no MessagePack of a message|not MessagePack of a message"),
+        (header_of({"a": [0] * 5000}), "not MessagePack of a message"),
         (header_of({str(n): 0 for n in range(300)}), "not MessagePack of a message"),
         (header_of({"a": b"raw"}), "not MessagePack of a message"),
         (header_of({1: 2}), "not MessagePack of a message"),
@@ -186,7 +185,6 @@ def test_another_version_is_shown_generically_and_told_with_both_versions(instal
 def test_a_broken_distribution_is_one_clear_line_and_its_messages_are_shown(install: Install) -> None:
     install("fake_people", tracks(), ["message.Tracks"])
     data, label = sent_by("fake_people")
-    Path(Discovery().infos()[0].target)
     module = Path(sys.path[0]) / "fake_people.py"
     module.write_text("raise SystemExit('no licence')\n", "utf-8")
     sys.path_importer_cache.clear()
@@ -206,9 +204,8 @@ def test_a_blocked_message_is_not_loaded(install: Install, name: str) -> None:
     opener.block([name])
     message, _ = opener.open(data, label)
     assert isinstance(message, GenericMessage) and "fake_people" not in sys.modules
-    assert message.why == (
-        "message fake_people.Tracks is not declared by fake-people 1.0, which is installed here: update it, or unblock it"
-    )
+    told = "is not declared by fake-people 1.0, which is installed here: update it, or unblock it"
+    assert message.why == f"message fake_people.Tracks {told}"
     assert Discovery([name]).names("message") == []
 
 
@@ -299,7 +296,7 @@ def test_echo_and_hz_take_the_messages_of_a_distribution_that_is_not_installed(
 
 
 def recorded(path: Path, sent: tuple[bytes, str]) -> Recording:
-    with RecordingWriter(path, RecordingHeader("live", "", 0, "", None, "lab", "r1", 0.05, {})) as writer:
+    with RecordingWriter(path, RecordingHeader("lab", "r1", "live", 0.05, 7, "wall")) as writer:
         for number in range(2):
             writer.add(KEY, sent[1], sent[0], number, 30, number + 1)
     return Recording(path)

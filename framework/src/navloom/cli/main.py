@@ -25,6 +25,7 @@ from navloom.cli import (
     listing,
     manual,
     map,
+    messages,
     nodes,
     operate,
     plan,
@@ -77,6 +78,7 @@ app.command("view")(view.view)
 app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
+app.command("messages")(messages.messages)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)
 app.command("completion")(completion.completion)

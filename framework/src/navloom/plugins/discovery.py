@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from navloom.entry_kinds import OTHERS, installed_points
 from navloom.geometry.world import World
+from navloom.messages import Message
 from navloom.plugins.blame import raised_in
 from navloom.plugins.loading import Loader, module_of, owner_of
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
@@ -50,7 +51,9 @@ class Discovery:
         self.blocked = frozenset(blocked)
         self._loader = Loader(self.blocked)
         points = installed_points() if found is None else found
-        self._points = sorted((p for p in points if not self._loader.is_blocked(p.name)), key=lambda p: p.name)
+        self._points = sorted(
+            (p for p in points if not (self._loader.is_blocked(p.name) or self._loader.is_blocked(_key(p)))), key=_key
+        )
         self._loaded: dict[str, Registry] = {}
 
     def infos(self) -> list[PluginInfo]:
@@ -72,8 +75,8 @@ class Discovery:
                 found.append(
                     f"entry point {point.name!r} of {owner_of(point)}: expected ROLE.NAME{nearest(role, kinds)}"
                 )
-        for name in dict.fromkeys(point.name for point in self._points):
-            twins = [point for point in self._points if point.name == name]
+        for name in dict.fromkeys(map(_key, self._points)):
+            twins = [point for point in self._points if _key(point) == name]
             if len(twins) > 1:
                 found.append(_of_one_name(name, twins))
         return found
@@ -87,8 +90,8 @@ class Discovery:
         ]
 
     def names(self, role: str) -> list[str]:
-        """Names of one role's plugins."""
-        parts = (point.name.partition(".") for point in self._points)
+        """Names of one role's plugins; of messages with the package, as `navloom_people.Tracks`."""
+        parts = (_key(point).partition(".") for point in self._points)
         return [name for owner, _, name in parts if owner == role]
 
     def role(self, role: str, name: str) -> type[Role]:
@@ -147,6 +150,20 @@ class Discovery:
         """
         return self._given("node", name, self.load("node", name).nodes)
 
+    def message(self, schema: str) -> type[Message]:
+        """A class of messages by its schema name, as `navloom_people.Tracks`.
+
+        Raises:
+            PluginError: No message of that name, named twice, or broken.
+        """
+        declared = self.load("message", schema).messages.values()
+        return self._given("message", schema, {cls.schema_name: cls for cls in declared})
+
+    def owner_of(self, package: str) -> str:
+        """Name and version of the distribution whose plugins are in a package; empty where there is none."""
+        found = (point.dist for point in self._points if module_of(point).partition(".")[0] == package)
+        return next((f"{dist.name} {dist.version}" for dist in found if dist is not None), "")
+
     def command(self, name: str) -> Callable[..., Any]:
         """A command of the command line.
 
@@ -200,12 +217,18 @@ class Discovery:
         return f"{point.name} of {owner_of(point)} failed: {raised_in(error, module_of(point))}"
 
     def _point(self, key: str, role: str, name: str) -> EntryPoint:
-        matches = [p for p in self._points if p.name == key]
+        matches = [p for p in self._points if _key(p) == key]
         if not matches:
             raise PluginError(f"no plugin {key!r} is installed{self.instead_of(role, name)}")
         if len(matches) > 1:
             raise PluginError(_of_one_name(key, matches))
         return matches[0]
+
+
+def _key(point: EntryPoint) -> str:
+    """What an entry point is held under: its name; of a message with the package, since two may have one of a name."""
+    kind, _, name = point.name.partition(".")
+    return f"{kind}.{module_of(point).partition('.')[0]}.{name}" if kind == "message" else point.name
 
 
 def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: Any) -> World:

@@ -166,6 +166,7 @@ class Services:
             "notes": notes_of(cell.node),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
+            "carries": {port: outlet.carries for port, outlet in cell.outlets.items()},
             "streams": streams,
             "places": self._places,
             "hosts": {process: host for host, share in self._system.config.live.hosts.items() for process in share},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from navloom.messages import MapUpdate, Message, OccupancyGrid, Pose2D
-from navloom_benchmarks import samples as bench_samples
+from navloom_benchmarks.samples import samples as bench_samples
 from navloom_benchmarks.samples import wire_size
 
 __all__ = ["BACK", "THERE", "samples", "wire_size"]
@@ -16,7 +16,7 @@ THERE, BACK = ("platform", "there"), ("platform", "back")
 def samples() -> dict[str, Message]:
     """By name: a velocity command, a sweep of 77 frames of 181 beams, and maps of 330 x 330 and 1000 x 1000 cells."""
     random = np.random.default_rng(7)
-    command, sweep = bench_samples.samples(random).values()
+    command, sweep = bench_samples(random).values()
     return {
         "command 64 B": command,
         "sweep 110 KB": sweep,

@@ -28,7 +28,9 @@ def test_the_code_is_formatted() -> None:
 
 
 def test_the_framework_and_every_plugin_type_check_strictly() -> None:
-    sources = [path for part in (TOP / "framework", TOP / "benchmarks", *PLUGINS) for path in (part / "src").rglob("*.py")]
+    sources = [
+        path for part in (TOP / "framework", TOP / "benchmarks", *PLUGINS) for path in (part / "src").rglob("*.py")
+    ]
     done = run("-m", "mypy")
     assert done.returncode == 0, done.stdout
     assert f"no issues found in {len(sources)} source files" in done.stdout

@@ -70,19 +70,19 @@ def _entries(only: Sequence[str], barn: str | None, irsim: str) -> dict[str, Ent
             raise ConfigError(f"--only {name}: there is no such entry; {did_you_mean(name, NAMES)}")
     if "barn" in only and barn is None:
         raise ConfigError("--only barn: it needs a file of the BARN data set, as in --barn barn_dev.npz#67")
-    from navloom_benchmarks import barn as bench_barn
-    from navloom_benchmarks import bench_bus, bench_entries
+    from navloom_benchmarks import barn as closed_loop
+    from navloom_benchmarks import bus, entries
 
     known: dict[str, Entry] = {
-        "loop": bench_entries.loop,
-        "planner": bench_entries.planner,
-        "rays": bench_entries.rays,
-        "codec": bench_entries.codec,
-        "bus": bench_bus.bus,
+        "loop": entries.loop,
+        "planner": entries.planner,
+        "rays": entries.rays,
+        "codec": entries.codec,
+        "bus": bus.bus,
     }
     if barn is not None:
-        reference = bench_barn.reference_of(barn, Path.cwd())
-        known["barn"] = lambda effort, say: bench_barn.barn(effort, say, reference, irsim)
+        reference = closed_loop.reference_of(barn, Path.cwd())
+        known["barn"] = lambda effort, say: closed_loop.barn(effort, say, reference, irsim)
     return {name: entry for name, entry in known.items() if not only or name in only}
 
 

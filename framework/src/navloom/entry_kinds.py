@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from importlib.metadata import EntryPoints
 
-__all__ = ["GROUP", "OTHERS", "TRACE_HOOKS", "installed_points", "is_any_of"]
+__all__ = ["GROUP", "OTHERS", "TRACE_HOOKS", "CommandPoint", "added_commands", "installed_points"]
 
 GROUP = "navloom"
 """Group of the entry points; each is named KIND.NAME, and its kind is a role or one of OTHERS."""
@@ -25,24 +26,60 @@ def installed_points() -> EntryPoints:
     return entry_points(group=GROUP)
 
 
-def is_any_of(kind: str) -> bool:
-    """Whether an entry point of a kind may be installed, by a look at the files alone.
+class CommandPoint(NamedTuple):
+    """A command of a distribution, as its metadata tells of it.
 
-    It takes 1 ms, where importlib.metadata takes 30, its own import included. False is certain.
+    Attributes:
+        name: As it is typed after `navloom`.
+        target: Module that registers it.
+        distribution: Name of its distribution.
+        summary: What that distribution is for, in a line.
     """
+
+    name: str
+    target: str
+    distribution: str
+    summary: str
+
+
+def added_commands() -> list[CommandPoint]:
+    """Commands that installed distributions add, by their files alone; of two of a name the first in `sys.path`.
+
+    It takes 1 ms, where importlib.metadata takes 30, its own import included.
+    """
+    found: dict[str, CommandPoint] = {}
     for folder in sys.path:
         try:
-            names = os.listdir(folder or ".")
-        except NotADirectoryError:  # a zip file, which importlib.metadata reads
-            return True
-        except OSError:
+            names = sorted(os.listdir(folder or "."))
+        except OSError:  # no folder, or a zip file, in which nobody installs
             continue
         for name in names:
-            if name.endswith((".dist-info", ".egg-info")) or name == "EGG-INFO":
-                try:
-                    with open(os.path.join(folder, name, "entry_points.txt"), "rb") as file:
-                        if f"{kind}.".encode() in file.read():
-                            return True
-                except OSError:
-                    continue
-    return False
+            if name.endswith((".dist-info", ".egg-info")):
+                for command in _commands_of(os.path.join(folder, name)):
+                    found.setdefault(command.name, command)
+    return [found[name] for name in sorted(found)]
+
+
+def _commands_of(info: str) -> Iterator[CommandPoint]:
+    """The commands of one distribution, by the folder of its metadata."""
+    text = _text_of(os.path.join(info, "entry_points.txt"))
+    if "command." not in text:
+        return
+    head = _text_of(os.path.join(info, "METADATA")) or _text_of(os.path.join(info, "PKG-INFO"))
+    told = dict(line.split(": ", 1) for line in head.partition("\n\n")[0].splitlines() if ": " in line)
+    section = ""
+    for line in text.splitlines():
+        key, _, target = (part.strip() for part in line.partition("="))
+        if line.startswith("["):
+            section = line.strip("[] ")
+        elif section == GROUP and key.startswith("command."):
+            yield CommandPoint(key.removeprefix("command."), target, told.get("Name", target), told.get("Summary", ""))
+
+
+def _text_of(path: str) -> str:
+    """What a file says; nothing where there is none, or none that can be read."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            return file.read()
+    except (OSError, UnicodeDecodeError):
+        return ""

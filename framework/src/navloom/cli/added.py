@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from navloom.entry_kinds import installed_points, is_any_of
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
+from navloom.entry_kinds import CommandPoint, added_commands
 
 __all__ = ["Commands", "blamed"]
-
-KIND = "command"
 
 
 class Commands(TyperGroup):
@@ -31,20 +26,17 @@ class Commands(TyperGroup):
 
     @cached_property
     def _added(self) -> dict[str, AddedCommand]:
-        points = installed_points() if is_any_of(KIND) else ()
-        named = {point.name.partition(".")[2]: point for point in points if point.name.startswith(f"{KIND}.")}
-        return {name: AddedCommand(name, named[name]) for name in sorted(named) if name not in self.commands}
+        return {point.name: AddedCommand(point) for point in added_commands() if point.name not in self.commands}
 
 
 class AddedCommand(TyperCommand):
     """A distribution's command: to the help its name and the distribution's summary, else what its module registers."""
 
-    used: ClassVar[EntryPoint | None] = None
+    used: ClassVar[CommandPoint | None] = None
     """The one that this process runs."""
 
-    def __init__(self, name: str, point: EntryPoint) -> None:
-        summary = point.dist.metadata["Summary"] if point.dist is not None else None
-        super().__init__(name, help=summary or f"Of {point.value}.")
+    def __init__(self, point: CommandPoint) -> None:
+        super().__init__(point.name, help=point.summary or f"Of {point.distribution}.")
         self._point = point
 
     def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
@@ -76,6 +68,5 @@ def blamed(error: Exception) -> str:
     if point is None:
         return ""
     from navloom.plugins.blame import raised_in
-    from navloom.plugins.loading import module_of, owner_of
 
-    return f"{point.name} of {owner_of(point)} failed: {raised_in(error, module_of(point))}"
+    return f"command.{point.name} of {point.distribution} failed: {raised_in(error, point.target.partition(':')[0])}"

@@ -24,6 +24,10 @@ class Commands(TyperGroup):
         """A command by its name."""
         return super().get_command(ctx, cmd_name) or self._added.get(cmd_name)
 
+    def whole(self) -> dict[str, Any]:
+        """Every command with its options. Those of distributions are imported; one that fails is as the help has it."""
+        return {**self.commands, **{name: command.made_or_listed() for name, command in self._added.items()}}
+
     @cached_property
     def _added(self) -> dict[str, AddedCommand]:
         return {point.name: AddedCommand(point) for point in added_commands() if point.name not in self.commands}
@@ -41,12 +45,26 @@ class AddedCommand(TyperCommand):
 
     def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
         """Import it: the context is of the real command."""
+        made = self._made()
+        AddedCommand.used = self._point
+        return made.make_context(info_name, args, parent=parent, **extra)
+
+    def made_or_listed(self) -> Any:
+        """The real command, or this one where it is broken."""
+        from navloom.plugins import PluginError
+
+        try:
+            return self._made()
+        except PluginError:
+            return self
+
+    def _made(self) -> Any:
+        """What its module registers, as typer makes it. Raises PluginError."""
         from navloom.plugins import Discovery, PluginError
         from navloom.plugins.blame import raised_in
 
         name = str(self.name)
         given = Discovery().command(name)
-        AddedCommand.used = self._point
         around = typer.Typer(add_completion=False, rich_markup_mode=None)
         around.callback()(lambda: None)
         try:
@@ -59,7 +77,7 @@ class AddedCommand(TyperCommand):
             raise PluginError(
                 f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
             ) from error
-        return made.commands[name].make_context(info_name, args, parent=parent, **extra)
+        return made.commands[name]
 
 
 def blamed(error: Exception) -> str:

@@ -96,7 +96,7 @@ def commands(root: Any) -> list[Command]:
 
 
 def _walk(command: Any, path: tuple[str, ...]) -> Iterator[Command]:
-    inner = getattr(command, "commands", {})
+    inner = command.whole() if hasattr(command, "whole") else getattr(command, "commands", {})
     words = [_word(param) for param in command.params if not param.hidden]
     options = [word for word in words if word.names]
     options.append(Word(("--help",), "", "", False, False, "Print the help of the command."))

@@ -1,7 +1,8 @@
 """Abuse of a certificate: what it costs a driving robot. `python tests/faults/abuse.py --help`.
 
-The processes of the robot are split as usual and meet behind a TLS router, all on this host; the attacker is one of its
-own (`attacker.py`). It writes a JSON file with every trial, and prints a table by kind.
+The processes of the robot are split as usual and meet behind a TLS router, all on this host; each attack is a process
+of its own (`attacker.py`). One robot takes one attack after the other until something of it restarts or its goal ends;
+then a new robot takes its place. The script writes a JSON file with every trial, and prints a table by kind.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,7 +27,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from attacker import KINDS
-from fault_rig import Rig, rig, until
+from fault_rig import Rig, rig
 from motor_record import Line
 from navloom.runtime.access import Identity
 from navloom.runtime.certificates import HOSTS, Order
@@ -35,14 +36,15 @@ from navloom.runtime.keys import add_identity, new_authority
 
 __all__ = ["SHADOW", "Trial", "main", "table", "target", "trial"]
 
+ATTACKER = Path(__file__).with_name("attacker.py")
 SHADOW = "shadow.avoider.shadow_vfh"
 """Name of the shadow's certificate."""
 KINDNESS = 20
 """Added to the attacker's niceness: it would be on another host, and not compete for this one's processors."""
-AFTER = 2.0
-"""s to look on after an attack."""
-JOIN, AGAIN = 30.0, 60.0
-"""s in which an attacker joins, and in which the robot drives at full speed again."""
+AFTER = 1.25
+"""How long the motors are watched after an attack, s: longer than the lease of a session that ends."""
+AGAIN = 60.0
+"""How long the robot may take to drive at full speed again, s."""
 MORE = """
 router = "tls/127.0.0.1:{port}"
 keys = "{keys}"
@@ -66,6 +68,8 @@ class Trial:
         touched: The robot touched something.
         goal: "kept", or how it ended.
         again: s from the end of the attack until the robot drove at full speed.
+        joined: s until the attacker had joined, which the attack before may make long.
+        took: s from the start of its process until the robot drove at full speed again.
         growth: MB and open files that each process has more than before, where it is much.
         spent: Share of a processor that each process took while the attack went on.
         load: Of the machine, as a 1 min average.
@@ -79,19 +83,36 @@ class Trial:
     touched: bool = False
     goal: str = "kept"
     again: float = 0.0
+    joined: float = 0.0
+    took: float = 0.0
     growth: dict[str, Any] = field(default_factory=dict)
     spent: dict[str, float] = field(default_factory=dict)
     load: float = 0.0
     problem: str = ""
 
+    @property
+    def is_harmless(self) -> bool:
+        """The robot is as before, and may take another attack."""
+        return not self.restarts and self.goal == "kept" and not self.problem
+
 
 @dataclass
 class Target:
-    """A robot behind a TLS router, and the certificates for it."""
+    """A robot behind a TLS router, and the process that forks for each attack on it."""
 
     robot: Rig
-    end: str
-    keys: Path
+    attacker: subprocess.Popen[str]
+
+    def order(self, line: str) -> None:
+        """Give the attacker a line."""
+        assert self.attacker.stdin is not None
+        self.attacker.stdin.write(f"{line}\n")
+        self.attacker.stdin.flush()
+
+    def hear(self) -> str:
+        """The next line of the attacker."""
+        assert self.attacker.stdout is not None
+        return self.attacker.stdout.readline().strip()
 
 
 @contextmanager
@@ -105,51 +126,77 @@ def target() -> Iterator[Target]:
         new_authority(keys, Order("lab", "r1", HOSTS, 30, now))
         add_identity(keys, Identity(SHADOW, "shadow", "avoider.shadow_vfh"), (), 30, now)
         with rig(MORE.format(port=port, keys=keys)) as robot:
-            yield Target(robot, f"tls/127.0.0.1:{port}", keys)
+            attacker = subprocess.Popen(
+                [sys.executable, str(ATTACKER), f"tls/127.0.0.1:{port}", str(keys)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                env=robot.environment,
+                preexec_fn=lambda: os.nice(KINDNESS),
+            )
+            try:
+                yield Target(robot, attacker)
+            finally:
+                attacker.kill()
+                attacker.communicate()
 
 
 def trial(aim: Target, kind: str, seconds: float) -> Trial:
-    """One attack on a robot at full speed. Raises AssertionError where it does not drive any more afterwards."""
-    robot, found = aim.robot, Trial(kind, load=os.getloadavg()[0])
-    identity = {"shadow": SHADOW}.get(KINDS[kind][0], KINDS[kind][0])
-    command = [sys.executable, str(Path(__file__).with_name("attacker.py")), kind, aim.end, str(aim.keys), identity]
-    attacker = subprocess.Popen(
-        [*command, f"{seconds:g}"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=robot.environment,
-        preexec_fn=lambda: os.nice(KINDNESS),
-    )
+    """One attack on a robot at full speed."""
+    found, started = Trial(kind, load=os.getloadavg()[0]), time.monotonic()
     try:
-        assert attacker.stdin is not None and attacker.stdout is not None
-        assert attacker.stdout.readline() == "ready\n", "the attacker has not joined"
+        _watch(aim, found, seconds)
+    except AssertionError as error:
+        found.problem = str(error)[:400]
+    found.took = time.monotonic() - started
+    return found
+
+
+def _watch(aim: Target, found: Trial, seconds: float) -> None:
+    """Raises AssertionError where the attack does not begin, or where the robot does not drive any more afterwards."""
+    robot = aim.robot
+    started = time.monotonic()
+    with _joined(aim, found.kind, seconds):
+        found.joined = time.monotonic() - started
         robot.wait_full_speed(AGAIN)
         before, restarts, spent = _sizes(robot), _restarts(), _spent(robot)
         began = time.monotonic_ns()
-        attacker.stdin.write("go\n")
-        attacker.stdin.flush()
-        until(lambda: time.monotonic_ns() - began > seconds * 1e9, seconds + JOIN, "the attack is over")
+        aim.order("go")
+        time.sleep(seconds)
         took = (time.monotonic_ns() - began) * 1e-9
         found.spent = {
             name: round((s - spent[name]) / took, 2)
             for name, s in _spent(robot).items()
             if s >= spent.get(name, s + 1.0)
         }
-    finally:
-        attacker.kill()
-        attacker.communicate()
     over = time.monotonic_ns()
     time.sleep(AFTER)
     looked = time.monotonic_ns()
     found.stops, found.stood = _stops(robot.motors.between(began, looked), looked)
-    robot.wait_full_speed(AGAIN)
-    found.again = (time.monotonic_ns() - over) * 1e-9 - AFTER if found.stops else 0.0
-    found.restarts, found.touched = _restarts() - restarts, robot.motors.touched
-    found.growth = _growth(before, _sizes(robot))
-    ended = [note for note in robot.driver.notes if note.time_ns > began and note.kind in ("result", "error")]
-    found.goal = ended[0].text if ended else "kept"
-    return found
+    try:
+        robot.wait_full_speed(AGAIN)
+    finally:
+        found.again = (time.monotonic_ns() - over) * 1e-9 - AFTER if found.stops else 0.0
+        found.restarts, found.touched = _restarts() - restarts, robot.motors.touched
+        found.growth = _growth(before, _sizes(robot))
+        ended = [note for note in robot.driver.notes if note.time_ns > began and note.kind in ("result", "error")]
+        found.goal = ended[0].text if ended else "kept"
+
+
+@contextmanager
+def _joined(aim: Target, kind: str, seconds: float) -> Iterator[None]:
+    """The process of an attack, from its joining to its death."""
+    certificate = KINDS[kind][0]
+    aim.order(json.dumps([kind, SHADOW if certificate == "shadow" else certificate, seconds]))
+    word, _, pid = aim.hear().partition(" ")
+    assert word == "ready", f"the attacker has not joined: {word}"
+    try:
+        yield
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(int(pid), signal.SIGKILL)
+        while aim.hear() not in ("gone", ""):
+            pass
 
 
 def _stops(words: Sequence[Line], end_ns: int) -> tuple[int, float]:
@@ -198,27 +245,16 @@ def _most_spent(spent: dict[str, float]) -> float:
 
 def table(trials: Sequence[dict[str, Any]]) -> str:
     """What each kind did, in Markdown."""
-    heads = (
-        "abuse",
-        "with",
-        "n",
-        "with stops",
-        "stops",
-        "stood at most, s",
-        "restarts",
-        "goals lost",
-        "contact",
-        "most of a processor",
-    )
+    heads = ("abuse", "with", "n", "with stops", "stops", "stood at most, s", "restarts", "goals lost", "contact",
+             "most of a processor", "problems")  # fmt: skip
     lines = [" | ".join(heads), " | ".join("---" for _ in heads)]
     for kind in dict.fromkeys(entry["kind"] for entry in trials):
         rows = [entry for entry in trials if entry["kind"] == kind]
-        lost = sum(entry["goal"] != "kept" or bool(entry["problem"]) for entry in rows)
         cells = (kind, KINDS[kind][0], len(rows), sum(entry["stops"] > 0 for entry in rows),
                  sum(entry["stops"] for entry in rows), f"{max(entry['stood'] for entry in rows):.2f}",
-                 sum(entry["restarts"] for entry in rows), lost,
-                 sum(entry["touched"] for entry in rows),
-                 f"{max(_most_spent(entry['spent']) for entry in rows):.2f}")  # fmt: skip
+                 sum(entry["restarts"] for entry in rows), sum(entry["goal"] != "kept" for entry in rows),
+                 sum(entry["touched"] for entry in rows), f"{max(_most_spent(entry['spent']) for entry in rows):.2f}",
+                 sum(bool(entry["problem"]) for entry in rows))  # fmt: skip
         lines.append(" | ".join(map(str, cells)))
     return "\n".join(f"| {line} |" for line in lines)
 
@@ -246,14 +282,11 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     while due():
         with target() as aim:
             for kind in itertools.chain.from_iterable(due() for _ in range(given.count)):
-                try:
-                    found = trial(aim, kind, given.seconds)
-                except AssertionError as error:
-                    found = Trial(kind, problem=str(error)[:300])
+                found = trial(aim, kind, given.seconds)
                 trials.append(asdict(found))
                 given.out.write_text(json.dumps(trials, indent=1), "utf-8")
                 print(f"{found}", flush=True)
-                if found.problem:
+                if not found.is_harmless:
                     break
     print(table([entry for entry in trials if entry["kind"] in kinds]))
     return trials

@@ -1,7 +1,9 @@
-"""Somebody with a certificate, or none, who means harm: `python attacker.py KIND ENDPOINT KEYS IDENTITY SECONDS`.
+"""Attacks on a robot by a client that means harm: `python attacker.py ENDPOINT KEYS`.
 
-It says "ready" once it has joined, begins when a line comes, and says "done" after so many s at most. It only ever
-talks to ENDPOINT, which is on this host.
+Each line of standard input, a JSON list of kind, identity and seconds, starts one attack in a process of its own, which
+is forked, so that it joins at once. The process prints "ready PID" when it has joined, begins at the next line and
+prints "done" after these seconds. "gone" follows when the process has ended. It only ever talks to ENDPOINT, which is
+on this host.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import ssl
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +29,8 @@ from navloom.runtime.links import Link, settings
 
 __all__ = ["KINDS", "Attack", "main"]
 
+JOIN = 30.0
+"""Time in which an attack must join, s."""
 PREFIX = "lab/r1"
 MB = 2**20
 READABLE = (
@@ -464,26 +469,43 @@ KINDS: dict[str, tuple[str, Run]] = {
 
 
 def main(arguments: Sequence[str]) -> None:
-    """One attack."""
-    kind, end, keys, identity, seconds = arguments
-    link = Link("client", (), (end,), Path(keys), identity, shared_memory=False)
-    CONFIG["text"] = json.dumps(settings(link))
+    """Until the end of its input."""
+    end, keys = arguments
+    for line in iter(sys.stdin.readline, ""):
+        kind, identity, seconds = json.loads(line)
+        pid = os.fork()  # Zenoh has no thread before its first session, and this process never opens one
+        if pid == 0:
+            try:
+                attack(kind, end, Path(keys), identity, seconds)
+            except Exception:
+                traceback.print_exc()
+            finally:
+                os._exit(0)  # no closing in order: thousands of declarations would take their time
+        os.waitpid(pid, 0)
+        print("gone", flush=True)
+
+
+def attack(kind: str, end: str, keys: Path, identity: str, seconds: float) -> None:
+    """One attack, from joining to its end."""
+    CONFIG["text"] = json.dumps(settings(Link("client", (), (end,), keys, identity, shared_memory=False)))
     host, _, port = end.partition("/")[2].rpartition(":")
 
     def join() -> Any:
         return zenoh.open(zenoh.Config.from_json5(CONFIG["text"]))
 
-    session = None
-    while session is None:  # silent connections of the attack before may still hold the router's places
-        with contextlib.suppress(zenoh.ZError):
+    session, limit = None, time.monotonic() + JOIN
+    while session is None:
+        try:
             session = join()
-    print("ready", flush=True)
+        except zenoh.ZError:  # silent connections of the attack before may still hold the router's places
+            if time.monotonic() > limit:
+                raise
+    print(f"ready {os.getpid()}", flush=True)
     sys.stdin.readline()
-    attack = Attack(session, join, (host, int(port)), time.monotonic() + float(seconds), [])
-    KINDS[kind][1](attack)
-    time.sleep(max(0.0, attack.limit - time.monotonic()))  # what it holds, it holds to the end
+    given = Attack(session, join, (host, int(port)), time.monotonic() + seconds, [])
+    KINDS[kind][1](given)
+    time.sleep(max(0.0, given.limit - time.monotonic()))  # what it holds, it holds to the end
     print("done", flush=True)
-    os._exit(0)  # no closing in order: some thousand declarations would take their time
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ FULL = 0.5
 HALL = 150.0
 """m that can be driven in one direction."""
 ROOM = 12.0
-"""m left to the end of the hall below which the robot may be slowing down."""
+"""m left to the goal below which the robot may have to slow down during a fault."""
 CONFIG = """
 [run]
 seed = 11
@@ -56,6 +56,7 @@ resolution = 0.2
 [platform]
 plugin = "logged_sim"
 max_wheel_acceleration = 20.0     # rad/s²: the wheels brake with 1 m/s²
+slip = 2e-6                       # no two commands are equal; with the default the pose drifts to a wall within 60 m
 
 [[sensor]]
 name = "sonars"
@@ -138,6 +139,7 @@ class Driver(threading.Thread):
         notes: What it saw.
         anew: Set to have it send another goal at once, which pre-empts the one on its way.
         target: Where the next goals lie, m along the hall; None for the end that is further away.
+        toward: Where the newest goal lies, m along the hall.
     """
 
     def __init__(self, motors: Callable[[], tuple[float, float]]) -> None:
@@ -146,6 +148,7 @@ class Driver(threading.Thread):
         self.ending = threading.Event()
         self.anew = threading.Event()
         self.target: float | None = None
+        self.toward = HALL
         self._place = motors
         self._news = threading.Condition()
 
@@ -161,9 +164,11 @@ class Driver(threading.Thread):
                 self.ending.wait(0.1)
 
     def _drive(self, navigator: Navigator) -> None:
+        self.anew.clear()
         target = self.target
         if target is None:
             target = 0.0 if self._place()[0] > HALL - ROOM - 10.0 else HALL
+        self.toward = target
         self._note("asked", f"{target:g}")  # the motors may turn for it before the answer is here
         handle = navigator.go(target, 0.0)
         self._note("goal", f"{handle.goal_id} to {target:g}")
@@ -175,7 +180,6 @@ class Driver(threading.Thread):
                         state = feedback.state
                         self._note("state", state)
                     if self.ending.is_set() or self.anew.is_set():
-                        self.anew.clear()
                         return
         if handle.result is not None:
             self._note("result", f"{handle.result.outcome}: {handle.result.reason}")
@@ -298,14 +302,22 @@ class Rig:
 
     def wait_full_speed(self, timeout: float = 60.0) -> None:
         """Wait until it drives at full speed with room ahead."""
-        until(self.is_at_full_speed, timeout, f"the robot drives at full speed; last: {self.driver.notes[-3:]}")
+        try:
+            until(self.is_at_full_speed, timeout, "the robot drives at full speed with room ahead")
+        except AssertionError as error:
+            x, toward, notes = self.motors.place[0], self.driver.toward, self.driver.notes[-3:]
+            raise AssertionError(f"{error}; it is at {x:.1f} m on its way to {toward:g} m; last: {notes}") from None
 
     def is_at_full_speed(self) -> bool:
-        """It has been driving at full speed for half a second, and will not have to brake soon."""
-        if self.motors.speed(10) < 0.97 * FULL:
+        """It has been driving at full speed for half a second, with room ahead; where there is none it is sent back."""
+        speed, ticks = self.motors.speed(10), self.motors.ticks[-5:]
+        if not ticks:
             return False
-        newest = self.motors.ticks[-1]
-        return ROOM < newest.x < HALL - ROOM or (newest.x <= ROOM and abs(newest.speed) > 0.9 * FULL and self._leaves())
+        ahead = self.driver.toward - ticks[-1].x
+        if abs(ahead) < ROOM:
+            self.driver.anew.set()
+            return False
+        return speed > 0.97 * FULL and (ticks[-1].x - ticks[0].x) * ahead > 0.0
 
     def reach_a_goal(self, timeout: float = 60.0) -> str:
         """Drive to a place nearby; gives how that ended."""
@@ -317,10 +329,6 @@ class Rig:
         ended = self.driver.wait_for(lambda note: note.kind == "result", sent.time_ns, timeout)
         self.driver.target = None
         return "no result" if ended is None else ended.text
-
-    def _leaves(self) -> bool:
-        ticks = self.motors.ticks[-5:]
-        return ticks[-1].x > ticks[0].x
 
     def end(self) -> float:
         """`navloom down`; gives the s until `up` and all its processes have ended."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import struct
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -113,21 +114,23 @@ class MotorRecord:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._read = 0
+        self._lock = threading.Lock()  # its readers are the driver's thread and the test's
         self.words: list[Line] = []
         self.ticks: list[Line] = []
 
     def look(self) -> MotorRecord:
         """Take in what was added."""
-        if not self._path.exists():
-            return self
-        with self._path.open("rb") as file:
-            file.seek(self._read)
-            data = file.read()
-        data = data[: len(data) - len(data) % _FORM.size]
-        self._read += len(data)
-        for values in _FORM.iter_unpack(data):
-            line = Line(values[0], bool(values[1]), *values[2:])
-            (self.ticks if line.kind == ADVANCE else self.words).append(line)
+        with self._lock:
+            if not self._path.exists():
+                return self
+            with self._path.open("rb") as file:
+                file.seek(self._read)
+                data = file.read()
+            data = data[: len(data) - len(data) % _FORM.size]
+            self._read += len(data)
+            for values in _FORM.iter_unpack(data):
+                line = Line(values[0], bool(values[1]), *values[2:])
+                (self.ticks if line.kind == ADVANCE else self.words).append(line)
         return self
 
     def speed(self, words: int = 1) -> float:

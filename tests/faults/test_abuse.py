@@ -26,7 +26,7 @@ def test_what_a_viewer_does_ends_no_process_and_no_goal_and_costs_the_robots_pro
     with target() as aim:
         for kind in CHOSEN:
             found = trial(aim, kind, 3.0)
-            assert (found.restarts, found.goal, found.touched) == (0, "kept", False), found
+            assert found.is_harmless and not found.touched, found
             assert max(share for name, share in found.spent.items() if name != "router") < MOST, found
 
 
@@ -42,6 +42,6 @@ def test_every_kind_of_abuse_is_told_with_its_certificate() -> None:
     }
     told = table([{"kind": kind, **entry} for kind in KINDS for _ in range(3)]).splitlines()
     assert len(told) == 2 + len(KINDS)
-    assert told[2] == "| nothing | viewer | 3 | 3 | 6 | 0.50 | 0 | 0 | 0 | 0.10 |"
+    assert told[2] == "| nothing | viewer | 3 | 3 | 6 | 0.50 | 0 | 0 | 0 | 0.10 | 0 |"
     assert {identity for identity, _ in KINDS.values()} == {"viewer", "shadow", "operator"}
     assert sum(identity == "viewer" for identity, _ in KINDS.values()) >= 30

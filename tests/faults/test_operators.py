@@ -8,6 +8,11 @@ from typing import Any
 import operators
 import pytest
 
+TWO_PROCESSES = (
+    'live.processes={ think = ["mapper", "planner", "goal"], rest = ["platform", "localizer", "reference", '
+    '"controller", "avoider", "recovery", "gate"] }'
+)
+
 
 def account(found: dict[str, Any], requests: int) -> None:
     """Every request ended within its bound; no goal was given twice, and none to nobody."""
@@ -19,7 +24,7 @@ def account(found: dict[str, Any], requests: int) -> None:
 
 
 def test_every_goal_and_every_cancel_of_two_operators_is_answered(tmp_path: Path) -> None:
-    found = operators.session(60, 1, kills=False, settings=[], folder=tmp_path)
+    found = operators.session(60, 1, kills=False, settings=["--set", TWO_PROCESSES], folder=tmp_path)
     account(found, 60)
     assert set(found["ended"]) == {"cancel answered", "submit answered"}
 

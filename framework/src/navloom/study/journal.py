@@ -18,6 +18,7 @@ from navloom.files import write_each, write_whole
 from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.study.episode_key import EpisodeKey
+from navloom.study.openloop import METHOD
 from navloom.study.rows import Row
 from navloom.study.tracks import FOLDER, file_of
 
@@ -145,18 +146,25 @@ class StudyFolder:
             )
 
     def _read(self, journal: Path) -> None:
-        """Take over what has ended before; what comes after the first line that is cut short never ended."""
+        """Take over what has ended before; what comes after the first line that is damaged never ended."""
         whole = 0
         for line in io.BytesIO(read_file(journal, IMAGE_MB, ConfigError)):
             try:
                 row = Row.from_json(json_of(line, str(journal), ValueError)) if line.endswith(b"\n") else None
-            except (ValueError, KeyError, TypeError, AttributeError):
+            except ValueError:
                 row = None
-            if row is None:
+            if row is None or not self._fits(row):
                 break
             self.rows[row.key] = row
             whole += len(line)
         os.truncate(journal, whole)
+
+    def _fits(self, row: Row) -> bool:
+        """It has what the tables of this study are made of."""
+        if row.key.method == METHOD:
+            shadows = self.request.get("open_loop", {}).get("shadows", {})
+            return all(shadow["instance"] in shadows for shadow in row.shadows)
+        return all(name in row.metrics for name in self.request.get("metrics", ()))
 
     def _close(self) -> None:
         if self._journal is not None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+
+from pydantic import BaseModel
 
 from navloom.plugins import PluginError
 from navloom.plugins.registry import nearest
@@ -87,11 +89,41 @@ class Row:
         return {**vars(self.key), **told}
 
     @classmethod
-    def from_json(cls, given: Mapping[str, Any]) -> Row:
-        """From the journal. Raises KeyError or TypeError for anything else."""
+    def from_json(cls, given: Any) -> Row:
+        """From the journal. Raises ValueError for anything else."""
+        _Line.model_validate(given, strict=True)
         rest = {name: given[name] for name in ("outcome", "reason", "metrics", "trace_sha256", "timing")}
         key = EpisodeKey(given["method"], given["world"], given["seed"])
         return cls(key, **rest, notes=tuple(given["notes"]), shadows=tuple(given.get("shadows", ())))
+
+
+class _Driving(BaseModel):
+    ticks: int
+    differing_share: float | None
+    differences: dict[str, dict[str, float]]
+
+
+class _Shadow(_Driving):
+    role: str
+    instance: str
+    unanswered: int
+    first_differing_s: float | None
+    driving: _Driving | None
+
+
+class _Line(BaseModel):
+    """What the tables need of a line of the journal."""
+
+    method: str
+    world: str
+    seed: int
+    outcome: str
+    reason: str
+    metrics: dict[str, float | None]
+    trace_sha256: str
+    timing: dict[str, bool | float]
+    notes: list[str]
+    shadows: list[_Shadow] = []
 
 
 def episode_row(task: Task, progress: Progress = lambda: None) -> Row:

@@ -88,7 +88,7 @@ def share_by_hand(
     folder.make()
     if network.router:
         name = "-".join(dict.fromkeys(role for role, _ in sources))[:24] + f"-{os.getpid()}"
-        link = network.links(folder, [name])[name]
+        link = network.alone()
         ends = link.connect
     else:
         name = ".".join(sources[0])

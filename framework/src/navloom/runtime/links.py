@@ -15,7 +15,7 @@ from navloom.inputs.bounds import open_file
 from navloom.runtime.access import AccessError, limits, read_identities, rules
 from navloom.runtime.keyspace import LARGEST
 
-__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "credential_files", "peer_link", "settings"]
+__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "Mesh", "credential_files", "peer_link", "settings"]
 
 LEASE = 1000
 """ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
@@ -71,6 +71,7 @@ class Link:
         door: Of a router over TLS, the socket of this host where its successor joins it, when certificates change.
         predecessor: Of a router that takes over from another, the door of that one.
         streams: Of the robot, as role/instance/port: all that readers may subscribe to; empty where they are not known.
+        mesh: Of a client, how it meets the processes of its own host, not by the router; None where it does not.
     """
 
     mode: str
@@ -86,6 +87,27 @@ class Link:
     door: str = ""
     predecessor: str = ""
     streams: tuple[str, ...] = ()
+    mesh: Mesh | None = None
+
+    @property
+    def is_spread(self) -> bool:
+        """Part of the robot may be behind a router."""
+        return self.mode == "client" and not (self.mesh is not None and self.mesh.is_whole)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Processes of one host that meet over sockets, beside a router.
+
+    Attributes:
+        link: Of one of them to the others.
+        here: What runs in them, as role/instance, and process/name for themselves.
+        is_whole: They are all of the robot.
+    """
+
+    link: Link
+    here: tuple[str, ...]
+    is_whole: bool
 
 
 def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:

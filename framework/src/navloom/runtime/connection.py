@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 from navloom.runtime.access import HERE, MOVED
@@ -62,7 +63,7 @@ class Way:
         if self._sender is None:
             publisher.put(data, label)
         elif publisher.is_heard:
-            self._sender.put(publisher, data, label)
+            self._sender.hand(partial(publisher.put, data, label), len(data))
 
 
 class Connection:
@@ -78,7 +79,7 @@ class Connection:
         say: Told once that the router is waited for, and why.
         goes_on: Asked after each try that failed.
         waits: A router that is not there is waited for. Else the connection begins without it, and joins when it is.
-        sender: What sends in the place of who publishes, who then never waits; None where he may.
+        sender: What sends in the place of who publishes or answers, who then never waits; None where he may.
 
     Attributes:
         losses: How often it lost its router and joined anew.
@@ -341,12 +342,21 @@ class Connection:
         self._forget.append(forget)
         self._declare(lambda session: session.watch(key_expr, lambda key, there: note(session, key, there)))
 
-    def serve(self, key: str, take: Callable[[Question], None]) -> None:
-        """Answer questions; `take` is called on the network's thread and must only pass them on."""
+    def serve(self, key: str, take: Callable[[Question], None], is_large: bool = False) -> None:
+        """Answer questions; `take` is called on the network's thread and must only pass them on.
+
+        With large answers, the sender calls it where there is one.
+        """
+        sender = self._sender if is_large else None
 
         def declare(session: Session) -> None:
             def pass_on(question: Question) -> None:
-                (take if session is self._used else Question.drop)(question)  # of two sessions, one answers
+                if session is not self._used:  # of two sessions, one answers
+                    question.drop()
+                elif sender is None:
+                    take(question)
+                else:
+                    sender.hand(partial(take, question), 0)
 
             session.serve(key, pass_on)
 

@@ -1,36 +1,37 @@
-"""Sends in the place of those who publish, who must never wait for a router."""
+"""Sends in the place of those who publish and answer, who must never wait for a router."""
 
 from __future__ import annotations
 
 import threading
 from collections import deque
-
-from navloom.runtime.zenoh_session import Publisher
+from collections.abc import Callable
+from contextlib import suppress
 
 __all__ = ["Sender"]
 
 MOST = 32 * 2**20
 """Bytes that wait to be sent, at most: beyond them the oldest message is dropped."""
+LEAST = 1024
+"""Bytes that a small message counts as."""
 
 
 class Sender:
-    """A thread that puts messages, in the order in which they were handed to it."""
+    """A thread that sends, in the order in which messages were handed to it."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[Publisher, bytes, str]] = deque()
+        self._waiting: deque[tuple[int, Callable[[], None]]] = deque()
         self._size = 0
         self._news = threading.Condition()
         self._is_ending = False
-        self._thread = threading.Thread(target=self._run, name="sender", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._run, name="sender", daemon=True).start()
 
-    def put(self, publisher: Publisher, data: bytes, label: str) -> None:
-        """Hand a message over."""
+    def hand(self, send: Callable[[], None], size: int) -> None:
+        """Have a message of so many bytes sent; returns at once."""
         with self._news:
-            self._waiting.append((publisher, data, label))
-            self._size += len(data)
+            self._waiting.append((max(LEAST, size), send))
+            self._size += self._waiting[-1][0]
             while self._size > MOST:
-                self._size -= len(self._waiting.popleft()[1])
+                self._size -= self._waiting.popleft()[0]
             self._news.notify()
 
     def close(self) -> None:
@@ -46,6 +47,7 @@ class Sender:
                 self._news.wait_for(lambda: self._waiting or self._is_ending)
                 if self._is_ending:
                     return
-                publisher, data, label = self._waiting.popleft()
-                self._size -= len(data)
-            publisher.put(data, label)
+                size, send = self._waiting.popleft()
+                self._size -= size
+            with suppress(Exception):  # an answer that fails must not end all that is sent
+                send()

@@ -166,10 +166,11 @@ class Bus:
         """Tokens that the router shows, of this host's processes too."""
         return sorted({answer.key for answer in self._outer.alive(key_expr, timeout) if answer.key})
 
-    def serve(self, key: str, take: Callable[[Question], None]) -> None:
-        """Answer questions; `take` is called on the network's thread and must only pass them on."""
+    def serve(self, key: str, take: Callable[[Question], None], is_large: bool = False) -> None:
+        """Answer questions; `take` is called on the network's thread and must only pass them on, or have at hand what
+        it answers. Say so where answers may be large."""
         for one in self._all:
-            one.serve(key, take)
+            one.serve(key, take, is_large)
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
         """Answers of all who serve a key, as they come, for at most this many s.

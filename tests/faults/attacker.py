@@ -466,7 +466,7 @@ KINDS: dict[str, tuple[str, Run]] = {
 def main(arguments: Sequence[str]) -> None:
     """One attack."""
     kind, end, keys, identity, seconds = arguments
-    link = Link("client", (), (end,), Path(keys), identity, shared_memory=False)
+    link = Link("client", (), (end,), Path(keys), identity)
     CONFIG["text"] = json.dumps(settings(link))
     host, _, port = end.partition("/")[2].rpartition(":")
 

@@ -119,7 +119,9 @@ def share_by_hand(
         name = ".".join(sources[0])
         # One started at the same moment has no socket yet: whatever it will be called is tried until it is there.
         possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
-        link = peer_link(folder.socket(name), (*folder.sockets(), *possible), network.realm, network.robot)
+        link = peer_link(
+            folder.socket(name), (*folder.sockets(), *possible), network.realm, network.robot, network.shared_memory
+        )
         ends = link.listen
     shown = "" if network.folder is None else str(network.folder.absolute())
     running = Running(

@@ -27,6 +27,7 @@ class Network:
         insecure: Plain TCP beyond this host was asked for.
         streams: Of the robot, as role/instance/port.
         is_whole: All of the robot's processes are on this host.
+        shared_memory: Large messages between its processes on one host come by it.
     """
 
     realm: str
@@ -37,6 +38,7 @@ class Network:
     insecure: bool = False
     streams: tuple[str, ...] = ()
     is_whole: bool = True
+    shared_memory: bool = False
 
     @property
     def folder(self) -> Path | None:
@@ -53,7 +55,10 @@ class Network:
     def links(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> dict[str, Link]:
         """Of each process of this host: to every other one's socket, and to the router where there is one."""
         sockets = {name: folder.socket(name) for name in shares}
-        meshed = {name: peer_link(own, sockets.values(), self.realm, self.robot) for name, own in sockets.items()}
+        meshed = {
+            name: peer_link(own, sockets.values(), self.realm, self.robot, self.shared_memory)
+            for name, own in sockets.items()
+        }
         if not self.router:
             return meshed
         return {name: self._beside(link, shares) for name, link in meshed.items()}
@@ -71,7 +76,7 @@ class Network:
     def outsider(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> Link:
         """Of what looks after the processes of this host, and which nobody needs to find."""
         sockets = tuple(folder.socket(name) for name in shares)
-        link = Link("peer", (), sockets, realm=self.realm, robot=self.robot, shared_memory=False)
+        link = Link("peer", (), sockets, realm=self.realm, robot=self.robot)
         return self._beside(link, shares) if self.router else link
 
     def alone(self) -> Link:
@@ -86,7 +91,7 @@ class Network:
         """Of a process that meets those of its host by sockets, and all others by the router."""
         here = [f"{role}/{name}" for sources in shares.values() for role, name in sources]
         here += [f"process/{name}" for name in shares]
-        return replace(self.alone(), shared_memory=False, mesh=Mesh(link, tuple(here), self.is_whole))
+        return replace(self.alone(), mesh=Mesh(link, tuple(here), self.is_whole))
 
     def tool(self) -> Link:
         """Of a tool beside whatever runs now: it calls the router, or every socket that is there."""
@@ -108,5 +113,6 @@ def network_of(config: Config, host: str | None, insecure: bool) -> Network:
     starts = live.router is not None and live.router_host == host
     is_whole = host is None or set(live.hosts.get(host, ())) == set(live.processes)
     return Network(
-        config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config), is_whole
-    )
+        config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config), is_whole,
+        live.shared_memory,
+    )  # fmt: skip

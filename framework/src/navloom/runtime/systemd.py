@@ -85,8 +85,8 @@ def units(system: System, network: Network, host: str | None, command: Command) 
         keys = ["--keys", str(network.folder)] if network.folder is not None else []
         found["router"] = _Service("router", (*words, *keys), (), live.hang_timeout, is_control=True)
     for process, sources in shares.items():
-        words = ("node", command.config, process, *(["--here"] if network.router else []))
-        found[process] = _node(process, sources, _before(process, shares, network.starts_router), words, live)
+        own = ("node", command.config, process, *(["--here"] if network.router else []))
+        found[process] = _node(process, sources, _before(process, shares, network.starts_router), own, live)
     if not found:
         raise ConfigError(f"live.hosts.{host}: no process runs on this host, so there are no units")
     made = {f"{stem}-{name}.service": _text(one, robot, stem, command, live) for name, one in found.items()}

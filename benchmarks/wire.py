@@ -26,7 +26,7 @@ from samples import samples, wire_size
 from trips import Driver, PeerError
 
 HERE = Path(__file__).resolve().parent
-PEERS = ("ours", "zenoh", "zenoh-thread", "zenoh-copy", "dora")
+PEERS = ("ours", "zenoh", "zenoh-thread", "zenoh-shared", "dora")
 START = 30.0
 """s an end may take to start."""
 END = 8.0

@@ -7,7 +7,7 @@ PART is `ping` or `echo`. Every peer joins over the link and the settings of two
 | ours | `Outlet.publish`, the other's mailbox and thread, decode, `Outlet.publish` of another message, decode |
 | zenoh | a put of ready bytes, a callback that copies them out and at once puts as many others |
 | zenoh-thread | the same, but the callback leaves the bytes in a queue and a thread answers, as a node must |
-| zenoh-copy | as `zenoh`, without shared memory |
+| zenoh-shared | as `zenoh`, with shared memory |
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ _CONGESTION = {
 }
 
 
-def link_of(folder: str, part: str) -> Link:
-    """As `up` links two processes of one host."""
+def link_of(folder: str, part: str, is_shared: bool = False) -> Link:
+    """As `up` links two processes of one host, with or without shared memory."""
     sockets = {name: f"unixsock-stream/{folder}/{name}.sock" for name in ("echo", "ping")}
-    return peer_link(sockets[part], sockets.values(), KEYS.realm, KEYS.robot)
+    return peer_link(sockets[part], sockets.values(), KEYS.realm, KEYS.robot, is_shared)
 
 
 @contextmanager
@@ -115,19 +115,17 @@ class RawEnd:
 
 
 @contextmanager
-def raw_session(link: Link, is_shared: bool) -> Iterator[Any]:
-    """A session with the runtime's own settings, with or without shared memory."""
-    given = settings(link)
-    given["transport"]["shared_memory"]["enabled"] = is_shared
-    with zenoh.open(zenoh.Config.from_json5(json.dumps(given))) as session:
+def raw_session(link: Link) -> Iterator[Any]:
+    """A session with the runtime's own settings."""
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(settings(link)))) as session:
         yield session
 
 
 @contextmanager
-def raw_ping(link: Link, is_shared: bool) -> Iterator[Trip]:
+def raw_ping(link: Link) -> Iterator[Trip]:
     """Put bytes, wait for the bytes of the answer."""
     back: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    with raw_session(link, is_shared) as session:
+    with raw_session(link) as session:
         end = RawEnd(session, THERE, BACK, lambda sample: back.put(sample.payload.to_bytes()))
 
         def trip(name: str) -> int:
@@ -147,7 +145,7 @@ def raw_ping(link: Link, is_shared: bool) -> Iterator[Trip]:
         yield trip
 
 
-def raw_echo(link: Link, is_shared: bool, has_thread: bool, report: Callable[[], None]) -> None:
+def raw_echo(link: Link, has_thread: bool, report: Callable[[], None]) -> None:
     """Answer bytes with as many others, in the callback or on a thread."""
     names: dict[int, str] = {}
     waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
@@ -160,7 +158,7 @@ def raw_echo(link: Link, is_shared: bool, has_thread: bool, report: Callable[[],
             end.put(names[len(data)])
 
     take = (lambda sample: waiting.put(sample.payload.to_bytes())) if has_thread else answer
-    with raw_session(link, is_shared) as session:
+    with raw_session(link) as session:
         end = RawEnd(session, BACK, THERE, take)
         names |= {size: name for name, size in end.sizes.items()}
         thread = threading.Thread(target=work)
@@ -173,19 +171,18 @@ def raw_echo(link: Link, is_shared: bool, has_thread: bool, report: Callable[[],
 def main(peer: str, part: str, folder: str, socket: str) -> None:
     """Run one end until the benchmark ends."""
     as_the_runtime_does()
-    link, end = link_of(folder, part), f"{peer} {part}"
-    is_shared = peer != "zenoh-copy"
+    link, end = link_of(folder, part, peer == "zenoh-shared"), f"{peer} {part}"
 
     def report() -> None:
         wait_for_the_end(socket, end)
 
     if part == "ping":
-        with our_ping(link) if peer == "ours" else raw_ping(link, is_shared) as trip:
+        with our_ping(link) if peer == "ours" else raw_ping(link) as trip:
             serve_trips(socket, end, trip)
     elif peer == "ours":
         our_echo(link, report)
     else:
-        raw_echo(link, is_shared, peer == "zenoh-thread", report)
+        raw_echo(link, peer == "zenoh-thread", report)
 
 
 if __name__ == "__main__":

@@ -487,7 +487,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def attack(kind: str, end: str, keys: Path, identity: str, seconds: float) -> None:
     """One attack, from joining to its end."""
-    CONFIG["text"] = json.dumps(settings(Link("client", (), (end,), keys, identity, shared_memory=False)))
+    CONFIG["text"] = json.dumps(settings(Link("client", (), (end,), keys, identity)))
     host, _, port = end.partition("/")[2].rpartition(":")
 
     def join() -> Any:

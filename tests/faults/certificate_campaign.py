@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import socket
 import statistics
 import time
@@ -131,6 +132,14 @@ class Certificates:
         os.kill(self.robot.pids()["router"], 9)
         time.sleep(WATCHED)
 
+    def stop_router(self) -> None:
+        """For comparison: the router is stopped by the system for a while, and goes on."""
+        router = self.robot.pids()["router"]
+        os.kill(router, signal.SIGSTOP)
+        time.sleep(WATCHED / 2)
+        os.kill(router, signal.SIGCONT)
+        time.sleep(WATCHED / 2)
+
     @contextmanager
     def _hostile(self, folder: Path) -> Iterator[zenoh.Session]:
         """A session of bob's that goes by no rule but the router's."""
@@ -172,6 +181,7 @@ KINDS: dict[str, Callable[[Certificates], float | None]] = {
     "replace nodes": Certificates.replace_nodes,
     "revoke an operator": Certificates.revoke_operator,
     "router killed": Certificates.kill_router,
+    "router stopped": Certificates.stop_router,
 }
 
 

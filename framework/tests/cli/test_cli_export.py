@@ -58,7 +58,7 @@ def test_a_host_has_its_share_and_runs_it_from_the_configs_folder(tmp_path: Path
     }
     unit = lines_of(tmp_path / "navloom-lab-r1-robot.service")
     assert unit["WorkingDirectory"] == str(tmp_path) and unit["User"] == "robot"
-    assert shlex.split(unit["ExecStart"])[1:] == ["node", str(config), "robot"]
+    assert shlex.split(unit["ExecStart"])[1:] == ["node", str(config), "robot", "--here"]
 
 
 def test_an_unknown_host_is_refused_by_name(tmp_path: Path) -> None:

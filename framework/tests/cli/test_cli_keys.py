@@ -107,8 +107,8 @@ def test_the_two_hosts_of_the_docs_are_let_in(tmp_path: Path, monkeypatch: pytes
         for path in tmp_path.glob(pattern):
             shutil.copy(path, copied)
     monkeypatch.chdir(copied.parent)
-    links = at_brain.links(RobotFolder("lab", "r1"), ["think", "drive"])
-    for link in (*links.values(), at_brain.outsider(RobotFolder("lab", "r1"), [])):
+    links = at_brain.links(RobotFolder("lab", "r1"), {"think": [("planner", "astar")], "drive": [("gate", "main")]})
+    for link in (*links.values(), at_brain.outsider(RobotFolder("lab", "r1"), {})):
         assert settings(link)["transport"]["link"]["tls"]["enable_mtls"] is True
 
 

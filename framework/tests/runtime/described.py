@@ -58,6 +58,7 @@ def described(role: str, instance: str, **changes: Any) -> dict[str, Any]:
         "faulted": 0,
         "fault": "",
         "notes": [],
+        "shares_memory": True,
         "shared_memory_mb": 900.0,
         "published": dict.fromkeys((*PORTS.get(role, ()), "step"), 7),
         "streams": {},

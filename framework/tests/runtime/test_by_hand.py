@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from navloom.cli.main import app
-from navloom.config import load_config
+from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
 from navloom.runtime import by_hand
 from navloom.runtime.by_hand import share_by_hand
@@ -63,6 +63,19 @@ def test_behind_a_router_they_are_found_on_their_host_with_their_keys() -> None:
         assert share.link.identity == "base"
         assert found.via_router and found.endpoints == ("tls/10.0.0.1:7447",)
         assert found.keys == str(Path("keys").absolute())
+
+
+def test_a_process_whose_host_runs_here_meets_those_beside_it_by_sockets() -> None:
+    hosts = 'live.hosts={base=["robot", "safe"], brain=["think", "drive"]}'
+    spread = assemble(load_config("paper", ['live.router="tls/10.0.0.1:7447"', hosts]))
+    with share_by_hand(spread, ["safe"], None, "keys/base.pem", False, here=True) as share:
+        mesh = share.link.mesh
+        assert share.name == "safe" and share.link.identity == "base" and mesh is not None
+        assert mesh.link.listen == (folder().socket("safe"),) and mesh.link.connect == (folder().socket("robot"),)
+        assert {"gate/main", "process/robot", "process/safe"} < {*mesh.here} and "planner/astar" not in mesh.here
+        assert not mesh.is_whole
+    with pytest.raises(ConfigError, match=r"gate: --here takes one process of live\.processes"):
+        share_by_hand(spread, ["gate"], None, None, False, here=True).__enter__()
 
 
 def test_behind_a_router_the_robot_can_be_brought_up_beside_them_and_comes_first() -> None:

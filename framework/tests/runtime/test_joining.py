@@ -64,15 +64,13 @@ def test_who_looks_shows_what_lets_him(there: tuple[str, ...], keys: str, shown:
         pass
 
 
-def test_processes_show_the_certificate_that_was_named_and_the_router_and_tools_their_own() -> None:
+def test_processes_show_the_certificate_that_was_named_and_the_router_its_own() -> None:
     network = Network("lab", "r1", ROUTER, True, Path("keys/brain.pem"))
-    (link,) = network.links(None, ["think"]).values()  # type: ignore[arg-type]
+    link = network.alone()
     router = network.router_link()
     assert router is not None
     assert (link.credentials, link.identity) == (Path("keys"), "brain")
     assert (router.credentials, router.identity) == (Path("keys"), "router")
-    tool = network.outsider(None, [], "operator")  # type: ignore[arg-type]
-    assert (tool.credentials, tool.identity) == (Path("keys"), "operator")
     assert network.folder == Path("keys")
 
 
@@ -98,5 +96,5 @@ def test_a_tool_that_joins_while_a_process_restarts_reaches_it_when_it_is_there(
 
 
 def test_without_keys_nobody_shows_anything() -> None:
-    link = Network("lab", "r1", "tcp/127.0.0.1:9").outsider(None, [])  # type: ignore[arg-type]
+    link = Network("lab", "r1", "tcp/127.0.0.1:9").alone()
     assert (link.credentials, link.identity) == (None, None)

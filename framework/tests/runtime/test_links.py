@@ -331,11 +331,15 @@ def test_of_two_neighbours_one_alone_calls_the_other() -> None:
     assert all(link.peers == 2 for link in links)
 
 
-def test_a_reader_shares_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+DRIVE = {"drive": [("controller", "law")]}
+
+
+def test_processes_share_memory_where_the_config_says_so_and_readers_never(monkeypatch: pytest.MonkeyPatch) -> None:
     with tempfile.TemporaryDirectory(prefix="nl", dir="/tmp") as short:  # a socket's path has little room
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", short)
-        network, folder = Network("lab", "r1"), RobotFolder("lab", "r1")
+        network, folder = Network("lab", "r1", shared_memory=True), RobotFolder("lab", "r1")
         folder.make()
-        looking_on, node = network.outsider(folder, ["drive"]), network.links(folder, ["drive"])["drive"]
-        found = [settings(link)["transport"]["shared_memory"]["enabled"] for link in (looking_on, node)]
-    assert found == [False, True]
+        (usual,) = Network("lab", "r1").links(folder, DRIVE).values()
+        links = usual, network.outsider(folder, DRIVE), network.links(folder, DRIVE)["drive"]
+        found = [settings(link)["transport"]["shared_memory"]["enabled"] for link in links]
+    assert found == [False, False, True]

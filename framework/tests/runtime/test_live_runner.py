@@ -52,7 +52,7 @@ class Wire:
     def publication(self, key: str, quality: object, lossless: bool) -> Any:
         return SimpleNamespace(put=lambda data, label: None)
 
-    def serve(self, key: str, take: object) -> None:
+    def serve(self, key: str, take: object, is_large: bool = False) -> None:
         pass
 
     def subscribe(self, key: str, receive: object, most: int) -> None:

@@ -24,7 +24,7 @@ class Wire:
     def publication(self, key: str, quality: object, lossless: bool) -> Any:
         return SimpleNamespace(put=lambda data, label: None)
 
-    def serve(self, key: str, take: Callable[[Any], None]) -> None:
+    def serve(self, key: str, take: Callable[[Any], None], is_large: bool = False) -> None:
         self.take = take
 
 

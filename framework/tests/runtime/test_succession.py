@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from cryptography import x509
 from navloom.messages import Command
-from navloom.runtime import succession, zenoh_bus
+from navloom.runtime import connection, succession
 from navloom.runtime.access import Identity
 from navloom.runtime.certificates import HOSTS, Order
 from navloom.runtime.client import AGAIN
@@ -26,7 +26,7 @@ from navloom.runtime.keys import add_identity, new_authority, renew, revoke
 from navloom.runtime.links import Link
 from navloom.runtime.quality import quality_of
 from navloom.runtime.succession import Router
-from navloom.runtime.zenoh_bus import Bus
+from navloom.runtime.zenoh_bus import Bus, Question
 
 SOON = 20.0
 STREAM = "lab/r1/controller/law/command"
@@ -80,9 +80,9 @@ class Net:
 
 @pytest.fixture
 def net(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Net]:
-    monkeypatch.setattr(zenoh_bus, "CERTIFICATES", 0.05)
-    monkeypatch.setattr(zenoh_bus, "SPREAD", 0.0)
-    monkeypatch.setattr(zenoh_bus, "LINGER", 0.5)
+    monkeypatch.setattr(connection, "CERTIFICATES", 0.05)
+    monkeypatch.setattr(connection, "SPREAD", 0.0)
+    monkeypatch.setattr(connection, "LINGER", 0.5)
     monkeypatch.setattr(succession, "LEAVE", 2.0)
     with contextlib.ExitStack() as stack:
         short = stack.enter_context(TemporaryDirectory(prefix="nl", dir="/tmp"))  # a socket's path has little room
@@ -179,7 +179,7 @@ def test_a_question_is_answered_at_most_once_while_processes_move(net: Net) -> N
     taken: list[bytes] = []
     server, asker = net.join("nodes"), net.join("operator")
 
-    def answer(question: zenoh_bus.Question) -> None:
+    def answer(question: Question) -> None:
         taken.append(question.data)
         question.answer(SERVICE, question.data)
 

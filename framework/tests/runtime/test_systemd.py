@@ -83,6 +83,8 @@ def test_the_router_is_on_its_own_host_alone() -> None:
     router = setting(base["navloom-lab-r1-router.service"], "ExecStart")
     assert router == ('/opt/navloom/bin/navloom router tls/10.0.0.1:7447 --robot lab/r1 --keys "/etc/robot keys"')
     assert "navloom-lab-r1-router.service" in setting(base["navloom-lab-r1-robot.service"], "After")
+    safe = setting(base["navloom-lab-r1-safe.service"], "ExecStart")
+    assert safe == "/opt/navloom/bin/navloom node /etc/robot/r1.toml safe --here"
 
 
 def test_nothing_in_a_path_is_expanded() -> None:

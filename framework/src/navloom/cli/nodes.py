@@ -27,6 +27,9 @@ def node(
     ] = None,
     keys: Keys = None,
     insecure: Insecure = False,
+    here: Annotated[
+        bool, typer.Option("--here", help="All processes that the config has on this one's host run here, as units do.")
+    ] = False,
 ) -> None:
     """Run chosen nodes of a robot here, until Ctrl-C. On one host they find each other, from elsewhere by a router."""
     from navloom.cli.interrupts import ending
@@ -37,7 +40,7 @@ def node(
     from navloom.runtime.systemd import notify
 
     system = assemble(load_config(config, set_ or (), seed))
-    with ending() as event, share_by_hand(system, names, connect, keys, insecure) as share:
+    with ending() as event, share_by_hand(system, names, connect, keys, insecure, here) as share:
         _warn(share.link)
         process = NodeProcess(system, share, event)
         sys.setswitchinterval(0.0005)

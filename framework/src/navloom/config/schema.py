@@ -262,6 +262,7 @@ class LiveTable(Table):
     router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
     router_host: str | None = Field(default=None, description="host that starts the router; default: none, run it")
     keys: str | None = Field(default=None, description="folder of certificates, see `navloom keys`")
+    shared_memory: bool = Field(default=False, description="messages of 3 KB and more pass through it on one host")
     hang_timeout: Positive = Field(default=2.0, description="s a step may take before its process is given up")
     restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it is left down")
     restart_window: Positive = Field(default=30.0, description="s")

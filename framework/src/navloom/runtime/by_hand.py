@@ -68,17 +68,38 @@ def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
             time.sleep(0.1)
 
 
+def _host_of(system: System, names: Sequence[str]) -> str | None:
+    """Host of a process by the config; None where the config names no hosts. Raises ConfigError."""
+    live = system.config.live
+    if len(names) != 1 or names[0] not in live.processes:
+        known = ", ".join(live.processes)
+        raise ConfigError(f"node {' '.join(names)}: --here takes one process of live.processes: {known}")
+    hosts = [host for host, processes in live.hosts.items() if names[0] in processes]
+    if live.hosts and not hosts:
+        raise ConfigError(f"node {names[0]}: live.hosts has it on no host, so --here does not say what runs beside it")
+    return hosts[0] if hosts else None
+
+
 @contextmanager
 def share_by_hand(
-    system: System, names: Sequence[str], connect: str | None, keys: str | None, insecure: bool
+    system: System, names: Sequence[str], connect: str | None, keys: str | None, insecure: bool, here: bool = False
 ) -> Iterator[Share]:
     """The share of a process that nobody supervises, for as long as it runs. Its socket is called as its first node.
+
+    Args:
+        system, names: The robot, and its nodes to run.
+        connect: Endpoint of its router; None for the config's.
+        keys: Folder of certificates, or one in it; None for the config's.
+        insecure: Plain TCP to another host was asked for.
+        here: `names` is one process, and those that the config has on its host run on this one: where there is a
+            router, they meet over sockets beside it.
 
     Raises:
         ConfigError: There is no such node; DirectoryError: it is there already; LinkError: it cannot be linked.
     """
     sources = chosen_sources(system, names)
-    network = network_of(system.config, None, insecure)
+    host = _host_of(system, names) if here else None
+    network = network_of(system.config, host, insecure)
     if connect is not None:
         network = replace(network, router=connect)
     if keys is not None:
@@ -86,15 +107,21 @@ def share_by_hand(
     _refuse_doubles(network, sources)
     folder = RobotFolder(network.realm, network.robot)
     folder.make()
-    if network.router:
+    if network.router and here:
+        (name,) = names
+        link = network.links(folder, spread(system.config, all_sources(system), host))[name]
+        ends = link.connect
+    elif network.router:
         name = "-".join(dict.fromkeys(role for role, _ in sources))[:24] + f"-{os.getpid()}"
-        link = network.links(folder, [name])[name]
+        link = network.alone()
         ends = link.connect
     else:
         name = ".".join(sources[0])
         # One started at the same moment has no socket yet: whatever it will be called is tried until it is there.
         possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
-        link = peer_link(folder.socket(name), (*folder.sockets(), *possible), network.realm, network.robot)
+        link = peer_link(
+            folder.socket(name), (*folder.sockets(), *possible), network.realm, network.robot, network.shared_memory
+        )
         ends = link.listen
     shown = "" if network.folder is None else str(network.folder.absolute())
     running = Running(

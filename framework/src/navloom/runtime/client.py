@@ -36,6 +36,7 @@ OPEN: Mapping[str, Any] = {
     "faulted": 0,
     "fault": "",
     "config_sha256": "",
+    "shares_memory": False,
     "shared_memory_mb": None,
 }
 """What a node that does not answer leaves open, and one of another version perhaps."""
@@ -44,7 +45,7 @@ _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
     **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns"), int),
     **dict.fromkeys(("ticks", "late_ticks", "driven_ticks", "own_ticks"), int),
-    **dict.fromkeys(("active", "enabled"), bool),
+    **dict.fromkeys(("active", "enabled", "shares_memory"), bool),
     **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
     **dict.fromkeys(("chain_p50_s", "chain_p99_s"), _NUMBER),
     **dict.fromkeys(("versions", "published", "carries", "streams", "places", "hosts"), dict),

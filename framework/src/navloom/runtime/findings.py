@@ -221,7 +221,7 @@ def unheard(nodes: Sequence[Node]) -> list[Finding]:
 def sharing(nodes: Sequence[Node]) -> list[Finding]:
     """Shared memory that is short, and large messages that cannot pass through it."""
     found = []
-    for host, free in {node["host"]: node["shared_memory_mb"] for node in nodes}.items():
+    for host, free in {node["host"]: node["shared_memory_mb"] for node in nodes if node["shares_memory"]}.items():
         remedy = f"give /dev/shm {POOL:.0f} MB for each process there (containers: --shm-size)"
         if free is None or free < LOW:
             amount = "no shared memory" if free is None else f"only {free:.1f} MB of shared memory left"
@@ -236,7 +236,7 @@ def sharing(nodes: Sequence[Node]) -> list[Finding]:
             is_large = is_scan or (source.startswith("mapper/") and port == "map")
             if is_large and counts["received"] and hosts.get(source, node["host"]) != node["host"]:
                 what = f"{named(node)} on {node['host']} gets {stream} over the network, from {hosts[source]}"
-                remedy = "shared memory works within a host: where its age is high (`navloom hz`), move it there"
+                remedy = "it takes less within a host: where its age is high (`navloom hz`), move it there"
                 found.append(Finding("note", what, remedy))
     return found
 

@@ -24,7 +24,8 @@ def keep_from_children(link: Link, forked: Callable[[], None]) -> None:
         link: By which this process has joined the robot.
         forked: Called in each child that is forked.
     """
-    ends = [Endpoint.parse(end) for end in (*link.listen, *link.connect)]
+    links = (link,) if link.mesh is None else (link, link.mesh.link)
+    ends = [Endpoint.parse(end) for one in links for end in (*one.listen, *one.connect)]
     paths = frozenset(end.host for end in ends if end.protocol == "unixsock-stream")
 
     def let_go() -> None:

@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -124,7 +123,7 @@ def expiring(folder: Path | None) -> tuple[str, ...]:
 @contextmanager
 def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
     """A tool's session, once it has found who listens where its link calls. Raises BusError: nobody is there for s."""
-    with Bus(replace(link, shared_memory=False), patience) as bus:
+    with Bus(link, patience) as bus:
         limit = time.monotonic() + FOUND
         wanted = sum(_may_listen(end) for end in link.connect) if link.mode == "peer" else 1
         while bus.neighbours() < wanted and time.monotonic() < limit:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import ipaddress
-import re
-import socket
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from navloom.errors import NavloomError
 from navloom.inputs.bounds import open_file
 from navloom.runtime.access import AccessError, limits, read_identities, rules
+from navloom.runtime.endpoints import Endpoint, LinkError
 from navloom.runtime.keyspace import LARGEST
 
-__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "credential_files", "peer_link", "settings"]
+__all__ = ["GATHER", "Endpoint", "Link", "LinkError", "Mesh", "credential_files", "peer_link", "settings"]
 
 LEASE = 1000
 """ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
@@ -41,19 +38,15 @@ by that, and shorter than live.hang_timeout, so that no writer is taken for hung
 SEND_BUFFER = 65_536
 """bytes in the kernel of a link that leaves the host: priorities end where it begins."""
 POOL = 16 * 2**20
-"""bytes of shared memory for large messages; taken, and held in memory, when the first one is sent. Readers keep the
-pools of processes that have died, so it is no larger than some messages of the largest usual kind."""
+"""bytes of shared memory for large messages; taken, and held in memory, when the first one is sent, which takes 15 to
+85 ms. Readers keep the pools of processes that have died, so it is no larger than some messages of the largest usual
+kind."""
 URGENT, REST = "prio=0-3", "prio=4-7"
 """Priorities of the two links to another host: commands and poses do not wait behind a map. A client whose router
 started again gets one of them back, which then carries everything: https://github.com/eclipse-zenoh/zenoh/issues/2130
 """
 
-_LOCAL, _PLAIN, _SECURE = ("unixsock-stream",), ("tcp", "udp"), ("tls",)
 _MODES = ("peer", "client", "router")
-
-
-class LinkError(NavloomError, ValueError):
-    """A link that is refused; the text says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +61,11 @@ class Link:
         insecure: Plain TCP beyond this host was asked for.
         realm, robot: Of the keys that the rules of a TLS listener protect.
         peers: Neighbours that opening waits for, as long as GATHER.
-        shared_memory: Large messages come by it. Not for what only looks on, for as long as it likes: see POOL.
+        shared_memory: Large messages come by it, see POOL.
         door: Of a router over TLS, the socket of this host where its successor joins it, when certificates change.
         predecessor: Of a router that takes over from another, the door of that one.
         streams: Of the robot, as role/instance/port: all that readers may subscribe to; empty where they are not known.
+        mesh: Of a client, how it meets the processes of its own host, not by the router; None where it does not.
     """
 
     mode: str
@@ -83,10 +77,31 @@ class Link:
     realm: str = "lab"
     robot: str = "r1"
     peers: int = 0
-    shared_memory: bool = True
+    shared_memory: bool = False
     door: str = ""
     predecessor: str = ""
     streams: tuple[str, ...] = ()
+    mesh: Mesh | None = None
+
+    @property
+    def is_spread(self) -> bool:
+        """Part of the robot may be behind a router."""
+        return self.mode == "client" and not (self.mesh is not None and self.mesh.is_whole)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Processes of one host that meet over sockets, beside a router.
+
+    Attributes:
+        link: Of one of them to the others.
+        here: What runs in them, as role/instance, and process/name for themselves.
+        is_whole: They are all of the robot.
+    """
+
+    link: Link
+    here: tuple[str, ...]
+    is_whole: bool
 
 
 def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:
@@ -96,7 +111,7 @@ def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]
     return (keys.parent, keys.stem) if keys.suffix == ".pem" else (keys, usual)
 
 
-def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str) -> Link:
+def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str, shared_memory: bool = False) -> Link:
     """How a process joins its neighbours on one host. Of two, the one whose socket's name comes later calls the other.
 
     Were both to call, a process that was stopped and goes on could keep its half of a link that the other has given up,
@@ -106,86 +121,11 @@ def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str) -> Link:
         own: Socket it listens at.
         sockets: Of all.
         realm, robot: Names of the robot.
+        shared_memory: Large messages come by it.
     """
     others = sorted({*sockets} - {own})
     earlier = tuple(end for end in others if end < own)
-    return Link("peer", (own,), earlier, realm=realm, robot=robot, peers=len(others))
-
-
-@dataclass(frozen=True)
-class Endpoint:
-    """One end of a connection.
-
-    Attributes:
-        text: As it was given.
-        protocol: unixsock-stream, tcp, udp or tls.
-        host: Name or address without brackets, or the path of a socket.
-        port: 0 for a socket.
-        priorities: "prio=1-3", or empty for all.
-    """
-
-    text: str
-    protocol: str
-    host: str
-    port: int = 0
-    priorities: str = ""
-
-    @staticmethod
-    def parse(text: str) -> Endpoint:
-        """Take an endpoint apart. Raises LinkError where it is none."""
-        protocol, slash, address = text.partition("/")
-        if not slash or protocol not in (*_LOCAL, *_PLAIN, *_SECURE):
-            raise LinkError(
-                f"endpoint {text!r}: unknown protocol {protocol!r}, expected tls/HOST:PORT, tcp/HOST:PORT, "
-                "udp/HOST:PORT or unixsock-stream/PATH"
-            )
-        if "#" in text:
-            raise LinkError(f"endpoint {text!r}: settings after # are not taken; certificates come from --keys")
-        address, _, priorities = address.partition("?")
-        if priorities and not re.fullmatch(r"prio=[0-7]-[0-7]", priorities):
-            raise LinkError(f"endpoint {text!r}: {priorities!r} after ?, expected prio=1-3")
-        if protocol in _LOCAL:
-            if not address.startswith("/"):
-                raise LinkError(f"endpoint {text!r}: expected an absolute path, as unixsock-stream//run/robot/x.sock")
-            return Endpoint(text, protocol, address, 0, priorities)
-        found = re.fullmatch(r"(?:\[([^\]]+)\]|([^\[\]:]+)):([0-9]{1,5})", address)
-        if found is None or not 0 < int(found[3]) < 65536:
-            raise LinkError(
-                f"endpoint {text!r}: expected {protocol}/HOST:PORT with a port of 1 to 65535, "
-                f"as {protocol}/127.0.0.1:7447 or {protocol}/[::1]:7447"
-            )
-        return Endpoint(text, protocol, found[1] or found[2], int(found[3]), priorities)
-
-    @property
-    def is_secure(self) -> bool:
-        """Encrypted, with certificates on both sides."""
-        return self.protocol in _SECURE
-
-    @property
-    def is_wildcard(self) -> bool:
-        """Every interface of the host."""
-        return self.host == "*" or (self._address is not None and self._address.is_unspecified)
-
-    @property
-    def is_local(self) -> bool:
-        """It cannot be reached from another host. A name other than localhost can lead anywhere."""
-        if self.protocol in _LOCAL or self.host == "localhost":
-            return True
-        return self._address is not None and self._address.is_loopback
-
-    @property
-    def _address(self) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-        if self.protocol in _LOCAL:
-            return None
-        try:
-            address = ipaddress.ip_address(self.host)
-        except ValueError:
-            try:  # "0" and "0x7f.1" are addresses to the system's resolver
-                return ipaddress.IPv4Address(socket.inet_aton(self.host))
-            except OSError:
-                return None
-        mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
-        return mapped or address
+    return Link("peer", (own,), earlier, realm=realm, robot=robot, peers=len(others), shared_memory=shared_memory)
 
 
 def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
@@ -246,7 +186,7 @@ def _refuse_listening(link: Link, end: Endpoint) -> None:
         )
     if not end.is_local and not end.is_secure and not link.insecure:
         raise LinkError(f"listening at {end.text}: {_plain(end)}")
-    if end.protocol in _LOCAL:
+    if end.is_socket:
         _refuse_open_folder(end)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from navloom.config.schema import Config
+from navloom.runtime.cell import Source
 from navloom.runtime.directory import RobotFolder
-from navloom.runtime.links import Endpoint, Link, LinkError, certificate, peer_link, settings
+from navloom.runtime.links import Endpoint, Link, LinkError, Mesh, certificate, peer_link, settings
 from navloom.runtime.quality import streams_of
 
 __all__ = ["Network", "network_of"]
@@ -25,6 +26,8 @@ class Network:
         keys: Folder of certificates, or the file of the one that processes of this host show.
         insecure: Plain TCP beyond this host was asked for.
         streams: Of the robot, as role/instance/port.
+        is_whole: All of the robot's processes are on this host.
+        shared_memory: Large messages between its processes on one host come by it.
     """
 
     realm: str
@@ -34,6 +37,8 @@ class Network:
     keys: Path | None = None
     insecure: bool = False
     streams: tuple[str, ...] = ()
+    is_whole: bool = True
+    shared_memory: bool = False
 
     @property
     def folder(self) -> Path | None:
@@ -43,16 +48,20 @@ class Network:
     def check(self) -> None:
         """Refuse what no process could be linked by, before any is started. Raises LinkError."""
         if self.router:
-            for link in (self.router_link(), self._client("nodes")):
+            for link in (self.router_link(), self.alone()):
                 if link is not None:
                     settings(link)
 
-    def links(self, folder: RobotFolder, names: Sequence[str]) -> dict[str, Link]:
-        """Of each process: to every other one's socket, or to the router."""
-        if self.router:
-            return {name: self._client("nodes") for name in names}
-        sockets = {name: folder.socket(name) for name in names}
-        return {name: peer_link(own, sockets.values(), self.realm, self.robot) for name, own in sockets.items()}
+    def links(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> dict[str, Link]:
+        """Of each process of this host: to every other one's socket, and to the router where there is one."""
+        sockets = {name: folder.socket(name) for name in shares}
+        meshed = {
+            name: peer_link(own, sockets.values(), self.realm, self.robot, self.shared_memory)
+            for name, own in sockets.items()
+        }
+        if not self.router:
+            return meshed
+        return {name: self._beside(link, shares) for name, link in meshed.items()}
 
     def router_link(self) -> Link | None:
         """Of the router, where it is this host's to start."""
@@ -64,27 +73,32 @@ class Network:
             insecure=self.insecure, realm=self.realm, robot=self.robot, streams=self.streams,
         )  # fmt: skip
 
-    def outsider(self, folder: RobotFolder, names: Sequence[str], identity: str = "operator") -> Link:
-        """Of a tool on the same host, which nobody needs to find."""
-        if self.router:
-            return replace(self._client(identity), shared_memory=False)
-        sockets = tuple(folder.socket(name) for name in names)
-        return Link("peer", (), sockets, realm=self.realm, robot=self.robot, shared_memory=False)
+    def outsider(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> Link:
+        """Of what looks after the processes of this host, and which nobody needs to find."""
+        sockets = tuple(folder.socket(name) for name in shares)
+        link = Link("peer", (), sockets, realm=self.realm, robot=self.robot)
+        return self._beside(link, shares) if self.router else link
+
+    def alone(self) -> Link:
+        """Of a process that meets all others by the router."""
+        folder, own = certificate(self.keys, "nodes")
+        return Link(
+            "client", (), (self.router,), credentials=folder, identity=own,
+            insecure=self.insecure, realm=self.realm, robot=self.robot,
+        )  # fmt: skip
+
+    def _beside(self, link: Link, shares: Mapping[str, Sequence[Source]]) -> Link:
+        """Of a process that meets those of its host by sockets, and all others by the router."""
+        here = [f"{role}/{name}" for sources in shares.values() for role, name in sources]
+        here += [f"process/{name}" for name in shares]
+        return replace(self.alone(), mesh=Mesh(link, tuple(here), self.is_whole))
 
     def tool(self) -> Link:
         """Of a tool beside whatever runs now: it calls the router, or every socket that is there."""
         if self.router:
-            return self._client("nodes")
+            return self.alone()
         sockets = tuple(RobotFolder(self.realm, self.robot).sockets())
         return Link("peer", (), sockets, realm=self.realm, robot=self.robot)
-
-    def _client(self, identity: str) -> Link:
-        folder, own = certificate(self.keys, "nodes")
-        shown = own if identity == "nodes" or folder is None else identity
-        return Link(
-            "client", (), (self.router,), credentials=folder, identity=shown,
-            insecure=self.insecure, realm=self.realm, robot=self.robot,
-        )  # fmt: skip
 
 
 def network_of(config: Config, host: str | None, insecure: bool) -> Network:
@@ -97,4 +111,8 @@ def network_of(config: Config, host: str | None, insecure: bool) -> Network:
             raise LinkError(f"live.router: {error}") from None
     keys = Path(live.keys) if live.keys else None
     starts = live.router is not None and live.router_host == host
-    return Network(config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config))
+    is_whole = host is None or set(live.hosts.get(host, ())) == set(live.processes)
+    return Network(
+        config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config), is_whole,
+        live.shared_memory,
+    )  # fmt: skip

@@ -198,14 +198,15 @@ class NodeProcess:
 
     def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
         """Ask every other process what must not be forgotten; whom a new link leads to is known a moment after it."""
-        limit = time.monotonic() + RECOLLECT
+        limit, link = time.monotonic() + RECOLLECT, self.share.link
+        peers = link.peers if link.mesh is None else link.mesh.link.peers
         # One that has just begun itself does not know the clock that others go by; behind a router they may come later.
-        needs_clock = self.share.link.mode == "client" and any(role == "platform" for role, _ in self.share.sources)
+        needs_clock = link.is_spread and any(role == "platform" for role, _ in self.share.sources)
         while bus.neighbours():
             answers = list(bus.ask(keys.process("*", "memory"), timeout=1.0))
             for answer in answers:
                 memory.learn(answer.data)
-            is_enough = len(answers) >= max(1, self.share.link.peers) and (memory.clock_ns >= 0 or not needs_clock)
+            is_enough = len(answers) >= max(1, peers) and (memory.clock_ns >= 0 or not needs_clock)
             if is_enough or time.monotonic() > limit:
                 return
             time.sleep(0.02)

@@ -39,7 +39,7 @@ class Outlet:
         self._kept: tuple[tuple[Message, Envelope] | None, bytes] = (None, b"")
         self._allowance = Allowance(ANSWERED, AT_ONCE)
         if retained:
-            bus.serve(key, self._answer)
+            bus.serve(key, self._answer, is_large=True)
 
     def publish(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
         """Send a message to all who read it."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from navloom.runtime.links import Link
+from navloom.runtime.links import Link, Mesh
 from navloom.runtime.process_log import LARGEST_LOG
 
 __all__ = [
@@ -92,18 +92,14 @@ def write_heedlessly() -> None:
 
 def link_to_json(link: Link) -> dict[str, Any]:
     """A link as JSON."""
-    return {**vars(link), "credentials": str(link.credentials) if link.credentials else None}
+    mesh = link.mesh and {**vars(link.mesh), "link": link_to_json(link.mesh.link)}
+    return {**vars(link), "credentials": str(link.credentials) if link.credentials else None, "mesh": mesh}
 
 
 def link_from_json(given: dict[str, Any]) -> Link:
     """A link from its JSON."""
-    folder = Path(given["credentials"]) if given["credentials"] else None
-    return Link(
-        **{
-            **given,
-            "listen": tuple(given["listen"]),
-            "connect": tuple(given["connect"]),
-            "streams": tuple(given["streams"]),
-            "credentials": folder,
-        }
-    )
+    mesh, folder = given["mesh"], given["credentials"]
+    if mesh is not None:
+        mesh = Mesh(link_from_json(mesh["link"]), tuple(mesh["here"]), mesh["is_whole"])
+    lists = {name: tuple(given[name]) for name in ("listen", "connect", "streams")}
+    return Link(**{**given, **lists, "credentials": Path(folder) if folder else None, "mesh": mesh})

@@ -32,6 +32,8 @@ DAY = 86400.0
 """s between two warnings of certificates that expire soon."""
 JOIN = 15.0
 """s to wait for a router of this host's own."""
+REACHABLE = 5.0
+"""Longest wait until a router shows the processes that are there, s."""
 
 
 class StartError(NavloomError, RuntimeError):
@@ -102,9 +104,9 @@ class Robot:
         try:
             self.supervisor.start()
             self.folder.write(self.running())
-            link = self.network.outsider(self.folder, list(self._shares), "nodes")
-            patience = JOIN if self.network.starts_router else math.inf  # another host's router may come any time
-            self.bus = Bus(link, patience, self._say, lambda: not self._ends())
+            link, starts_router = self.network.outsider(self.folder, self._shares), self.network.starts_router
+            patience = JOIN if starts_router else math.inf  # another host's router may come any time
+            self.bus = Bus(link, patience, self._say, lambda: not self._ends(), waits=starts_router)
             if not self.barrier:
                 self._remember()
             self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
@@ -130,7 +132,7 @@ class Robot:
 
     def _tasks(self) -> list[Task]:
         """The processes of this host: its router first, where it has one."""
-        links = self.network.links(self.folder, list(self._shares))
+        links = self.network.links(self.folder, self._shares)
         shares = [
             Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
             for name, sources in self._shares.items()
@@ -151,7 +153,7 @@ class Robot:
 
     def running(self) -> Running:
         """For the runtime file."""
-        ends = self.network.outsider(self.folder, list(self._shares))
+        ends = self.network.outsider(self.folder, self._shares)
         return Running(
             self.keys.realm, self.keys.robot, os.getpid(), ends.connect, ends.mode == "client",
             self.system.loaded.name, self.barrier, str(ends.credentials.absolute()) if ends.credentials else "",
@@ -186,6 +188,19 @@ class Robot:
                 raise StartError(f"not there after {timeout:g} s: {names}; {self._advice(missing)}")
             with self._changed:
                 self._changed.wait(0.2)
+        self._await_reachable(ends)
+
+    def _await_reachable(self, ends: Callable[[], bool]) -> None:
+        """Wait a moment until the router, where it is there, shows the processes of this host to tools."""
+        if not self.network.router:
+            return
+        wanted = {f"{role}/{name}" for sources in self._shares.values() for role, name in sources}
+        limit = time.monotonic() + REACHABLE
+        while self.bus.has_router() and time.monotonic() < limit and not ends():
+            shown = {"/".join(self.keys.split(key)[:2]) for key in self.bus.shown(self.keys.alive("*", "*", "*"))}
+            if wanted <= shown:
+                return
+            time.sleep(0.05)
 
     def _advice(self, missing: Sequence[Source]) -> str:
         here = {source for sources in self._shares.values() for source in sources}

@@ -164,6 +164,7 @@ class Services:
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
             "notes": notes_of(cell.node),
+            "shares_memory": self._system.config.live.shared_memory,
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "carries": {port: outlet.carries for port, outlet in cell.outlets.items()},

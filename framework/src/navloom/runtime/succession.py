@@ -16,10 +16,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from navloom.runtime.access import HERE, IDENTITIES, MOVED
+from navloom.runtime.connection import LINGER, SETTLE, SPREAD
 from navloom.runtime.directory import RobotFolder
 from navloom.runtime.file_watch import FileWatch
 from navloom.runtime.links import Endpoint, Link, LinkError, credential_files, settings
-from navloom.runtime.zenoh_bus import LINGER, SETTLE, SPREAD, Bus
+from navloom.runtime.zenoh_bus import Bus
 
 __all__ = ["Router"]
 

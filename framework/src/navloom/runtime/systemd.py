@@ -85,7 +85,8 @@ def units(system: System, network: Network, host: str | None, command: Command) 
         keys = ["--keys", str(network.folder)] if network.folder is not None else []
         found["router"] = _Service("router", (*words, *keys), (), live.hang_timeout, is_control=True)
     for process, sources in shares.items():
-        found[process] = _node(process, sources, _before(process, shares, network.starts_router), command, live)
+        own = ("node", command.config, process, *(["--here"] if network.router else []))
+        found[process] = _node(process, sources, _before(process, shares, network.starts_router), own, live)
     if not found:
         raise ConfigError(f"live.hosts.{host}: no process runs on this host, so there are no units")
     made = {f"{stem}-{name}.service": _text(one, robot, stem, command, live) for name, one in found.items()}
@@ -124,11 +125,10 @@ def _before(process: str, shares: Mapping[str, tuple[Source, ...]], has_router: 
 
 
 def _node(
-    process: str, sources: tuple[Source, ...], after: tuple[str, ...], command: Command, live: LiveTable
+    process: str, sources: tuple[Source, ...], after: tuple[str, ...], words: tuple[str, ...], live: LiveTable
 ) -> _Service:
     roles = dict.fromkeys(role for role, _ in sources)
     watchdog = max(longest_step(role, live.hang_timeout) for role in roles)
-    words = ("node", command.config, process)
     return _Service(f"{process} ({', '.join(roles)})", words, after, watchdog, PLANNING.isdisjoint(roles))
 
 

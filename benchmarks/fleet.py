@@ -1,0 +1,265 @@
+"""Several robots on one host behind one router: their memory, their share of the processors, and their deadlines.
+
+`python benchmarks/fleet.py [--robots N] [--period S] [--seconds S] [--router ENDPOINT] [--json]`
+
+Each robot has a realm of its own, the default split into four processes and `navloom up`, and drives to and fro in the
+world `empty`. All have one router; `--router ""` does without. What is measured stands in README.md beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from navloom.runtime.client import Client, ClientError
+from navloom.runtime.joining import join
+
+COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
+START, END = 300.0, 30.0
+"""s that all robots may take to come up, and one to end."""
+GOALS = ((0.0, 6.0), (0.0, 0.0))
+"""There and back, map frame, m."""
+LOOK = 0.5
+"""s between two looks at a robot."""
+CONFIG = """
+[run]
+period = {period}
+stop_after = 1e6
+
+[robot]
+realm = "{realm}"
+
+[world]
+ref = "empty"
+
+[platform]
+plugin = "sensors_sim"
+
+[[sensor]]
+name = "laser"
+kind = "pitched_laser"
+geometry = "paper"
+
+[[sensor]]
+name = "sonars"
+kind = "sonar_ring"
+layout = "p3dx"
+
+[navigation]
+drive = false
+start = {{ x = 0.0, y = 0.0, heading_deg = 90.0 }}
+
+[live]
+{live}
+"""
+
+
+@dataclass
+class One:
+    """One robot.
+
+    Attributes:
+        up: Its `navloom up`.
+        log: What that says.
+        client: To ask it by.
+        goals: How many it was given.
+    """
+
+    realm: str
+    up: subprocess.Popen[bytes]
+    log: Path
+    client: Client | None = None
+    goals: int = 0
+
+
+@contextmanager
+def fleet(count: int, period: float, router: str, live: Sequence[str], folder: Path) -> Iterator[list[One]]:
+    """Robots that are up, and their router; gone afterwards."""
+    started: list[subprocess.Popen[bytes]] = []
+    try:
+        if router:
+            started.append(_start(["router", router], folder / "router.log"))
+        robots = []
+        for number in range(count):
+            realm, path = f"f{number}", folder / f"f{number}.toml"
+            # A robot on no named host does not start the router: that is there already.
+            own = [f'router = "{router}"', 'router_host = "other"', _hosts()] if router else []
+            path.write_text(CONFIG.format(period=period, realm=realm, live="\n".join([*own, *live])), "utf-8")
+            log = folder / f"f{number}.log"
+            more = ["--host", "own"] if router else []
+            robots.append(One(realm, _start(["up", str(path), *more], log), log))
+            started.append(robots[-1].up)
+            _await_up(robots[-1])  # one after the other: together they would wait for the processors
+        yield robots
+    finally:
+        for process in reversed(started):
+            process.send_signal(signal.SIGINT)
+        for process in started:
+            try:
+                process.wait(END)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _hosts() -> str:
+    return 'hosts = { own = ["robot", "think", "drive", "safe"], other = [] }'
+
+
+def _start(words: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
+    with log.open("wb") as out:
+        return subprocess.Popen([*COMMAND, *words], stdout=out, stderr=out, stdin=subprocess.DEVNULL)
+
+
+def _await_up(one: One) -> None:
+    limit = time.monotonic() + START
+    while "every node is there" not in one.log.read_text("utf-8", "replace"):
+        if one.up.poll() is not None or time.monotonic() > limit:
+            raise ClientError(f"robot {one.realm} did not come up: {one.log.read_text('utf-8', 'replace')[-500:]}")
+        time.sleep(0.1)
+
+
+def drive(robots: Sequence[One], seconds: float) -> None:
+    """Give each robot another goal when it has none, for s."""
+    limit = time.monotonic() + seconds
+    while time.monotonic() < limit:
+        for one in robots:
+            assert one.client is not None
+            feedback = one.client.last("goal", "main", "feedback")
+            if one.goals == 0 or (feedback is not None and not getattr(feedback, "goal_id", 0)):
+                x, y = GOALS[one.goals % 2]
+                one.client.call("goal", "main", "submit", {"x": x, "y": y})
+                one.goals += 1
+        time.sleep(LOOK)
+
+
+def told(one: One) -> dict[str, Any]:
+    """What a robot's platform says of itself."""
+    assert one.client is not None
+    return next(found for found in one.client.describe() if found["role"] == "platform")
+
+
+def processes(folder: Path) -> list[int]:
+    """All of the fleet's: those in whose environment or command line its folder is."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            if os.fsencode(str(folder)) in (path / "environ").read_bytes() and int(path.name) != os.getpid():
+                found.append(int(path.name))
+        except OSError:
+            continue
+    return found
+
+
+def memory(pids: Sequence[int]) -> float:
+    """MB of all together: each shared page is counted once among those that share it."""
+    total = 0
+    for pid in pids:
+        try:
+            text = Path(f"/proc/{pid}/smaps_rollup").read_text("utf-8")
+        except OSError:
+            continue
+        total += sum(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
+    return total / 1024
+
+
+def spent(pids: Sequence[int]) -> float:
+    """s of processors that these have had."""
+    total = 0.0
+    for pid in pids:
+        try:
+            fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
+        except OSError:
+            continue
+        total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return total
+
+
+def segments(pids: Sequence[int]) -> float:
+    """MB of shared memory that Zenoh has for these."""
+    found = set()
+    for pid in pids:
+        try:
+            lines = Path(f"/proc/{pid}/maps").read_text("utf-8").splitlines()
+        except OSError:
+            continue
+        found |= {line.split()[5] for line in lines if "/dev/shm/" in line and ".zenoh" in line}
+    return sum(Path(name).stat().st_blocks * 512 for name in found if Path(name).exists()) / 2**20
+
+
+def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, Any]:
+    """Drive for s and count."""
+    pids = processes(folder)
+    before, began, used = [told(one) for one in robots], time.monotonic(), spent(pids)
+    drive(robots, seconds)
+    took, after = time.monotonic() - began, [told(one) for one in robots]
+
+    def more(name: str) -> int:
+        return sum(new[name] - old[name] for new, old in zip(after, before, strict=True))
+
+    ages = [one["streams"]["gate/main/command"] for one in after]
+    load, held = spent(pids) - used, memory(processes(folder))
+    return {
+        "robots": len(robots),
+        "processes": len(pids),
+        "seconds": round(took, 1),
+        "cpu_share": round(load / took, 3),
+        "pss_mb": round(held, 1),
+        "pss_mb_per_robot": round(held / len(robots), 1),
+        "segments_mb": round(segments(pids), 1),
+        "ticks": more("ticks"),
+        "late_ticks": more("late_ticks"),
+        "driven_ticks": more("driven_ticks"),
+        "own_share": round(more("own_ticks") / max(1, more("driven_ticks")), 5),
+        "stops": more("stops"),
+        "age_p50_ms": round(1e3 * sorted(one.get("age_p50_s", 0.0) for one in ages)[len(ages) // 2], 2),
+        "worst_age_p99_ms": round(1e3 * max(one.get("age_p99_s", 0.0) for one in ages), 2),
+    }
+
+
+def main() -> int:
+    """Exit code: 1 where a robot did not come up."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", type=int, default=10)
+    parser.add_argument("--period", type=float, default=0.2, help="of each robot, s")
+    parser.add_argument("--seconds", type=float, default=60.0, help="to drive")
+    parser.add_argument("--router", default=None, metavar="ENDPOINT", help='default: a port on loopback; "" for none')
+    parser.add_argument("--live", action="append", default=[], metavar="LINE", help="of the table live; repeats")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    given = parser.parse_args()
+    router = _free_end() if given.router is None else given.router
+    with tempfile.TemporaryDirectory(prefix="nf", dir="/tmp") as short, ExitStack() as stack:
+        folder = Path(short)
+        os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "rt")
+        try:
+            robots = stack.enter_context(fleet(given.robots, given.period, router, given.live, folder))
+            for one in robots:
+                one.client = stack.enter_context(join(f"{one.realm}/r1"))
+            found = measure(robots, folder, given.seconds)
+        except ClientError as error:
+            print(f"fleet: {error}", file=sys.stderr)
+            return 1
+    print(json.dumps(found) if given.json else "\n".join(f"{name:18}{value}" for name, value in found.items()))
+    return 0
+
+
+def _free_end() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -76,13 +76,18 @@ def typed_reader(cls: type[Message]) -> Typed:
 
 
 class _Reader:
-    """Source of one reader, made of the class's declaration alone; nothing that was sent gets into it."""
+    """Source of one reader, made of the class's declaration alone; nothing that was sent gets into it.
+
+    Attributes:
+        arrays: What holds each array, its field, and its check.
+        tables: Where the arrays lie, by the bytes of a table that was found right.
+        names: What the source calls.
+    """
 
     def __init__(self, cls: type[Message]) -> None:
         self.cls = cls
-        self.tables: dict[bytes, _Places] = {}
         self.arrays: list[tuple[str, str, Check]] = []
-        """Message, field and check of each array."""
+        self.tables: dict[bytes, _Places] = {}
         self.names: dict[str, Any] = {
             "new": object.__new__,
             "view": np.ndarray,

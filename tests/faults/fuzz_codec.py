@@ -1,13 +1,15 @@
 """Mutated messages and random bytes into what decodes them: `python tests/faults/fuzz_codec.py --help`.
 
 Valid messages of every class are spoiled. Nothing but the typed error may come out. It prints how many were refused and
-decoded, the worst time of one and the most memory that one had at once.
+decoded, the worst time of one and the most memory that one had at once. Each is also read with the compiled reader put
+aside: verdict, text and every bit of a message must be the same.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import random
 import resource
 import struct
@@ -15,15 +17,17 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import msgpack
 import numpy as np
-from navloom.messages import SCHEMAS, Array, Envelope, Message
+from navloom.messages import SCHEMAS, Array, Envelope, Message, codec
+from navloom.messages.bounds import header_limit
 from navloom.messages.codec import CodecError, decode, encode, read_envelope, schema_label
 from navloom.messages.kinds import Kind
 
-__all__ = ["Findings", "fuzz_codec", "main"]
+__all__ = ["Findings", "contents", "differences", "fuzz_codec", "main", "sample"]
 
 TRACED = 20
 """Every so manieth decode is also watched for memory, which makes it ten times slower, so it is not timed."""
@@ -32,6 +36,10 @@ BOMBS = (b"\x9f", b"\x91", b"\x81\xa1a", b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff
          b"\xc6\xff\xff\xff\xff", b"\xdb\x00\xff\xff\xff", b"\xc9\x00\x00\x10\x00", b"\xcb\x7f\xf8\0\0\0\0\0\0",
          b"\xd3\x80\0\0\0\0\0\0\0", b"\xcf\xff\xff\xff\xff\xff\xff\xff\xff", b"\xc1", b"\xc0")  # fmt: skip
 """What nests, claims much, or is at the end of a range."""
+VALUES = (None, -1, 0, 1, True, False, 2**62, 2**63 - 1, 2**63, 2**64 - 1, -(2**63), 1.5, -0.0, 4.0, math.pi, math.nan,
+          math.inf, -math.inf, 5e-324, "", "x" * 300, "é" * 100, "é" * 200, [], [1], [1.5], ["a"], [None], {},
+          [[]] * 50, {"x": {}}, b"b", msgpack.ExtType(5, b"x"), msgpack.Timestamp(1))  # fmt: skip
+"""What a field may be changed to."""
 SIZES = (1, 8, 64, 500, 4000, 60_000, 250_000, 1_000_000)
 
 
@@ -127,13 +135,47 @@ def headers(valid: bytes, source: random.Random) -> Iterator[bytes]:
         yield struct.pack("<I", len(spoiled)) + spoiled + rest
     header = msgpack.unpackb(packed)
     name = source.choice([*header["fields"], "unknown"])
-    header["fields"][name] = source.choice((None, -1, 2**64 - 1, "x" * 300, [], {}, [[]] * 50, {"x": {}}, 1.5, b"b"))
-    if source.random() < 0.3:
+    fields = header["fields"]
+    if isinstance(fields.get(name), dict) and source.random() < 0.7:  # one of a nested message
+        fields, name = fields[name], source.choice([*fields[name], "unknown"])
+    fields[name] = source.choice(VALUES)
+    if source.random() < 0.1:
+        del fields[name]
+    if source.random() < 0.2:
+        header["envelope"][source.randrange(6)] = source.choice(VALUES)
+    if source.random() < 0.2 and header["arrays"]:
+        source.choice(header["arrays"])[source.randrange(3)] = source.choice((*VALUES, 0, 64, 128, [2], [1, 3], "<f8"))
+    elif source.random() < 0.2:
         header["arrays"] = [["<f8", [source.choice((-1, 0, 3, 2**40, 2**64 - 1))] * source.randrange(10), 0]]
-    changed = msgpack.packb(header)
-    yield struct.pack("<I", len(changed)) + changed + rest
+    tail = valid[4 + length + -(4 + length) % 64 :]
+    yield joined(msgpack.packb(header), tail)
+    yield joined(rearranged(msgpack.unpackb(packed), source), tail)
     if source.random() < 0.05:
         yield with_bomb(header, name, source)
+
+
+def rearranged(header: dict[str, Any], source: random.Random) -> bytes:
+    """A header with its parts and fields in another order, and perhaps one of them twice."""
+    fields = {key: msgpack.packb(value) for key, value in header["fields"].items()}
+    parts = {name: msgpack.packb(header[name]) for name in ("envelope", "arrays")}
+    return shuffled(parts | {"fields": shuffled(fields, source)}, source)
+
+
+def shuffled(entries: dict[str, bytes], source: random.Random) -> bytes:
+    """A map of packed values, in any order."""
+    pairs = list(entries.items())
+    source.shuffle(pairs)
+    if source.random() < 0.3:
+        key, value = source.choice(pairs)
+        again = value if source.random() < 0.5 else msgpack.packb(source.choice(VALUES))
+        pairs.insert(source.randrange(len(pairs) + 1), (key, again))
+    return bytes([0x80 + len(pairs)]) + b"".join(msgpack.packb(key) + value for key, value in pairs)
+
+
+def joined(packed: bytes, tail: bytes) -> bytes:
+    """A header and the arrays behind it, at a multiple of 64."""
+    head = struct.pack("<I", len(packed)) + packed
+    return head + (bytes(-len(head) % 64) + tail if tail else b"")
 
 
 def with_bomb(header: dict[str, Any], name: str, source: random.Random) -> bytes:
@@ -147,22 +189,70 @@ def with_bomb(header: dict[str, Any], name: str, source: random.Random) -> bytes
     return struct.pack("<I", len(packed)) + packed
 
 
-def fuzz_codec(count: int, seed: int) -> Findings:
-    """So many decodes of messages of every class, and of envelopes alone."""
-    source, found = random.Random(seed), Findings()
+def spoiled(count: int, seed: int) -> Iterator[tuple[str, bytes, random.Random]]:
+    """So many spoiled messages of every class: label, bytes, and a source for what is done with them."""
+    source = random.Random(seed)
     classes = sorted(SCHEMAS.values(), key=lambda cls: cls.schema_name)
     done = 0
     while done < count:
         cls = classes[done % len(classes)] if done < 10_000 else source.choice(classes)
-        label = schema_label(cls)
         valid = encode(sample(cls, source), AT)
-        for data in (*mutants(valid, source), *headers(valid, source)):
-            is_envelope = source.random() < 0.1
-            act = (lambda: read_envelope(data)) if is_envelope else (lambda: decode(data, label))  # noqa: B023
-            what = f"{label}, {len(data)} bytes, {data[:60].hex()}"
-            found.attempt(act, what, CodecError, done % TRACED == 0)
+        for data in (valid, *mutants(valid, source), *headers(valid, source)):
+            yield schema_label(cls), data, source
             done += 1
+
+
+def fuzz_codec(count: int, seed: int) -> Findings:
+    """So many decodes of messages of every class, and of envelopes alone."""
+    found = Findings()
+    for done, (label, data, source) in enumerate(spoiled(count, seed)):
+        is_envelope = source.random() < 0.1
+        act = (lambda: read_envelope(data)) if is_envelope else (lambda: decode(data, label))  # noqa: B023
+        found.attempt(act, f"{label}, {len(data)} bytes, {data[:60].hex()}", CodecError, done % TRACED == 0)
     return found
+
+
+def differences(count: int, seed: int) -> list[str]:
+    """Of so many messages, those that come out otherwise where the compiled reader is put aside."""
+
+    def refuse(*_: object) -> Any:
+        raise ValueError
+
+    ways = codec._WAYS
+    aside: dict[str, Any] = {schema_label(cls): (cls, refuse, header_limit(cls)) for cls in SCHEMAS.values()}
+    found = []
+    try:
+        for label, data, source in spoiled(count, seed):
+            given = memoryview(b"-" + data)[1:] if source.random() < 0.05 else data
+            ours = verdict(given, label)
+            codec._WAYS = aside
+            theirs = verdict(given, label)
+            codec._WAYS = ways
+            if ours != theirs:
+                found.append(f"{label}, {data.hex()[:400]}: {ours} and not {theirs}")
+    finally:
+        codec._WAYS = ways
+    return found
+
+
+def verdict(data: bytes | memoryview, label: str) -> Any:
+    """The text of the refusal, or every bit of message and envelope."""
+    try:
+        message, at = decode(data, label)
+    except CodecError as error:
+        return str(error)
+    return contents(message), type(at), contents(tuple(at))
+
+
+def contents(value: Any) -> Any:
+    """A message as plain values that compare bit for bit."""
+    if isinstance(value, Message):
+        return type(value), [contents(field) for field in value.read_fields()]
+    if isinstance(value, tuple):
+        return [contents(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes(), value.flags.writeable, value.flags.aligned
+    return (float, value.hex()) if isinstance(value, float) else (type(value), value)
 
 
 def report(name: str, found: Findings) -> dict[str, Any]:
@@ -180,15 +270,26 @@ def report(name: str, found: Findings) -> dict[str, Any]:
     }
 
 
+def resident_mb() -> float:
+    """Memory of this process."""
+    return round(int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20, 1)
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """The command line; 1 where anything but the typed error came out."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--compare", type=int, default=0, metavar="COUNT", help="read so many also by the other reader")
     given = parser.parse_args(words)
+    fuzz_codec(10_000, given.seed)
+    before = resident_mb()
     found = fuzz_codec(given.count, given.seed)
-    print(json.dumps(report("codec", found)), flush=True)
-    return 1 if found.wrong else 0
+    said = report("codec", found) | {"rss_mb_before": before, "rss_mb_after": resident_mb()}
+    differ = differences(given.compare, given.seed)
+    said |= {"compared": given.compare, "differ": len(differ), "first_differ": differ[:3]}
+    print(json.dumps(said), flush=True)
+    return 1 if found.wrong or differ else 0
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from navloom.geometry.world import World
 from navloom.inputs.texts import toml_of
 from navloom.messages import OccupancyGrid, Pose2D, RangeScan
 from navloom.messages.packing import writer_of
+from navloom.messages.typed import typed_reader
 from navloom.navigation import blocking, handover, monitor, projection, trajectory
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
@@ -214,6 +215,8 @@ def make_plugins(
     for spec in system.specs:
         for port in spec.ports:
             writer_of(port.carries)
+            if only is not None:  # not all run in this process: messages come as bytes
+                typed_reader(port.carries)
     warmed: set[type[Role]] = set()
     for (role, instance), part in system.parts.items():
         if only is not None and (role, instance) not in only:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from navloom.messages.kinds import Array, Kind, MessageError, brief
 
-__all__ = ["Check", "checker"]
+__all__ = ["Check", "checker", "refuse_contents"]
 
 Check = Callable[[str, Any, dict[str, int]], Any]
 """Name of the field, value given, sizes seen so far in the message -> value to hold."""
@@ -156,7 +156,6 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     assert spec is not None
     dtype = np.dtype(spec.dtype)
     named, dimensions = tuple(enumerate(spec.shape)), len(spec.shape)
-    is_float, is_bounded = dtype.kind == "f", spec.at_least is not None or spec.at_most is not None
     # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
     known: list[NDArray[Any] | None] = [None, None]
     first_size = spec.shape[0] if dimensions and isinstance(spec.shape[0], str) else ""
@@ -177,10 +176,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
         if not _is_frozen(held):
             held = held.copy()
             held.flags.writeable = False
-        if is_float and held.size:
-            _refuse_bad_numbers(cls, name, held, spec)
-        elif is_bounded and held.size:
-            _refuse_beyond(cls, name, held, spec)
+        refuse_contents(cls, name, held, spec)
         if held is value and held.size <= _BY_DOT:
             known[1], known[0] = known[0], held
         return held
@@ -217,6 +213,16 @@ _BY_SUM = 64
 """Up to this many elements a sum in Python is faster than any call of numpy."""
 
 
+def refuse_contents(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
+    """Refuse an array of the declared type and shape that holds what the field may not. Raises MessageError."""
+    if not value.size:
+        return
+    if value.dtype.kind == "f":
+        _refuse_bad_numbers(cls, name, value, spec)
+    elif spec.at_least is not None or spec.at_most is not None:
+        _refuse_beyond(cls, name, value, spec)
+
+
 def _is_plainly_fine(numbers: list[float], spec: Array) -> bool:
     """Whether a sum shows that there is no NaN and no infinity that is not allowed; False decides nothing."""
     total = sum(numbers)
@@ -246,7 +252,7 @@ def _refuse_beyond(cls: str, name: str, value: NDArray[Any], spec: Array) -> Non
     """Whole numbers below the smallest or above the largest allowed value."""
     least = -math.inf if spec.at_least is None else spec.at_least
     most = math.inf if spec.at_most is None else spec.at_most
-    for bad in (value.min(), value.max()):
+    for bad in (int(np.minimum.reduce(value, None)), int(np.maximum.reduce(value, None))):
         if not least <= bad <= most:
             raise MessageError(f"{cls}.{name}: holds {bad}, expected values from {least:g} to {most:g}")
 

@@ -15,24 +15,23 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 import msgpack
-import numpy as np
 from numpy.typing import NDArray
 
+from navloom.messages.arrays import memory_of, views
 from navloom.messages.bounds import ALIGNMENT, LARGEST_HEADER, header_limit
 from navloom.messages.envelope import Envelope
 from navloom.messages.headers import read_header
-from navloom.messages.kinds import DTYPES, MAX_ARRAYS, Kind, Message, MessageError, brief
-from navloom.messages.packing import PACKER, PAD, Arrays, Pads, writer_of
+from navloom.messages.kinds import MAX_ARRAYS, Kind, Message, MessageError, brief
+from navloom.messages.packing import PAD, Arrays, Pads, pack, writer_of
 from navloom.messages.schema import SCHEMAS
+from navloom.messages.typed import SHORT, SHORT_LIST, Typed, typed_reader
 
 __all__ = ["CodecError", "UnknownSchema", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
            "schema_label"]  # fmt: skip
 
-SHORT, SHORT_LIST = 4096, 256
-"""Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest, 3 MB at most."""
 _LENGTH = struct.Struct("<I")
 _pack_length = _LENGTH.pack
-_ENVELOPE = b"\x83" + PACKER.pack("envelope")
+_ENVELOPE = b"\x83" + pack("envelope")
 """Begin of a map of three, with its first key."""
 _SIX = b"\x96"
 """Begin of a list of six."""
@@ -48,8 +47,10 @@ class UnknownSchema(CodecError):
     """A message of a class, or of a version of it, that is not declared in this process."""
 
 
-_READERS: dict[type[Message], tuple[Read, int]] = {}
-"""How each class is read, and bytes of its header at most."""
+_WAYS: dict[str, tuple[type[Message], Typed, int]] = {}
+"""By label: the class, how what this version writes is read, and bytes of a header at most."""
+_READERS: dict[type[Message], Read] = {}
+"""By class: how the values of a header are read, whichever version wrote them."""
 
 
 def schema_label(cls: type[Message]) -> str:
@@ -63,7 +64,7 @@ def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int,
     rest, arrays, pads, size = writer_of(cls)(message)
     if len(arrays) > MAX_ARRAYS:
         raise CodecError(f"{schema_label(cls)}: holds {len(arrays)} arrays, expected at most {MAX_ARRAYS}")
-    lead = _ENVELOPE + PACKER.pack(envelope)
+    lead = _ENVELOPE + pack(envelope)
     length = len(lead) + len(rest)
     if length > SHORT and length > header_limit(cls):
         raise CodecError(f"{schema_label(cls)}: the header takes {length} bytes, expected at most {header_limit(cls)}")
@@ -95,12 +96,12 @@ def add_blocks(pieces: list[Any], end: int, arrays: Arrays, pads: Pads, size: in
 
 def lead_of(key: str) -> bytes:
     """Begin of the header of a message with sequence 0: what `pack_time` gives follows."""
-    return _ENVELOPE + _SIX + PACKER.pack(key) + PACKER.pack(0)
+    return _ENVELOPE + _SIX + pack(key) + pack(0)
 
 
 def pack_time(when: tuple[int, ...]) -> bytes:
     """Tick, stamp, cause and epoch of an envelope, its end in the header."""
-    return b"".join([PACKER.pack(number) for number in when])
+    return b"".join([pack(number) for number in when])
 
 
 def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
@@ -112,8 +113,10 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     Raises:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
     """
-    cls = _class_of(label)
-    read, most = _READERS.get(cls) or _reader(cls)
+    way = _WAYS.get(label)
+    if way is None or SCHEMAS.get(way[0].schema_name) is not way[0]:
+        way = _new_way(label)
+    cls, read, most = way
     if data.__class__ is not bytes:
         data = memoryview(data).cast("B").toreadonly()
     if len(data) < 4:
@@ -123,10 +126,16 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
         raise CodecError(f"{label}: the header claims {end - 4} bytes, {len(data) - 4} are there")
     if end - 4 > most:
         raise CodecError(f"{label}: the header takes {end - 4} bytes, expected at most {most}")
+    start, memory = end + -end % ALIGNMENT, memory_of(data)
+    if end <= SHORT:
+        try:
+            return read(data[4:end], memory, start)
+        except Exception:  # whatever it is, what comes next reads it or says what is wrong
+            pass
     try:
         header = _header(data[4:end], cls)
-        arrays = _arrays(header.get("arrays"), data, end + -end % ALIGNMENT)
-        message = read(header.get("fields"), arrays)
+        arrays = views(header.get("arrays"), memory, start)
+        message = _reader(cls)(header.get("fields"), arrays)
         return message, _envelope(header.get("envelope"))
     except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
@@ -169,6 +178,12 @@ def _built(packed: bytes | memoryview, cls: type[Message]) -> Any:
         return read_header(packed, cls)
 
 
+def _new_way(label: str) -> tuple[type[Message], Typed, int]:
+    cls = _class_of(label)
+    way = _WAYS[label] = cls, typed_reader(cls), header_limit(cls)
+    return way
+
+
 def _class_of(label: str) -> type[Message]:
     name, _, version = label.partition("/")
     cls = SCHEMAS.get(name)
@@ -196,46 +211,10 @@ def _envelope(value: Any) -> Envelope:
     return Envelope(key, sequence, tick, stamp, cause, epoch)
 
 
-def _arrays(table: Any, data: bytes | memoryview, start: int) -> list[NDArray[Any]]:
-    """Views of the arrays a header lists, each checked to lie inside the bytes, at a multiple of 64."""
-    if not isinstance(table, list) or len(table) > MAX_ARRAYS:
-        raise CodecError(f"arrays is {type(table).__name__}, expected a list of at most {MAX_ARRAYS}")
-    arrays: list[NDArray[Any]] = []
-    # An array made on a view of bytes would have the bytes' owner for its base, and not tell that it cannot be written.
-    memory = data if data.__class__ is bytes or not table else np.frombuffer(data, np.uint8)
-    room = len(data) - start
-    for number, entry in enumerate(table):
-        try:
-            name, shape, offset = entry
-            dtype = DTYPES[name]
-            count = 1
-            for size in shape:
-                if type(size) is not int or size < 0:
-                    raise TypeError
-                count *= size
-            if type(offset) is not int or offset < 0:
-                raise TypeError
-            if offset % ALIGNMENT or len(shape) > 8 or (count and offset + count * dtype.itemsize > room):
-                raise ValueError
-            array: NDArray[Any] = np.ndarray(shape, dtype, memory, start + offset if count else 0)
-        except (TypeError, KeyError):
-            raise CodecError(f"array {number} is {brief(entry)}, expected dtype, shape and offset") from None
-        except ValueError:
-            raise CodecError(
-                f"array {number} is {brief(entry)}, expected it to lie at a multiple of {ALIGNMENT} "
-                f"within the {len(data)} bytes given"
-            ) from None
-        if not array.flags.aligned:  # compiled code is made for aligned arrays, and would be compiled anew
-            array = array.copy()
-            array.flags.writeable = False
-        arrays.append(array)
-    return arrays
-
-
-def _reader(cls: type[Message]) -> tuple[Read, int]:
+def _reader(cls: type[Message]) -> Read:
     found = _READERS.get(cls)
     if found is None:
-        found = _READERS[cls] = _make_reader(cls), header_limit(cls)
+        found = _READERS[cls] = _make_reader(cls)
     return found
 
 
@@ -277,7 +256,7 @@ def _value_reader(kind: Kind) -> Read | None:
         return _read_array
     if kind.form == "message":
         assert kind.message is not None
-        return _reader(kind.message)[0]
+        return _reader(kind.message)
     if kind.form == "tuple":
         assert kind.item is not None
         item, optional = _value_reader(kind.item), kind.item.optional

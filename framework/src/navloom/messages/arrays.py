@@ -1,0 +1,63 @@
+"""The arrays behind a header, as views of the bytes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.messages.bounds import ALIGNMENT
+from navloom.messages.kinds import DTYPES, MAX_ARRAYS, MessageError, brief
+
+__all__ = ["Memory", "memory_of", "views"]
+
+Memory = bytes | NDArray[np.uint8]
+"""What arrays are made on: on a view they would have its owner for their base, and not tell who can write."""
+
+
+def memory_of(data: bytes | memoryview) -> Memory:
+    """The bytes of a message as arrays are made on them."""
+    return data if data.__class__ is bytes else np.frombuffer(data, np.uint8)
+
+
+def views(table: Any, memory: Memory, start: int) -> list[NDArray[Any]]:
+    """Views of the arrays that a header lists, each checked to lie inside the bytes, at a multiple of 64.
+
+    Raises:
+        MessageError: The table is none, or an array lies elsewhere.
+    """
+    if not isinstance(table, list) or len(table) > MAX_ARRAYS:
+        raise MessageError(f"arrays is {type(table).__name__}, expected a list of at most {MAX_ARRAYS}")
+    arrays: list[NDArray[Any]] = []
+    for number, entry in enumerate(table):
+        try:
+            array = _view(entry, memory, start)
+        except (TypeError, KeyError):
+            raise MessageError(f"array {number} is {brief(entry)}, expected dtype, shape and offset") from None
+        except ValueError:
+            raise MessageError(
+                f"array {number} is {brief(entry)}, expected it to lie at a multiple of {ALIGNMENT} "
+                f"within the {len(memory)} bytes given"
+            ) from None
+        if not array.flags.aligned:  # compiled code is made for aligned arrays, and would be compiled anew
+            array = array.copy()
+            array.flags.writeable = False
+        arrays.append(array)
+    return arrays
+
+
+def _view(entry: Any, memory: Memory, start: int) -> NDArray[Any]:
+    """The array of an entry. Raises TypeError or KeyError for what is none, ValueError where it lies elsewhere."""
+    name, shape, offset = entry
+    dtype = DTYPES[name]
+    count = 1
+    for size in shape:
+        if type(size) is not int or size < 0:
+            raise TypeError
+        count *= size
+    if type(offset) is not int or offset < 0:
+        raise TypeError
+    if offset % ALIGNMENT or len(shape) > 8 or (count and offset + count * dtype.itemsize > len(memory) - start):
+        raise ValueError
+    return np.ndarray(shape, dtype, memory, start + offset if count else 0)

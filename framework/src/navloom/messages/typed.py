@@ -1,0 +1,179 @@
+"""Headers read by compiled code: what a writer of this version writes becomes a message without calls of its checks.
+
+`msgspec` reads a header into structs that are made of the class's declaration, ranges included. They take the declared
+fields and nothing else, so that what they hold fits, and a generated function sets it into the message. What the table
+of arrays says is checked once for each table; what they hold is checked each time. Everything else raises, whatever it
+is: the reader in `codec` then reads it, as an earlier or later version may have written it, or says what is wrong.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import msgpack
+import numpy as np
+from msgspec import Meta, Raw, defstruct
+from msgspec.msgpack import Decoder
+
+from navloom.messages.arrays import Memory, views
+from navloom.messages.checks import Check, checker, refuse_contents
+from navloom.messages.envelope import Envelope
+from navloom.messages.kinds import Kind, Message, holds_array
+
+__all__ = ["SHORT", "SHORT_LIST", "Typed", "typed_reader"]
+
+SHORT, SHORT_LIST = 4096, 256
+"""Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest, 3 MB at most."""
+
+Typed = Callable[[bytes | memoryview, Memory, int], tuple[Message, Envelope]]
+"""Header, all bytes and where the arrays begin -> message and envelope; it raises for what it does not take."""
+
+_Places = list[tuple[list[int], int]]
+"""Shape and offset of each array."""
+_MOST_TABLES = 256
+"""Tables of arrays that are kept for each class; a run has few shapes."""
+_MOST, _MOST_INT = sys.float_info.max, 2**63 - 1
+_RANGES = {
+    "heading": Meta(ge=-math.pi, le=math.pi),
+    "positive": Meta(gt=0.0, le=_MOST),
+    "not_negative": Meta(ge=0.0, le=_MOST),
+    "stamp": Meta(ge=0, le=_MOST_INT),
+    "float": Meta(ge=-_MOST, le=_MOST),
+    "infinite": Meta(ge=-_MOST),
+    "int": Meta(ge=-_MOST_INT - 1, le=_MOST_INT),
+}
+_UTF8 = 4
+"""Bytes that a character takes at most."""
+_READ = """
+def read(packed, memory, start):
+    header = decode(packed)
+    envelope = header.envelope
+    if (envelope[1] | envelope[2] | envelope[3] | envelope[4] | envelope[5]) >> 63:
+        raise ValueError
+    fields = header.fields{places}
+    {message}
+    return message, envelope
+"""
+_PLACES = """
+    if memory.__class__ is not bytes and memory.ctypes.data % 8:
+        raise ValueError
+    table = bytes(header.arrays)
+    places = tables.get(table) or learn(table, memory, start)"""
+
+_TYPED: dict[type[Message], Typed] = {}
+
+
+def typed_reader(cls: type[Message]) -> Typed:
+    """The reader of a class, made when it is first needed."""
+    found = _TYPED.get(cls)
+    if found is None:
+        found = _TYPED[cls] = _Reader(cls).compiled()
+    return found
+
+
+class _Reader:
+    """Source of one reader, made of the class's declaration alone; nothing that was sent gets into it.
+
+    Attributes:
+        arrays: What holds each array, its field, and its check.
+        tables: Where the arrays lie, by the bytes of a table that was found right.
+        names: What the source calls.
+    """
+
+    def __init__(self, cls: type[Message]) -> None:
+        self.cls = cls
+        self.arrays: list[tuple[str, str, Check]] = []
+        self.tables: dict[bytes, _Places] = {}
+        self.names: dict[str, Any] = {
+            "new": object.__new__,
+            "view": np.ndarray,
+            "refuse_contents": refuse_contents,
+            "tables": self.tables,
+            "learn": self.learn,
+        }
+
+    def compiled(self) -> Typed:
+        lines: list[str] = []
+        fields = self.struct(self.cls, "fields", "message", lines)
+        parts = [("envelope", Envelope), ("fields", fields), ("arrays", Raw if self.arrays else tuple[()])]
+        self.names["decode"] = Decoder(defstruct("Header", parts, forbid_unknown_fields=True, gc=False)).decode
+        places = _PLACES if self.arrays else ""
+        read: Typed = self.function("read", _READ.format(places=places, message="\n    ".join(lines)))
+        return read
+
+    def function(self, name: str, source: str) -> Any:
+        exec(compile(source, f"<reader of {self.cls.__name__}>", "exec"), self.names)
+        return self.names.pop(name)
+
+    def named(self, value: Any) -> str:
+        name = f"_{len(self.names)}"
+        self.names[name] = value
+        return name
+
+    def struct(self, cls: type[Message], value: str, made: str, lines: list[str]) -> Any:
+        """The type of a map of exactly these fields; appends lines that make a message of a value of it."""
+        lines.append(f"{made} = new({self.named(cls)})")
+        parts: list[tuple[str, Any]] = []
+        for name, kind in cls.kinds.items():
+            place, held = f"{value}.{name}", f"{made}_{name}"
+            if kind.array is not None and not kind.optional:
+                number = len(self.arrays)
+                self.arrays.append((made, name, checker(cls.__name__, kind)))
+                lines += [f"shape, offset = places[{number}]"]
+                lines += [f"{held} = view(shape, {self.named(np.dtype(kind.array.dtype))}, memory, start + offset)"]
+                lines += [f"refuse_contents({cls.__name__!r}, {name!r}, {held}, {self.named(kind.array)})"]
+                found: Any = Literal[number]
+            elif kind.message is not None and not kind.optional:
+                found = self.struct(kind.message, place, held, lines)
+            else:
+                found, held = self.plain(kind, place)
+            lines.append(f"{self.named(cls.__dict__[name].__set__)}({made}, {held})")
+            parts.append((name, found))
+        return defstruct(cls.__name__, parts, forbid_unknown_fields=True, gc=False)
+
+    def plain(self, kind: Kind, value: str) -> tuple[Any, str]:
+        """The type of a value, and the expression for what a message holds; what may hold arrays must hold none."""
+        if kind.optional:
+            if holds_array(kind):
+                return None, "None"
+            found, held = self.plain(replace(kind, optional=False), value)
+            return found | None, held if held == value else f"(None if {value} is None else {held})"
+        if kind.message is not None:
+            lines: list[str] = []
+            found = self.struct(kind.message, "value", "made", lines)
+            make = self.function("make", "\n    ".join(["def make(value):", *lines, "return made"]))
+            return found, f"{self.named(make)}({value})"
+        if kind.item is not None:
+            if holds_array(kind):
+                return tuple[()], "()"
+            item, held = self.plain(kind.item, "item")
+            most = Meta(max_length=min(kind.most, SHORT_LIST))
+            found = Annotated[tuple[item, ...], most]  # type: ignore[valid-type]
+            return found, value if held == "item" else f"tuple([{held} for item in {value}])"
+        return _scalar(kind), value
+
+    def learn(self, table: bytes, memory: Memory, start: int) -> _Places:
+        """Where the arrays of a table lie, each of the type and shape declared. Raises ValueError."""
+        entries = msgpack.unpackb(table)
+        sizes: dict[str, dict[str, int]] = {}
+        for (made, name, check), array in zip(self.arrays, views(entries, memory, start), strict=True):
+            check(name, array, sizes.setdefault(made, {}))
+        if len(self.tables) >= _MOST_TABLES:
+            self.tables.clear()
+        places = self.tables[table] = [(shape, offset) for _, shape, offset in entries]
+        return places
+
+
+def _scalar(kind: Kind) -> Any:
+    if kind.choices:
+        return Literal[kind.choices]
+    if kind.form == "str":
+        return Annotated[str, Meta(max_length=kind.most // _UTF8)]
+    if kind.form == "bool":
+        return bool
+    held = _RANGES["infinite" if kind.infinite else kind.rule or kind.form]
+    return Annotated[float, held] if kind.form == "float" else Annotated[int, held]

@@ -25,6 +25,7 @@ import numpy as np
 from navloom.messages import SCHEMAS, Array, Envelope, Message, codec
 from navloom.messages.bounds import header_limit
 from navloom.messages.codec import CodecError, decode, encode, read_envelope, schema_label
+from navloom.messages.generic import decode_generic
 from navloom.messages.kinds import Kind
 
 __all__ = ["Findings", "contents", "differences", "fuzz_codec", "main", "sample"]
@@ -203,11 +204,12 @@ def spoiled(count: int, seed: int) -> Iterator[tuple[str, bytes, random.Random]]
 
 
 def fuzz_codec(count: int, seed: int) -> Findings:
-    """So many decodes of messages of every class, and of envelopes alone."""
+    """So many decodes of messages of every class, of envelopes alone, and of messages of no class."""
     found = Findings()
     for done, (label, data, source) in enumerate(spoiled(count, seed)):
-        is_envelope = source.random() < 0.1
-        act = (lambda: read_envelope(data)) if is_envelope else (lambda: decode(data, label))  # noqa: B023
+        whole: Callable[[], Any] = lambda: decode(data, label)  # noqa: B023, E731
+        partly: list[Callable[[], Any]] = [lambda: read_envelope(data), lambda: decode_generic(data, label)]  # noqa: B023
+        act = source.choice(partly) if source.random() < 0.2 else whole
         found.attempt(act, f"{label}, {len(data)} bytes, {data[:60].hex()}", CodecError, done % TRACED == 0)
     return found
 

@@ -145,7 +145,7 @@ def navloom(*arguments: str, folder: Path | None = None) -> Any:
 def test_it_runs_in_lockstep_under_the_barrier_and_in_replay(config: Path, tmp_path: Path) -> None:
     recording = tmp_path / "run.mcap"
     ran = navloom("run", str(config), "--record", str(recording), "--out", str(tmp_path / "out"))
-    assert b"detector count found navloom.Detection/1" in (tmp_path / "out" / "trace.bin").read_bytes()
+    assert b"detector count found detector_role.Detection/1" in (tmp_path / "out" / "trace.bin").read_bytes()
     with runtime_folder() as folder:
         assert navloom("up", str(config), "--barrier", folder=folder)["trace_sha256"] == ran["trace_sha256"]
     checked = {node["node"]: node for node in navloom("replay", str(recording), "--check")["nodes"]}

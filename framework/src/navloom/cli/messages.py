@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["messages"]
 
-_UNIT = re.compile(r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/s|1/m|kg|N|V|A|W|%)(?=[,;. ]|$)")
+_UNIT = r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/s|1/m|kg|N|V|A|W|%)(?=[,;. ]|$)"
 """A unit in the text of a field: at its begin, or after a comma."""
 
 _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
@@ -86,7 +86,7 @@ def _fields(cls: type[Message]) -> Iterator[dict[str, str]]:
     meanings = _meanings(inspect.getdoc(cls) or "")
     for name, kind in cls.kinds.items():
         meaning = meanings.get(name, "")
-        unit = _UNIT.search(meaning)
+        unit = re.search(_UNIT, meaning)
         in_name = _IN_NAME.get(name.rpartition("_")[2], "") if "_" in name else ""
         yield {"name": name, "type": typed(kind), "unit": unit[1] if unit else in_name, "meaning": meaning}
 

@@ -9,10 +9,11 @@ from typing import Any
 import msgpack
 from numpy.typing import NDArray
 
+from navloom.messages.arrays import memory_of, views
 from navloom.messages.bounds import ALIGNMENT
-from navloom.messages.codec import CodecError, _arrays, read_envelope
+from navloom.messages.codec import CodecError, read_envelope
 from navloom.messages.envelope import Envelope
-from navloom.messages.kinds import MAX_ITEMS, Message
+from navloom.messages.kinds import MAX_ITEMS, Message, MessageError
 
 __all__ = ["GenericMessage", "decode_generic"]
 
@@ -20,6 +21,8 @@ MOST_NAMES = 256
 """Most entries of a map in such a header."""
 DEEPEST = 16
 """Most lists and maps round a value in such a header."""
+MOST_VALUES = 1 << 15
+"""Most values in such a header, at all depths."""
 
 
 class GenericMessage(Message):
@@ -68,23 +71,25 @@ def decode_generic(data: bytes | memoryview, label: str, why: str = "") -> tuple
             )
         except Exception as error:
             raise CodecError(f"the header is not MessagePack of a message: {str(error)[:80]}") from None
-        fields = _plain(header.get("fields"), 0)
+        fields = _plain(header.get("fields"), 0, [MOST_VALUES])
         if not isinstance(fields, dict):
             raise CodecError(f"fields is {type(fields).__name__}, expected a map")
-        arrays = _arrays(header.get("arrays"), data if isinstance(data, bytes) else view, end + -end % ALIGNMENT)
+        arrays = views(header.get("arrays"), memory_of(data), end + -end % ALIGNMENT)
         return GenericMessage(label, fields, tuple(arrays), why), envelope
-    except CodecError as error:
+    except (CodecError, MessageError) as error:
         raise CodecError(f"{label}: {error}") from None
 
 
-def _plain(value: Any, depth: int) -> Any:
-    """A value of a header, with tuples for lists."""
-    if depth > DEEPEST:
-        raise CodecError(f"fields is nested deeper than {DEEPEST}")
+def _plain(value: Any, depth: int, left: list[int]) -> Any:
+    """A value of a header, with tuples for lists; `left` holds how many values it may have."""
+    left[0] -= 1
+    if depth > DEEPEST or left[0] < 0:
+        what = f"is nested deeper than {DEEPEST}" if depth > DEEPEST else f"holds more than {MOST_VALUES} values"
+        raise CodecError(f"fields {what}")
     if isinstance(value, list):
-        return tuple([_plain(entry, depth + 1) for entry in value])
+        return tuple([_plain(entry, depth + 1, left) for entry in value])
     if isinstance(value, dict):
         if not all(isinstance(name, str) for name in value):
             raise CodecError("fields holds a map whose keys are no names")
-        return {name: _plain(entry, depth + 1) for name, entry in value.items()}
+        return {name: _plain(entry, depth + 1, left) for name, entry in value.items()}
     return value

@@ -80,15 +80,6 @@ class AddedCommand(TyperCommand):
         return made.commands[name]
 
 
-def _summary(point: EntryPoint) -> str:
-    """What the distribution says of itself in one line; empty where its metadata is damaged."""
-    try:
-        found = None if point.dist is None else point.dist.metadata["Summary"]
-    except Exception:  # of many kinds, by version of Python
-        return ""
-    return str(found or "")
-
-
 def blamed(error: Exception) -> str:
     """Whose command raised what nobody expected, and where; empty where no distribution's command ran."""
     point = AddedCommand.used

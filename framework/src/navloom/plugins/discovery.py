@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import pluggy
 
 from navloom.geometry.world import World
+from navloom.inputs.texts import shortened
 from navloom.plugins.blame import raised_in
 from navloom.plugins.hooks import HookSpecs
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
@@ -165,7 +166,7 @@ class Discovery:
     def _point(self, key: str, role: str, name: str) -> EntryPoint:
         matches = [p for p in self._points if p.name == key]
         if not matches:
-            raise PluginError(f"no plugin {key!r} is installed{self.instead_of(role, name)}")
+            raise PluginError(f"no plugin {shortened(key, 200)} is installed{self.instead_of(role, name)}")
         if len(matches) > 1:
             raise PluginError(_of_one_name(key, matches))
         return matches[0]

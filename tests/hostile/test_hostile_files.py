@@ -89,6 +89,8 @@ def test_a_config_of_very_many_faults_lists_the_first(tmp_path: Path) -> None:
         ("run.seed=" + "[" * 5000, "more than 64 brackets deep"),
         (".".join("a" * 20_000) + "=1", "a key of 20000 parts, expected at most 64"),
         ('"' + ".".join("a" * 20_000) + '"=1', "a key of 20000 parts, expected at most 64"),
+        ("robot." + "a" * 20_000 + "=1", "a key of 20006 characters, expected at most 1000"),
+        ("run.seed=" + "9" * 5000, "a whole number of more than 4300 digits"),
     ],
 )
 def test_a_hostile_override_is_refused(tmp_path: Path, change: str, said: str) -> None:

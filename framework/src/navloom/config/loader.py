@@ -19,7 +19,7 @@ from navloom.config.lines import line_of
 from navloom.config.problems import ConfigError, check_params, problems_of
 from navloom.config.schema import DEFAULT_PLUGINS, ROLE_TABLES, Config
 from navloom.inputs.bounds import DEEPEST, TEXT_MB, read_file
-from navloom.inputs.texts import refuse_deep_toml, refuse_deep_tree, toml_of
+from navloom.inputs.texts import refuse_deep_toml, refuse_deep_tree, shortened, toml_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles.base import RESERVED_KEYS
@@ -28,6 +28,8 @@ __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_conf
 
 SHOWN = 50
 """Most problems that an error lists."""
+LONGEST_KEY = 1000
+"""Most characters of the key of a `--set`."""
 
 Source = Literal["default", "file", "--set"]
 
@@ -194,7 +196,7 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
     for depth, key in enumerate(keys[:-1]):
         table = _enter(table, key, ".".join(keys[: depth + 1]), change)
     if not isinstance(table, dict):
-        raise ConfigError(f"--set {change}: {'.'.join(keys[:-1])} is a list; name one of its tables")
+        raise ConfigError(f"--set {_brief(change)}: {'.'.join(keys[:-1])} is a list; name one of its tables")
     where = ".".join(_numbered(tree, keys))
     names_plugin = keys[-1] == "plugin" and ((len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] == "alternative")
     if names_plugin and table.get("plugin") != value:
@@ -216,10 +218,10 @@ def _enter(table: Any, key: str, place: str, change: str) -> Any:
             if key in (str(number), entry.get("name"), entry.get("plugin")):
                 return entry
         known = [str(entry.get("name", number)) for number, entry in enumerate(table)]
-        raise ConfigError(f"--set {change}: there is no {place}{nearest(key, known)}")
+        raise ConfigError(f"--set {_brief(change)}: there is no {_brief(place)}{nearest(key, known)}")
     inner = table.setdefault(key, {})
     if not isinstance(inner, (dict, list)):
-        raise ConfigError(f"--set {change}: {place} is the value {inner!r}, not a table")
+        raise ConfigError(f"--set {_brief(change)}: {_brief(place)} is the value {shortened(inner)}, not a table")
     return inner
 
 
@@ -241,9 +243,11 @@ def parse_override(change: str) -> tuple[str, Any]:
     """Key and value of `key=value`. Raises ConfigError where there is no `=`."""
     key, equals, text = change.partition("=")
     if not equals or not key.strip():
-        raise ConfigError(f"--set {change}: expected PATH=VALUE, as in --set controller.k3=1.0")
+        raise ConfigError(f"--set {_brief(change)}: expected PATH=VALUE, as in --set controller.k3=1.0")
     if key.count(".") >= DEEPEST:
         raise ConfigError(f"--set {key[:57]}...: a key of {key.count('.') + 1} parts, expected at most {DEEPEST}")
+    if len(key) > LONGEST_KEY:
+        raise ConfigError(f"--set {_brief(key)}: a key of {len(key)} characters, expected at most {LONGEST_KEY}")
     return key.strip(), _value(text, f"--set {key.strip()}")
 
 
@@ -254,5 +258,11 @@ def _value(text: str, where: str) -> Any:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text.strip()
+    except ValueError:
+        raise ConfigError(f"{where}: a whole number of more than 4300 digits, expected fewer") from None
     refuse_deep_tree(value, where, ConfigError)
     return value
+
+
+def _brief(text: str, most: int = 200) -> str:
+    return text if len(text) <= most else f"{text[: most - 3]}..."

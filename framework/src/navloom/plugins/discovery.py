@@ -10,7 +10,11 @@ from typing import Any, TypeVar
 
 from navloom.entry_kinds import OTHERS, installed_points
 from navloom.geometry.world import World
+<<<<<<< HEAD
 from navloom.messages import Message
+=======
+from navloom.inputs.texts import shortened
+>>>>>>> trim
 from navloom.plugins.blame import raised_in
 from navloom.plugins.loading import Loader, module_of, owner_of
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
@@ -219,7 +223,7 @@ class Discovery:
     def _point(self, key: str, role: str, name: str) -> EntryPoint:
         matches = [p for p in self._points if _key(p) == key]
         if not matches:
-            raise PluginError(f"no plugin {key!r} is installed{self.instead_of(role, name)}")
+            raise PluginError(f"no plugin {shortened(key, 200)} is installed{self.instead_of(role, name)}")
         if len(matches) > 1:
             raise PluginError(_of_one_name(key, matches))
         return matches[0]

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from sys import intern
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,7 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     request = _read(folder / "study.json", _json)
     rows = _read(folder / "episodes.csv", _table)
     try:
-        names, told = list(request["methods"]), list(request["metrics"])
+        names, told = list(request["methods"]), [intern(name) for name in request["metrics"]]  # texts, or TypeError
         baseline = baseline or request.get("open_loop", {}).get("baseline", "") or names[0]
         complete = len(rows) == len(names) * len(request["worlds"]) * len(request["seeds"])
         lacking = [name for name in ("method", "world", "seed", "outcome", *told) if any(name not in r for r in rows)]

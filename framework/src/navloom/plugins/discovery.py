@@ -10,11 +10,8 @@ from typing import Any, TypeVar
 
 from navloom.entry_kinds import OTHERS, installed_points
 from navloom.geometry.world import World
-<<<<<<< HEAD
-from navloom.messages import Message
-=======
 from navloom.inputs.texts import shortened
->>>>>>> trim
+from navloom.messages import Message
 from navloom.plugins.blame import raised_in
 from navloom.plugins.loading import Loader, module_of, owner_of
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest

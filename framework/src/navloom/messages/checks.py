@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from navloom.messages.kinds import Array, Kind, MessageError, brief
 
-__all__ = ["Check", "checker", "refuse_contents"]
+__all__ = ["Check", "checker", "contents_check"]
 
 Check = Callable[[str, Any, dict[str, int]], Any]
 """Name of the field, value given, sizes seen so far in the message -> value to hold."""
@@ -156,6 +156,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     assert spec is not None
     dtype = np.dtype(spec.dtype)
     named, dimensions = tuple(enumerate(spec.shape)), len(spec.shape)
+    refuse = contents_check(spec)
     # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
     known: list[NDArray[Any] | None] = [None, None]
     first_size = spec.shape[0] if dimensions and isinstance(spec.shape[0], str) else ""
@@ -176,7 +177,8 @@ def _array_checker(cls: str, kind: Kind) -> Check:
         if not _is_frozen(held):
             held = held.copy()
             held.flags.writeable = False
-        refuse_contents(cls, name, held, spec)
+        if refuse is not None and held.size:
+            refuse(cls, name, held, spec)
         if held is value and held.size <= _BY_DOT:
             known[1], known[0] = known[0], held
         return held
@@ -213,14 +215,14 @@ _BY_SUM = 64
 """Up to this many elements a sum in Python is faster than any call of numpy."""
 
 
-def refuse_contents(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
-    """Refuse an array of the declared type and shape that holds what the field may not. Raises MessageError."""
-    if not value.size:
-        return
-    if value.dtype.kind == "f":
-        _refuse_bad_numbers(cls, name, value, spec)
-    elif spec.at_least is not None or spec.at_most is not None:
-        _refuse_beyond(cls, name, value, spec)
+def contents_check(spec: Array) -> Callable[[str, str, NDArray[Any], Array], None] | None:
+    """What refuses an array of the declared type and shape, with an element at least, for what it holds.
+
+    It takes class, field, array and declaration, and raises MessageError; None where everything fits.
+    """
+    if np.dtype(spec.dtype).kind == "f":
+        return _refuse_bad_numbers
+    return None if spec.at_least is None and spec.at_most is None else _refuse_beyond
 
 
 def _is_plainly_fine(numbers: list[float], spec: Array) -> bool:

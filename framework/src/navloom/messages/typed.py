@@ -20,7 +20,7 @@ from msgspec import Meta, Raw, defstruct
 from msgspec.msgpack import Decoder
 
 from navloom.messages.arrays import Memory, views
-from navloom.messages.checks import Check, checker, refuse_contents
+from navloom.messages.checks import Check, checker, contents_check
 from navloom.messages.envelope import Envelope
 from navloom.messages.kinds import Kind, Message, holds_array
 
@@ -91,7 +91,6 @@ class _Reader:
         self.names: dict[str, Any] = {
             "new": object.__new__,
             "view": np.ndarray,
-            "refuse_contents": refuse_contents,
             "tables": self.tables,
             "learn": self.learn,
         }
@@ -125,7 +124,9 @@ class _Reader:
                 self.arrays.append((made, name, checker(cls.__name__, kind)))
                 lines += [f"shape, offset = places[{number}]"]
                 lines += [f"{held} = view(shape, {self.named(np.dtype(kind.array.dtype))}, memory, start + offset)"]
-                lines += [f"refuse_contents({cls.__name__!r}, {name!r}, {held}, {self.named(kind.array)})"]
+                if (refuse := contents_check(kind.array)) is not None:
+                    given = f"{cls.__name__!r}, {name!r}, {held}, {self.named(kind.array)}"
+                    lines += [f"{self.named(refuse)}({given})"]
                 found: Any = Literal[number]
             elif kind.message is not None and not kind.optional:
                 found = self.struct(kind.message, place, held, lines)

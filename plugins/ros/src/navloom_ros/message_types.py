@@ -135,6 +135,13 @@ class Types:
         except (SerdeError, struct.error, UnicodeEncodeError, AttributeError, TypeError, ValueError) as error:
             raise UnfitMessage(f"{name}: {error}") from None
 
+    def encode_as(self, name: str, message: Any) -> bytes:
+        """Bytes of a message of this very type. Raises UnfitMessage where it is of another one."""
+        given = getattr(message, "__msgtype__", type(message).__name__)
+        if given != name:
+            raise UnfitMessage(f"message is {given}; expected {name}")
+        return self.encode(message)
+
     def decode(self, name: str, data: bytes) -> Any:
         """The message that bytes hold. Its arrays are views of them, read-only.
 

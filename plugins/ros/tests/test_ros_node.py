@@ -211,7 +211,8 @@ def test_everything_is_there_again_after_the_router_restarts():
             maps.publish(data=1)
             assert numbers.take(5.0).message.data == 1
             router.stop()
-            assert ours.wait_for(lambda graph: not graph.find("/map", ("MP",)), 5.0) and not ours.wire.joined
+            assert ours.wait_for(lambda graph: not graph.find("/map", ("MP",)), 5.0)
+            assert until(lambda: not ours.wire.joined)
             router.start()
             assert linked(ours, "/map") and linked(ours, "/ask", "SS") and linked(robot, "/map", "MS")
             maps.publish(data=2)

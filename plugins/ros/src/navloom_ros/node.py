@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
-from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
@@ -225,18 +224,20 @@ class Client:
         data = types.encode_as(f"{kind}_Request", asked)
         future: Future[Any] = Future()
 
-        def on_answer(answer: bytes, _: bytes) -> None:
-            with suppress(Exception):  # a second answer finds the future done
-                try:
-                    future.set_result(types.decode(f"{kind}_Response", answer))
-                except MalformedMessage as error:
-                    future.set_exception(error)
+        attachment = Attachment(next(self._sequence), now_ns(), self.entity.gid)
+
+        def on_answer(answer: bytes, beside: bytes) -> None:
+            if future.done() or not _answers(attachment, beside):
+                return
+            try:
+                future.set_result(types.decode(f"{kind}_Response", answer))
+            except MalformedMessage as error:
+                future.set_exception(error)
 
         def on_end() -> None:
             if not future.done():
                 future.set_exception(NoAnswer(f"service {self.entity.name} ({kind}) has not answered"))
 
-        attachment = Attachment(next(self._sequence), now_ns(), self.entity.gid)
         self._node.wire.ask(self._key, data, attachment.data, timeout, on_answer, on_end)
         return future
 
@@ -374,3 +375,12 @@ class Node:
         with self._changed:
             (self.graph.add if is_there else self.graph.remove)(token)
             self._changed.notify_all()
+
+
+def _answers(asked: Attachment, beside: bytes) -> bool:
+    """Whether an answer is to this very request: it bears its number and its client."""
+    try:
+        answered = Attachment.parsed(beside)
+    except BadToken:
+        return False
+    return (answered.sequence, answered.gid) == (asked.sequence, asked.gid)

@@ -59,7 +59,7 @@ def to(x, y=0.0):
 def test_a_goal_is_accepted_fed_back_and_succeeds(pair):
     robot, client, _ = pair
     told = []
-    sent = client.send(told.append, **to(2.0, 1.0))
+    sent = client.send(to(2.0, 1.0), told.append)
     goal = robot.next_goal()
     assert sent.is_accepted and (goal.request.pose.pose.position.y, goal.request.pose.header.frame_id) == (1.0, "map")
     result = sent.result(10.0)
@@ -74,7 +74,7 @@ def test_a_goal_is_accepted_fed_back_and_succeeds(pair):
 
 def test_a_goal_is_rejected(pair):
     robot, client, _ = pair
-    sent = client.send(**to(-1.0))
+    sent = client.send(to(-1.0))
     assert not sent.is_accepted and not robot.goals
     assert sent.result(5.0).result(5.0).status == 0
 
@@ -86,7 +86,7 @@ def test_a_goal_is_aborted_with_its_reason(network):
     ):
         robot, client = Robot(node), ActionClient(ours, "navigate_to_pose", TO_POSE)
         assert client.wait(5.0)
-        sent = client.send(**to(1.0))
+        sent = client.send(to(1.0))
         robot.next_goal().abort(error_code=9003, error_msg="too slow")
         ended = sent.result(5.0).result(5.0)
         assert (ended.status, ended.result.error_code, ended.result.error_msg) == (ABORTED, 9003, "too slow")
@@ -94,7 +94,7 @@ def test_a_goal_is_aborted_with_its_reason(network):
 
 def test_a_goal_is_cancelled_when_the_robot_says_so(pair):
     robot, client, _ = pair
-    sent = client.send(**to(1.0))
+    sent = client.send(to(1.0))
     goal = robot.next_goal()
     robot.may_cancel = False
     assert not sent.cancel() and not goal.is_canceling
@@ -108,7 +108,7 @@ def test_a_goal_is_cancelled_when_the_robot_says_so(pair):
 
 def test_a_new_goal_pre_empts_the_old_one(pair):
     robot, client, _ = pair
-    first, second = client.send(**to(1.0)), client.send(**to(2.0))
+    first, second = client.send(to(1.0)), client.send(to(2.0))
     old, new = robot.next_goal(1), robot.next_goal(2)
     ended = first.result(5.0)
     old.abort()
@@ -119,7 +119,7 @@ def test_a_new_goal_pre_empts_the_old_one(pair):
 
 def test_whoever_asks_without_a_name_cancels_all(pair):
     robot, client, _ = pair
-    client.send(**to(1.0)), client.send(**to(2.0))
+    client.send(to(1.0)), client.send(to(2.0))
     robot.next_goal(2)
     response = client.cancel_goal.call()
     assert response.return_code == 0 and len(response.goals_canceling) == 2
@@ -128,7 +128,7 @@ def test_whoever_asks_without_a_name_cancels_all(pair):
 
 def test_the_states_of_all_goals_are_latched(pair):
     robot, client, ours = pair
-    client.send(**to(1.0))
+    client.send(to(1.0))
     robot.next_goal().execute()
     statuses = ours.subscription("navigate_to_pose/_action/status", "action_msgs/msg/GoalStatusArray", LATCHED)
     assert until(lambda: (got := statuses.take(0.1)) and [one.status for one in got.message.status_list] == [2])
@@ -146,13 +146,13 @@ def test_a_client_without_a_server_is_told(network):
         client = ActionClient(ours, "nowhere", TO_POSE)
         assert not client.wait(0.05)
         with pytest.raises(NoAnswer, match="service /nowhere/_action/send_goal"):
-            client.send(**to(1.0))
+            client.send(to(1.0))
 
 
 def test_clients_do_not_get_the_feedback_of_others(pair):
     robot, client, _ = pair
     mine, other = [], []
-    client.send(mine.append, **to(1.0)), client.send(other.append, **to(2.0))
+    client.send(to(1.0), mine.append), client.send(to(2.0), other.append)
     first, second = robot.next_goal(1), robot.next_goal(2)
     second.feedback(distance_remaining=2.0)
     first.feedback(distance_remaining=1.0)
@@ -166,7 +166,7 @@ def test_closing_the_client_ends_what_waits(network):
         ours = Node("ours", router=network.endpoint, types=KILTED)
         client = ActionClient(ours, "navigate_to_pose", TO_POSE)
         assert client.wait(5.0)
-        result = client.send(**to(1.0)).result(600.0)
+        result = client.send(to(1.0)).result(600.0)
         assert robot.next_goal()
         ended = threading.Event()
         result.add_done_callback(lambda _: ended.set())

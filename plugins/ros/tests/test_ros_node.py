@@ -121,7 +121,7 @@ def test_a_service_answers_and_a_missing_one_says_so(node):
     robot.service("brake", "std_srvs/srv/SetBool", lambda call: call.answer(success=call.request.data, message="ok"))
     client = ours.client("brake", "std_srvs/srv/SetBool")
     assert linked(ours, "/brake", "SS")
-    assert [client.call(data=value).success for value in (True, False)] == [True, False]
+    assert [client.call({"data": value}).success for value in (True, False)] == [True, False]
     with pytest.raises(NoAnswer, match=r"service /none \(std_srvs/srv/Trigger\) has not answered"):
         ours.client("none", "std_srvs/srv/Trigger").call(timeout=2.0)
 
@@ -146,7 +146,7 @@ def test_answers_may_come_later_and_go_to_whoever_asked(node):
     robot.service("add", "nav_msgs/srv/LoadMap", calls.append)
     client = ours.client("add", "nav_msgs/srv/LoadMap")
     assert linked(ours, "/add", "SS")
-    futures = [client.ask(map_url=str(index)) for index in range(5)]
+    futures = [client.ask({"map_url": str(index)}) for index in range(5)]
     assert until(lambda: len(calls) == 5)
     for call in reversed(calls):
         call.answer(result=int(call.request.map_url))

@@ -51,7 +51,7 @@ def test_a_node_token_is_read_and_written():
 def test_a_publishers_token_is_read_and_written():
     entity = Entity.parsed(CHATTER)
     assert (entity.name, entity.type_name, entity.type_hash) == ("/chatter", "std_msgs/msg/String", STRING)
-    assert (entity.node_id, entity.entity_id, entity.qos) == (0, 10, Qos(depth=7))
+    assert (entity.node_id, entity.entity_id, entity.qos) == ("0", "10", Qos(depth=7))
     assert entity.token == CHATTER
 
 
@@ -61,7 +61,7 @@ def test_parts_that_a_newer_version_appends_are_passed_over():
 
 def test_namespaces_are_in_the_token():
     entity = Entity(
-        "MS", 0, SESSION, 1, 2, "/r1/front", "laser", "/r1/scan", "sensor_msgs/msg/LaserScan", STRING, SENSOR
+        "MS", 0, SESSION, "1", "2", "/r1/front", "laser", "/r1/scan", "sensor_msgs/msg/LaserScan", STRING, SENSOR
     )
     assert "/MS/%/%r1%front/laser/%r1%scan/sensor_msgs::msg::dds_::LaserScan_/" in entity.token
     assert entity.token.endswith("/2::,5:,:,:,,")
@@ -172,11 +172,11 @@ def test_the_graph_knows_who_offers_what():
     graph = Graph()
     goal = "nav2_msgs/action/NavigateToPose_SendGoal"
     entities = [
-        Entity("NN", 0, SESSION, 0, 0, "/r1", "nav"),
-        Entity("MP", 0, SESSION, 0, 1, "/r1", "nav", "/plan", "nav_msgs/msg/Path", "h", DEFAULT),
-        Entity("MS", 0, SESSION, 0, 2, "/r1", "nav", "/scan", "sensor_msgs/msg/LaserScan", "h", SENSOR),
-        Entity("SS", 0, SESSION, 0, 3, "/r1", "nav", "/map", "nav_msgs/srv/GetMap", "h", DEFAULT),
-        Entity("SS", 0, SESSION, 0, 4, "/r1", "nav", "/go/_action/send_goal", goal, "h", DEFAULT),
+        Entity("NN", 0, SESSION, "0", "0", "/r1", "nav"),
+        Entity("MP", 0, SESSION, "0", "1", "/r1", "nav", "/plan", "nav_msgs/msg/Path", "h", DEFAULT),
+        Entity("MS", 0, SESSION, "0", "2", "/r1", "nav", "/scan", "sensor_msgs/msg/LaserScan", "h", SENSOR),
+        Entity("SS", 0, SESSION, "0", "3", "/r1", "nav", "/map", "nav_msgs/srv/GetMap", "h", DEFAULT),
+        Entity("SS", 0, SESSION, "0", "4", "/r1", "nav", "/go/_action/send_goal", goal, "h", DEFAULT),
     ]
     for entity in entities:
         graph.add(entity.token)

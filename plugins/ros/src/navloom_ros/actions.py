@@ -248,15 +248,13 @@ class ActionClient:
         name = self._send.entity.name
         return bool(self._node.wait_for(lambda graph: graph.find(name, ("SS",)), timeout))
 
-    def send(
-        self, on_feedback: Callable[[Any], None] | None = None, /, timeout: float = 10.0, **values: Any
-    ) -> SentGoal:
-        """Send a goal with these values and wait until the server has accepted or rejected it.
+    def send(self, goal: Any, on_feedback: Callable[[Any], None] | None = None, timeout: float = 10.0) -> SentGoal:
+        """Send a goal and wait until the server has accepted or rejected it.
 
         Args:
+            goal: Of the type `…_Goal`, or its values by field.
             on_feedback: Gets each message of the type `…_Feedback`, on a thread of this client.
             timeout: s until it is given up.
-            values: Of the type `…_Goal`.
 
         Raises:
             NoAnswer: There is no server, or it took too long.
@@ -265,7 +263,7 @@ class ActionClient:
         sent = SentGoal(self, identity, on_feedback)
         self._sent[identity] = sent
         try:
-            response = self._send.call(goal_id=_identified(identity), goal=values, timeout=timeout)
+            response = self._send.call({"goal_id": _identified(identity), "goal": goal}, timeout)
         except BaseException:
             del self._sent[identity]
             raise
@@ -302,14 +300,13 @@ class SentGoal:
 
     def result(self, timeout: float) -> Future[Any]:
         """What it ends with: the future gets a message with `status` and `result`, or NoAnswer after so many s."""
-        future = self._client.get_result.ask(goal_id=_identified(self.identity), timeout=timeout)
+        future = self._client.get_result.ask({"goal_id": _identified(self.identity)}, timeout)
         future.add_done_callback(lambda _: self._client.forget(self.identity))
         return future
 
     def cancel(self, timeout: float = 10.0) -> bool:
         """Ask the server to cancel it; whether it will. Raises NoAnswer where the server does not answer."""
-        information = {"goal_id": _identified(self.identity)}
-        response = self._client.cancel_goal.call(goal_info=information, timeout=timeout)
+        response = self._client.cancel_goal.call({"goal_info": {"goal_id": _identified(self.identity)}}, timeout)
         return bool(response.return_code == _CANCEL_NONE and len(response.goals_canceling))
 
 

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 from navloom_ros.errors import BadDefinition, MalformedMessage, UnfitMessage, UnknownType
 from navloom_ros.hashing import NOT_HASHED, rihs01
 from navloom_ros.texts import Definitions, check_references, definitions_in, types_of
-from navloom_ros.values import filled, misfit, spare_bytes
+from navloom_ros.values import filled, misfit, plain, spare_bytes
 
 __all__ = ["DISTRIBUTIONS", "LARGEST", "Types"]
 
@@ -164,6 +164,10 @@ class Types:
         if len(body) - end > PADDING and len(body) - end > PADDING + spare_bytes(self._store, message):
             raise MalformedMessage(f"{name}: {len(body) - end} bytes after its end")
         return message
+
+    def plain(self, message: Any, most: int | None = None) -> Any:
+        """A message as dicts, lists and numbers; of lists longer than `most`, the first and how many there are."""
+        return plain(self._store, message, most)
 
     def _require(self, name: str) -> None:
         if name not in self._store.fielddefs:

@@ -211,17 +211,20 @@ class Client:
         self._key = key
         self._sequence = itertools.count(1)
 
-    def ask(self, request: Any = None, /, timeout: float = 10.0, **values: Any) -> Future[Any]:
-        """Send a request, or one with these values; the future gets the response, or NoAnswer.
+    def ask(self, request: Any = None, timeout: float = 10.0) -> Future[Any]:
+        """Send a request; the future gets the response, or NoAnswer.
 
         Args:
-            request: Of the service's request type.
+            request: Of the service's request type, or its values by field, or nothing for the defaults.
             timeout: s until it is given up.
-            values: Of the request's fields, where no request is given.
+
+        Raises:
+            UnfitMessage: The request does not fit the service's type.
         """
         types, kind = self._node.types, self.entity.type_name
-        asked = types.new(f"{kind}_Request", **values) if request is None else request
-        data = types.encode_as(f"{kind}_Request", asked)
+        if request is None or isinstance(request, Mapping):
+            request = types.new(f"{kind}_Request", **(request or {}))
+        data = types.encode_as(f"{kind}_Request", request)
         future: Future[Any] = Future()
 
         attachment = Attachment(next(self._sequence), now_ns(), self.entity.gid)
@@ -241,7 +244,7 @@ class Client:
         self._node.wire.ask(self._key, data, attachment.data, timeout, on_answer, on_end)
         return future
 
-    def call(self, request: Any = None, /, timeout: float = 10.0, **values: Any) -> Any:
+    def call(self, request: Any = None, timeout: float = 10.0) -> Any:
         """Send a request and wait for the response.
 
         Raises:
@@ -249,7 +252,7 @@ class Client:
             MalformedMessage: The response is none.
         """
         try:
-            return self.ask(request, timeout=timeout, **values).result(timeout + 1.0)
+            return self.ask(request, timeout).result(timeout + 1.0)
         except FutureTimeout:
             raise NoAnswer(f"service {self.entity.name} has not answered within {timeout:g} s") from None
 
@@ -296,7 +299,7 @@ class Node:
         self.wire = Wire(router, self.types.largest)
         try:
             self.keep(self.wire.watch(f"{PREFIX}/{domain}/**", self._on_token))
-            self._declare(Entity("NN", domain, self.wire.session, 0, 0, self.namespace, self.name))
+            self._declare(Entity("NN", domain, self.wire.session, "0", "0", self.namespace, self.name))
         except BaseException:
             self.close()
             raise
@@ -364,8 +367,8 @@ class Node:
     def _endpoint(self, kind: str, name: str, type_name: str, qos: Qos) -> tuple[Entity, str]:
         full = full_name(name, self.namespace, self.name, self._remap)
         type_hash = self.types.hash_of(type_name)
-        number = next(self._numbers)
-        own = (kind, self.domain, self.wire.session, 0, number, self.namespace, self.name)
+        number = str(next(self._numbers))
+        own = (kind, self.domain, self.wire.session, "0", number, self.namespace, self.name)
         return Entity(*own, full, type_name, type_hash, qos), key_of(self.domain, full, type_name, type_hash)
 
     def _declare(self, entity: Entity) -> None:

@@ -35,7 +35,7 @@ class Entity:
         kind: One of KINDS' letters.
         domain: ROS_DOMAIN_ID.
         session: Zenoh's id of the process, hexadecimal.
-        node_id, entity_id: Numbers within it; of a node both are the same.
+        node_id, entity_id: Unique within it, numbers in rmw_zenoh; of a node both are the same.
         namespace, node: Name of the node.
         name: Of the topic or service, in full; empty of a node.
         type_name: `package/kind/Name`; empty of a node.
@@ -47,8 +47,8 @@ class Entity:
     kind: str
     domain: int
     session: str
-    node_id: int
-    entity_id: int
+    node_id: str
+    entity_id: str
     namespace: str
     node: str
     name: str = ""
@@ -65,7 +65,7 @@ class Entity:
     @property
     def token(self) -> str:
         """The key of its liveliness."""
-        parts = [PREFIX, str(self.domain), self.session, str(self.node_id), str(self.entity_id), self.kind]
+        parts = [PREFIX, str(self.domain), self.session, self.node_id, self.entity_id, self.kind]
         parts += [_mangled(part) for part in (self.enclave, self.namespace, self.node)]
         if self.qos is not None:
             parts += [_mangled(self.name), dds_type(self.type_name), self.type_hash, self.qos.text]
@@ -89,12 +89,10 @@ class Entity:
             raise BadToken(
                 f"token {token[:200]!r}: expected {PREFIX}/domain/session/node/entity/kind/enclave/namespace/…"
             )
-        try:
-            domain, node_id, entity_id = int(parts[1]), int(parts[3]), int(parts[4])
-        except ValueError:
-            raise BadToken(f"token {token[:200]!r}: domain, node and entity are no numbers") from None
+        if not (parts[1].isascii() and parts[1].isdecimal()):
+            raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is no number")
         enclave, namespace, node = (_unmangled(part) for part in parts[6:9])
-        head = (parts[5], domain, parts[2], node_id, entity_id, namespace, node)
+        head = (parts[5], int(parts[1]), parts[2], parts[3], parts[4], namespace, node)
         if parts[5] == "NN":
             return cls(*head, enclave=enclave)
         name, type_name, type_hash = _unmangled(parts[9]), ros_type(parts[10]), parts[11]

@@ -16,8 +16,6 @@ _BASE, _NAME, _ARRAY = 1, 2, 3
 """Node types of `rosbags`."""
 _ALIASES = {"bool": "bool_", "char": "uint8", "byte": "int8"}
 """Where numpy's name, or the bytes that `rosbags` takes, differ from the primitive's name."""
-_SHOWN = 24
-"""Elements of an array that are shown."""
 _IDENTITY = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}
 """Defaults in `.msg` texts that are not zero; `rosbags` does not keep them."""
 
@@ -34,10 +32,10 @@ def filled(store: Any, name: str, values: Mapping[str, Any], place: str = "") ->
         UnfitMessage: No such field, or a value that does not fit it.
     """
     definition = store.get_msgdef(name)
-    fields = [field for field, _ in definition.fields]
+    known = [field for field, _ in definition.fields]
     for given in values:
-        if given not in fields:
-            raise UnfitMessage(f"{name}{place} has no field {given!r}; it has {', '.join(fields)}")
+        if given not in known:
+            raise UnfitMessage(f"{name}{place} has no field {given!r}; it has {', '.join(known)}")
     values = {**_IDENTITY.get(name, {}), **values}
     made = {
         field: _value(store, descriptor, values.get(field), f"{place}.{field}")
@@ -162,14 +160,13 @@ def _empty_wide(store: Any, message: Any) -> int:
     return count
 
 
-def plain(message: Any) -> Any:
-    """A message as dicts, lists and numbers; of a long array, its first elements and how many there are."""
+def plain(store: Any, message: Any, most: int | None = None) -> Any:
+    """A message as dicts, lists and numbers; of lists longer than `most`, the first and how many there are."""
     if hasattr(message, "__msgtype__"):
-        return {field: plain(getattr(message, field)) for field in message.__dataclass_fields__}
-    if isinstance(message, np.ndarray):
-        shown = message[:_SHOWN].tolist()
-        return shown if len(message) <= _SHOWN else [*shown, f"… {len(message)} elements"]
-    if isinstance(message, list):
-        shown = [plain(one) for one in message[:_SHOWN]]
-        return shown if len(message) <= _SHOWN else [*shown, f"… {len(message)} elements"]
-    return message
+        names = [field for field, _ in store.get_msgdef(message.__msgtype__).fields]
+        return {name: plain(store, getattr(message, name), most) for name in names}
+    if not isinstance(message, (list, np.ndarray)):
+        return message
+    shown = [plain(store, one, most) for one in message[:most]]
+    shown = [one.item() if isinstance(one, np.generic) else one for one in shown]
+    return shown if len(shown) == len(message) else [*shown, f"… {len(message)} elements"]

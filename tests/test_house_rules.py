@@ -52,7 +52,7 @@ def test_only_a_plugins_adapter_imports_navloom_and_only_its_door(plugin: Path) 
 FETCHED = {"time", "threading", "socket", "random", "zenoh"}
 OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
-    "ros/node.py": {"threading"},
+    "ros/node.py": {"threading", "time"},
     "ros/actions.py": {"threading"},
 }
 """Waivers: what speaks to another network has its session, the threads that wait for it, and the clock of stamps."""

@@ -3,6 +3,8 @@
 uv venv peers && uv pip install --python peers --group ros-peers && NAVLOOM_ROS_PEERS=$PWD/peers pytest -m slow …
 """
 
+import json
+import subprocess
 import sys
 import threading
 import time
@@ -323,3 +325,15 @@ def test_age_of_a_stream_of_ours(network, ours, name, rate, values):
         print(f"\n{name} at {rate} Hz: {len(ages)} of {5 * rate}, age p50 {p50:.2f} ms, p99 {p99:.2f} ms")
         assert len(ages) >= 4.5 * rate  # of best effort, which drops what a busy host is too slow for
         assert p99 < 1e3 / rate
+
+
+def test_ros_reads_our_bytes():
+    asked = "".join(
+        json.dumps([one["type"], KILTED.encode(KILTED.new(one["type"], **one["value"])).hex()]) + "\n"
+        for one in WHEELS["messages"]
+    )
+    script = Path(__file__).parent / "peers" / "read_back.py"
+    command = [str(PEERS / "bin" / "python"), str(script)]
+    read = subprocess.run(command, input=asked, capture_output=True, text=True, timeout=120, check=True).stdout
+    values = [json.loads(line) for line in read.splitlines()]
+    assert len(values) == 122 and values == [one["value"] for one in WHEELS["messages"]]

@@ -59,6 +59,12 @@ class Graph:
         """Forget an entity; None where it was not known."""
         return self._entities.pop(token, None)
 
+    def without(self, session: str) -> Graph:
+        """The graph as it would be without one process."""
+        left = Graph()
+        left._entities = {token: one for token, one in list(self._entities.items()) if one.session != session}
+        return left
+
     @property
     def entities(self) -> list[Entity]:
         """All, in the order they came."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -354,6 +355,13 @@ class Node:
         """Wait until something is true of the graph; what it gives, or gave last."""
         with self._changed:
             return self._changed.wait_for(lambda: condition(self.graph), timeout)
+
+    def settle(self, quiet: float = 0.3, longest: float = 3.0) -> None:
+        """Wait until nobody has come or gone for `quiet` s, at most `longest` s: then it is known who is there."""
+        end = time.monotonic() + longest
+        with self._changed:
+            while time.monotonic() < end and self._changed.wait(quiet):
+                pass
 
     def mismatches(self, topic: str) -> list[Entity]:
         """Publishers of a topic that this node's subscriptions cannot hear: of another type, or another hash."""

@@ -26,7 +26,7 @@ def test_an_example_runs(block):
 
 def test_every_module_that_is_named_is_there():
     package = Path(__file__).parents[1] / "src" / "navloom_ros"
-    for module, attribute in re.findall(r"`(\w+)\.(?!cpp)(\w+)(?:\.\w+)?`", README):
+    for module, attribute in re.findall(r"`(\w+)\.(?!cpp|py)(\w+)(?:\.\w+)?`", README):
         if (package / f"{module}.py").exists():
             assert re.search(
                 rf"^(class|def) {attribute}\b", (package / f"{module}.py").read_text("utf-8"), re.MULTILINE

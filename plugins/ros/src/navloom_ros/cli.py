@@ -94,6 +94,29 @@ def echo(
             raise RosError(f"{name}: nothing has come within {patience:g} s {subscription.reason}".rstrip())
 
 
+@app.command()
+def export(
+    recording: Annotated[Path, typer.Argument(metavar="RUN.MCAP", help="A recording of navloom.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.MCAP", help="File to write.")],
+    distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="Whose message definitions.")] = "jazzy",
+    as_json: AsJson = False,
+) -> None:
+    """Write a recording as MCAP with ROS messages, which Foxglove, PlotJuggler and rosbag2 open."""
+    from navloom_ros.adapter import export as export_recording
+
+    with _refusals():
+        done = export_recording(recording, out, Types(distribution))
+        if as_json:
+            typer.echo(json.dumps(done))
+            return
+        for topic, number in sorted(done["messages"].items()):
+            typer.echo(f"{topic}  {number}")
+        if done["left_out"]:
+            typer.echo(f"no counterpart in ROS: {', '.join(sorted(done['left_out']))}")
+        if done["note"]:
+            typer.echo(f"navloom ros: {done['note']}", err=True)
+
+
 def _publisher_of(node: Node, name: str, patience: float) -> Entity:
     found: list[Entity] = node.wait_for(lambda graph: graph.find(name, ("MP",)), patience)
     if not found:

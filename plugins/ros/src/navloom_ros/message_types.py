@@ -49,7 +49,7 @@ class Types:
         BadDefinition: A definition that cannot be used.
     """
 
-    def __init__(self, distribution: str = "kilted", folders: Iterable[Path] = (), largest: int = LARGEST) -> None:
+    def __init__(self, distribution: str = "jazzy", folders: Iterable[Path] = (), largest: int = LARGEST) -> None:
         if distribution not in DISTRIBUTIONS:
             raise UnknownType(f"ROS 2 distribution {distribution!r}: expected one of {', '.join(DISTRIBUTIONS)}")
         self.distribution = distribution

@@ -67,7 +67,7 @@ def scalars(base):
     if base == "bool":
         return st.booleans()
     if base in ("byte", "char"):
-        return st.integers(0, 127)
+        return st.integers(0, 255)
     return st.floats(width=32)
 
 

@@ -1,6 +1,9 @@
 """Nodes of ours on a network of ours: topics, services, discovery, and what happens when the router restarts."""
 
+import os
 import threading
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from navloom_ros import Types
@@ -9,9 +12,9 @@ from navloom_ros.names import key_of, remapping
 from navloom_ros.node import NoAnswer, Node
 from navloom_ros.qos import LATCHED, SENSOR, Qos
 from navloom_ros.tokens import Attachment
-from navloom_ros.wire import NoRouter, Wire, settings
+from navloom_ros.wire import Wire, settings
 from ros_golden import KILTED
-from ros_network import Router, free_port, until
+from ros_network import Router, until
 
 SCAN = "sensor_msgs/msg/LaserScan"
 
@@ -220,9 +223,29 @@ def test_everything_is_there_again_after_the_router_restarts():
             assert ours.client("ask", "std_srvs/srv/Trigger").call(timeout=5.0).success
 
 
-def test_without_a_router_it_says_what_to_start():
-    with pytest.raises(NoRouter, match=r"no Zenoh router at tcp/127.0.0.1:\d+ .*rmw_zenohd"):
-        Node("ours", router=f"tcp/127.0.0.1:{free_port()}", types=KILTED)
+def listening():
+    """Local addresses of this host's sockets that listen, TCP and UDP."""
+    found = set()
+    for table in ("tcp", "tcp6", "udp", "udp6"):
+        lines = Path(f"/proc/net/{table}").read_text("ascii").splitlines()[1:]
+        found |= {(table, line.split()[1], line.split()[9]) for line in lines if line.split()[3] in ("0A", "07")}
+    return found
+
+
+def own(sockets):
+    """Those of this process, by their inodes."""
+    inodes = set()
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            inodes.add(os.readlink(link).partition("[")[2].rstrip("]"))
+    return {one for one in sockets if one[2] in inodes}
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs Linux")
+def test_a_node_opens_nothing_that_listens(node):
+    before = own(listening())
+    node("ours").subscription("scan", SCAN)
+    assert own(listening()) == before != set()  # the router's own
 
 
 def test_a_session_listens_nowhere_and_searches_for_nobody():

@@ -15,6 +15,7 @@ import typer
 
 from navloom_ros.errors import BadDefinition, BadName, RosError, UnknownType
 from navloom_ros.graph import Graph, Listed
+from navloom_ros.hashing import NOT_HASHED
 from navloom_ros.message_types import DISTRIBUTIONS, Types
 from navloom_ros.names import full_name
 from navloom_ros.node import Node, Received
@@ -131,7 +132,8 @@ def _types_for(publisher: Entity, distribution: str | None, folders: list[Path])
     Raises:
         UnknownType: No distribution has it.
     """
-    for name in [distribution] if distribution else DISTRIBUTIONS:
+    likely = [name for name in DISTRIBUTIONS if (name == "humble") == (publisher.type_hash == NOT_HASHED)]
+    for name in [distribution] if distribution else likely:
         types = Types(name, folders)
         if types.has(publisher.type_name) and types.hash_of(publisher.type_name) == publisher.type_hash:
             return types

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 from navloom_ros.errors import BadDefinition, MalformedMessage, UnfitMessage, UnknownType
 from navloom_ros.hashing import NOT_HASHED, rihs01
 from navloom_ros.texts import Definitions, check_references, definitions_in, types_of
-from navloom_ros.values import filled, misfit, plain, spare_bytes
+from navloom_ros.values import filled, misfit, plain, spare_bytes, with_unsigned_bytes
 
 __all__ = ["DISTRIBUTIONS", "LARGEST", "Types"]
 
@@ -57,6 +57,7 @@ class Types:
         store, own = DISTRIBUTIONS[distribution]
         self._store = get_typestore(store)
         self._hashes: dict[str, str] = {}
+        self._make_bytes_unsigned(self._store.fielddefs)
         shipped = Path(str(files("navloom_ros"))) / "interfaces"
         self.add(dict(entry for name in own for entry in definitions_in(shipped / name)))
         for folder in folders:
@@ -76,6 +77,7 @@ class Types:
             self._store.register(defined)
         except TypesysError as error:
             raise BadDefinition(str(error)) from None
+        self._make_bytes_unsigned(defined)
 
     @property
     def names(self) -> list[str]:
@@ -168,6 +170,16 @@ class Types:
     def plain(self, message: Any, most: int | None = None) -> Any:
         """A message as dicts, lists and numbers; of lists longer than `most`, the first and how many there are."""
         return plain(self._store, message, most)
+
+    def _make_bytes_unsigned(self, names: Iterable[str]) -> None:
+        """A `byte` is 0 to 255 in ROS; `rosbags` reads it as signed. Have it make these types' readers of `uint8`."""
+        for name in names:
+            constants, fields = self._store.fielddefs[name]
+            unsigned = [(field, with_unsigned_bytes(descriptor)) for field, descriptor in fields]
+            if unsigned != fields:
+                self._store.fielddefs[name] = (constants, unsigned)
+                self._store.get_msgdef(name)  # which keeps what it has made
+                self._store.fielddefs[name] = (constants, fields)
 
     def _require(self, name: str) -> None:
         if name not in self._store.fielddefs:

@@ -10,12 +10,12 @@ import numpy as np
 
 from navloom_ros.errors import UnfitMessage
 
-__all__ = ["filled", "misfit", "plain", "spare_bytes"]
+__all__ = ["filled", "misfit", "plain", "spare_bytes", "with_unsigned_bytes"]
 
 _BASE, _NAME, _ARRAY = 1, 2, 3
 """Node types of `rosbags`."""
-_ALIASES = {"bool": "bool_", "char": "uint8", "byte": "int8"}
-"""Where numpy's name, or the bytes that `rosbags` takes, differ from the primitive's name."""
+_ALIASES = {"bool": "bool_", "char": "uint8"}
+"""Where numpy's name differs from the primitive's name."""
 _IDENTITY = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}
 """Defaults in `.msg` texts that are not zero; `rosbags` does not keep them."""
 
@@ -133,6 +133,14 @@ def _checked_fields(store: Any, name: str) -> list[tuple[str, Any]]:
 
 def _is_unchecked(kind: int, rest: Any) -> bool:
     return kind == _NAME or (kind != _BASE and (rest[0][0] == _NAME or rest[0][1][0] != "string"))
+
+
+def with_unsigned_bytes(descriptor: Any) -> Any:
+    """The descriptor of a field, with `uint8` for `byte`."""
+    kind, rest = descriptor
+    if kind == _BASE:
+        return (kind, ("uint8", rest[1])) if rest[0] == "byte" else descriptor
+    return descriptor if kind == _NAME else (kind, (with_unsigned_bytes(rest[0]), rest[1]))
 
 
 def spare_bytes(store: Any, message: Any) -> int:

@@ -93,7 +93,7 @@ def scalar(slot, rng):
     if name == "boolean":
         return rng.random() < 0.5
     if name == "octet":
-        return bytes([rng.randrange(128)])
+        return bytes([rng.randrange(256)])
     if name in INTEGERS:
         sign, bits = INTEGERS[name]
         return rng.randrange(2**bits) if sign else rng.randrange(2**bits) - 2 ** (bits - 1)

@@ -1,0 +1,5 @@
+"""`python -m navloom_ros`."""
+
+from navloom_ros.cli import main
+
+main()

@@ -1,0 +1,45 @@
+"""Recordings of navloom as MCAP files of ROS 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from navloom.recording.header import RecordingError
+from navloom.recording.reader import Recording
+
+from navloom_ros.errors import RosError
+from navloom_ros.mcap_file import McapFile
+from navloom_ros.message_types import Types
+from navloom_ros.translating import Translator
+
+__all__ = ["export"]
+
+
+def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
+    """Write what a recording holds for ROS tools.
+
+    Stamps are the run clock, as one timeline: of a live recording it is moved to begin when that was received.
+
+    Returns:
+        `messages` by topic; `left_out` by role and port; `note`, what a user should know of the recording's end.
+
+    Raises:
+        RosError: The recording cannot be read, or the file not be written.
+    """
+    translator = Translator(types)
+    try:
+        with Recording(source) as recording, McapFile(target, types) as out:
+            is_first = True
+            for key, envelope, message, received_ns in recording.messages():
+                if is_first and recording.header.clock == "wall":
+                    translator.offset_ns = received_ns - envelope.stamp_ns
+                is_first = False
+                role, instance, port = key.split("/")[2:5]
+                for made in translator.translate(role, instance, port, message, envelope.stamp_ns):
+                    out.add(made.topic, made.message, envelope.stamp_ns + translator.offset_ns)
+            if not out.messages:
+                raise RosError(f"{source}: it holds nothing that ROS has a message for")
+        return {"messages": out.messages, "left_out": translator.left_out, "note": recording.note}
+    except RecordingError as error:
+        raise RosError(str(error)) from None

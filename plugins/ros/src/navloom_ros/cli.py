@@ -1,0 +1,227 @@
+"""`navloom ros`: look into a robot's ROS network. Until it is registered: `python -m navloom_ros graph`."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from navloom_ros.errors import BadDefinition, BadName, RosError, UnknownType
+from navloom_ros.graph import Graph, Listed
+from navloom_ros.hashing import NOT_HASHED
+from navloom_ros.message_types import DISTRIBUTIONS, Types
+from navloom_ros.names import full_name
+from navloom_ros.node import Node, Received
+from navloom_ros.qos import DEFAULT
+from navloom_ros.tokens import Entity
+from navloom_ros.wire import ROUTER
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="ros", help="Look into a robot's ROS 2 network, over Zenoh and without ROS.", no_args_is_help=True
+)
+
+SHOWN = 12
+"""Elements of a list that are shown where people read it."""
+FAILED, WRONG = 1, 2
+"""Exit codes: it failed on the way; the request was wrong."""
+
+Router = Annotated[str, typer.Option(metavar="ENDPOINT", help="Of the robot's Zenoh router.")]
+Domain = Annotated[int, typer.Option(metavar="N", min=0, max=232, envvar="ROS_DOMAIN_ID", help="ROS domain.")]
+Distribution = Annotated[
+    str | None,
+    typer.Option("--distro", metavar="NAME", help="humble, jazzy, kilted or lyrical; else the one that fits."),
+]
+Interfaces = Annotated[
+    list[Path] | None,
+    typer.Option("--interfaces", metavar="DIR", help="Definitions as package/msg/Name.msg; may repeat."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="JSON, for scripts.")]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run as a program of its own."""
+    app(arguments, prog_name="navloom ros")
+
+
+@app.command()
+def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) -> None:
+    """Print the nodes, topics, services and actions of a robot's ROS network."""
+    with _refusals(), _joined(router, domain) as node:
+        found = _as_dict(node.graph, node.wire.session)
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    if not found["nodes"]:
+        typer.echo(f"nobody is there in domain {domain}, at {router}")
+    for kind, entries in found.items():
+        typer.echo(f"{kind}:" if entries else f"{kind}: none")
+        for entry in entries:
+            typer.echo(f"  {entry if isinstance(entry, str) else _line(entry)}")
+
+
+@app.command()
+def echo(
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="As /scan.")],
+    count: Annotated[int | None, typer.Option(metavar="N", min=1, help="End after N messages.")] = None,
+    patience: Annotated[float, typer.Option("--wait", metavar="S", min=0.1, help="s to wait for the first one.")] = 5.0,
+    whole: Annotated[bool, typer.Option("--whole", help="Lists whole instead of their first elements.")] = False,
+    router: Router = ROUTER,
+    domain: Domain = 0,
+    distribution: Distribution = None,
+    interfaces: Interfaces = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print the messages of a topic as they come, until Ctrl-C; of a latched one the last at once."""
+    with _refusals():
+        name = full_name(topic)
+        with _joined(router, domain) as node:
+            publisher = _publisher_of(node, name, patience)
+            node.types = _types_for(publisher, distribution, interfaces or [])
+            subscription = node.subscription(name, publisher.type_name, publisher.qos or DEFAULT)
+            seen = 0
+            while seen != count and (received := subscription.take(None if seen else patience)) is not None:
+                typer.echo(_text(node.types, received, None if whole else SHOWN, as_json))
+                seen += 1
+        if not seen:
+            raise RosError(f"{name}: nothing has come within {patience:g} s {subscription.reason}".rstrip())
+
+
+@app.command()
+def export(
+    recording: Annotated[Path, typer.Argument(metavar="RUN.MCAP", help="A recording of navloom.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.MCAP", help="File to write.")],
+    distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="Whose message definitions.")] = "jazzy",
+    as_json: AsJson = False,
+) -> None:
+    """Write a recording as MCAP with ROS messages, which Foxglove, PlotJuggler and rosbag2 open."""
+    from navloom_ros.adapter import export as export_recording
+
+    with _refusals():
+        done = export_recording(recording, out, Types(distribution))
+        if as_json:
+            typer.echo(json.dumps(done))
+            return
+        for topic, number in sorted(done["messages"].items()):
+            typer.echo(f"{topic}  {number}")
+        if done["left_out"]:
+            typer.echo(f"no counterpart in ROS: {', '.join(sorted(done['left_out']))}")
+        if done["note"]:
+            typer.echo(f"navloom ros: {done['note']}", err=True)
+
+
+def _publisher_of(node: Node, name: str, patience: float) -> Entity:
+    found: list[Entity] = node.wait_for(lambda graph: graph.find(name, ("MP",)), patience)
+    if not found:
+        there = ", ".join(node.graph.topics()) or "none"
+        raise RosError(f"{name}: nobody publishes it in domain {node.domain}; topics there: {there}")
+    return found[0]
+
+
+def _types_for(publisher: Entity, distribution: str | None, folders: list[Path]) -> Types:
+    """Those of the distribution that is given, or of the first that has the publisher's type with its hash.
+
+    Raises:
+        UnknownType: No distribution has it.
+    """
+    likely = [name for name in DISTRIBUTIONS if (name == "humble") == (publisher.type_hash == NOT_HASHED)]
+    for name in [distribution] if distribution else likely:
+        types = Types(name, folders)
+        if types.has(publisher.type_name) and types.hash_of(publisher.type_name) == publisher.type_hash:
+            return types
+    raise UnknownType(
+        f"{publisher.name} is of {publisher.type_name} with hash {publisher.type_hash}, which "
+        f"{distribution or 'no distribution'} has: give its definition with --interfaces DIR"
+    )
+
+
+@contextmanager
+def _joined(router: str, domain: int) -> Iterator[Node]:
+    """A node that has heard who is there."""
+    with Node(f"navloom_{os.getpid()}", router=router, domain=domain) as node:
+        node.settle()
+        yield node
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Errors as one line; Ctrl-C as an end."""
+    try:
+        yield
+    except RosError as error:
+        typer.echo(f"navloom ros: {error}", err=True)
+        wrong = isinstance(error, (BadDefinition, BadName, UnknownType))
+        raise typer.Exit(WRONG if wrong else FAILED) from None
+    except BrokenPipeError:  # of whoever reads only the beginning
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except KeyboardInterrupt:
+        return
+
+
+def _as_dict(graph: Graph, own_session: str) -> dict[str, list[Any]]:
+    others = graph.without(own_session)
+    return {
+        "nodes": others.nodes(),
+        "topics": [_entry(name, listed, "publishers", "subscriptions") for name, listed in others.topics().items()],
+        "services": [_entry(name, listed, "servers", "clients") for name, listed in others.services().items()],
+        "actions": [_entry(name, listed, "servers", "clients") for name, listed in others.actions().items()],
+    }
+
+
+def _entry(name: str, listed: Listed, providers: str, users: str) -> dict[str, Any]:
+    entry: dict[str, Any] = {"name": name, "types": listed.types}
+    for words, entities in ((providers, listed.providers), (users, listed.users)):
+        entry[words] = [{"node": one.full_node_name, "qos": str(one.qos), "hash": one.type_hash} for one in entities]
+    hashes = {one.type_hash for one in (*listed.providers, *listed.users)}
+    entry["matches"] = len(hashes) <= 1 and len(listed.types) <= 1
+    return entry
+
+
+def _line(entry: dict[str, Any]) -> str:
+    (providers, offered), (users, used) = list(entry.items())[2:4]
+    text = f"{entry['name']}  {', '.join(entry['types'])}  {len(offered)} {providers}, {len(used)} {users}"
+    qualities = sorted({one["qos"] for one in offered})
+    if qualities and providers == "publishers":
+        text += f"  ({'; '.join(qualities)})"
+    return text if entry["matches"] else f"{text}  TYPES OR HASHES DIFFER: they do not hear each other"
+
+
+def _text(types: Types, received: Received, most: int | None, as_json: bool) -> str:
+    values = types.plain(received.message, most)
+    if not as_json:
+        return "\n".join([f"--- {received.sequence}", *_lines(values)])
+    beside = {"sequence": received.sequence, "source_ns": received.source_ns, "received_ns": received.received_ns}
+    return json.dumps({**beside, "message": _finite(values)}, allow_nan=False)
+
+
+def _lines(values: dict[str, Any], depth: int = 0) -> Iterator[str]:
+    for name, value in values.items():
+        start = f"{'  ' * depth}{name}:"
+        if isinstance(value, dict):
+            yield start
+            yield from _lines(value, depth + 1)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            yield start
+            for one in value:
+                inner = list(_lines(one, depth + 2)) if isinstance(one, dict) else [f"{'  ' * (depth + 2)}{one}"]
+                yield f"{'  ' * (depth + 1)}- {inner[0].lstrip()}"
+                yield from inner[1:]
+        else:
+            yield f"{start} {json.dumps(value, ensure_ascii=False)}"
+
+
+def _finite(value: Any) -> Any:
+    """Values that JSON has: NaN and infinities as text."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,96 @@
+"""Type hashes of ROS 2 (REP 2011): RIHS01 is the SHA-256 of a type's description as JSON.
+
+`rosbags` hashes most messages correctly, but takes `char` for a type of its own, where a `.msg` means `uint8` by it.
+Every service has `char` in its event. So hashes are computed here, for messages, services and actions alike.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from hashlib import sha256
+from typing import Any
+
+__all__ = ["FIRST_HASHED", "NOT_HASHED", "field_description", "rihs01"]
+
+Fields = list[tuple[str, Any]]
+"""Names and descriptors of a type's fields, as `rosbags` has them: a node type and what it is of."""
+
+NOT_HASHED = "TypeHashNotSupported"
+"""What Humble writes in the place of a hash."""
+FIRST_HASHED = "iron"
+"""The first distribution with type hashes."""
+
+_NESTED = 1
+_BOUNDED_STRING = 21
+_NUMBERS = {
+    "int8": 2,
+    "uint8": 3,
+    "char": 3,
+    "int16": 4,
+    "uint16": 5,
+    "int32": 6,
+    "uint32": 7,
+    "int64": 8,
+    "uint64": 9,
+    "float32": 10,
+    "float64": 11,
+    "float128": 12,
+    "bool": 15,
+    "byte": 16,
+    "string": 17,
+}
+"""Number of each primitive type (type_description_interfaces/msg/FieldType)."""
+_ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
+"""What the number of an element grows by in an array or a sequence."""
+_BASE, _NAME, _FIXED = 1, 2, 3
+"""Node types of `rosbags`."""
+
+
+def field_description(name: str, descriptor: Any) -> dict[str, Any]:
+    """One field as the description has it: name, type number, capacities, name of a nested type."""
+    kind, rest = descriptor
+    number, capacity = 0, 0
+    if kind not in (_BASE, _NAME):
+        number = _ARRAY if kind == _FIXED else _BOUNDED_SEQUENCE if rest[1] else _SEQUENCE
+        capacity = rest[1]
+        kind, rest = rest[0]
+    nested, longest = "", 0
+    if kind == _NAME:
+        number += _NESTED
+        nested = rest
+    else:
+        base, longest = rest
+        number += _BOUNDED_STRING if longest else _NUMBERS[base]
+    return {
+        "name": name,
+        "type": {
+            "type_id": number,
+            "capacity": capacity,
+            "string_capacity": longest,
+            "nested_type_name": nested,
+        },
+    }
+
+
+def rihs01(name: str, fields: Mapping[str, Fields]) -> str:
+    """Hash of a type.
+
+    Args:
+        name: `package/kind/Name`.
+        fields: Fields of this type and of all types that it refers to, directly or not.
+    """
+    described: dict[str, dict[str, Any]] = {}
+    waiting = [name]
+    while waiting:
+        current = waiting.pop()
+        if current in described:
+            continue
+        entries = [field_description(*field) for field in fields[current]]
+        described[current] = {"type_name": current, "fields": entries}
+        waiting.extend(nested for entry in entries if (nested := entry["type"]["nested_type_name"]))
+    whole = {
+        "type_description": described.pop(name),
+        "referenced_type_descriptions": [described[other] for other in sorted(described)],
+    }
+    return f"RIHS01_{sha256(json.dumps(whole).encode()).hexdigest()}"

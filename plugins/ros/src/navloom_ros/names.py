@@ -1,0 +1,110 @@
+"""Names of ROS 2 and the keys that rmw_zenoh makes of them (design.ros2.org, "Topic and Service name mapping")."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from navloom_ros.errors import BadName
+
+__all__ = [
+    "NAMESPACES",
+    "check_namespace",
+    "check_node_name",
+    "dds_type",
+    "full_name",
+    "key_of",
+    "remapping",
+    "ros_type",
+]
+
+NAMESPACES = "::"
+"""Between the parts of a type's name on the wire."""
+_TOKEN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_NODE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,254}")
+_LONGEST = 248
+"""Characters of a full name, as ROS bounds it."""
+
+
+def full_name(name: str, namespace: str = "/", node: str = "", remap: Mapping[str, str] | None = None) -> str:
+    """A name as it is known to all: `scan` in the namespace `/r1` is `/r1/scan`, `~/scan` is `/r1/node/scan`.
+
+    Args:
+        name: Of a topic, service or action; relative, private (`~`) or absolute.
+        namespace: Of the node, with its leading slash.
+        node: Name of the node.
+        remap: Rules as given by `remapping`; both sides are expanded like the name.
+
+    Raises:
+        BadName: ROS does not allow it.
+    """
+    expanded = _expanded(name, namespace, node)
+    rules = {_expanded(old, namespace, node): new for old, new in (remap or {}).items()}
+    return _expanded(rules[expanded], namespace, node) if expanded in rules else expanded
+
+
+def remapping(rules: list[str]) -> dict[str, str]:
+    """Rules `old:=new`, as ROS programs take them, by old name.
+
+    Raises:
+        BadName: A rule without `:=`, or with a name that is none.
+    """
+    parsed: dict[str, str] = {}
+    for rule in rules:
+        old, separator, new = rule.partition(":=")
+        if not separator:
+            raise BadName(f"remapping {rule!r}: expected OLD:=NEW, as scan:=/front/scan")
+        _expanded(old, "/", "node")
+        _expanded(new, "/", "node")
+        parsed[old] = new
+    return parsed
+
+
+def check_namespace(namespace: str) -> str:
+    """The namespace with its leading slash. Raises BadName where ROS does not allow it."""
+    return "/" if namespace in ("", "/") else _expanded(namespace if namespace[0] == "/" else f"/{namespace}", "/", "")
+
+
+def check_node_name(name: str) -> str:
+    """The name. Raises BadName where ROS does not allow it."""
+    if not _NODE.fullmatch(name):
+        raise BadName(f"node name {name!r}: expected letters, digits and _, with no digit first")
+    return name
+
+
+def dds_type(name: str) -> str:
+    """`sensor_msgs/msg/LaserScan` on the wire: `sensor_msgs::msg::dds_::LaserScan_`. Another form stays as it is."""
+    parts = name.split("/")
+    return NAMESPACES.join((*parts[:2], "dds_", f"{parts[2]}_")) if len(parts) == 3 else name
+
+
+def ros_type(name: str) -> str:
+    """`sensor_msgs::msg::dds_::LaserScan_` as ROS writes it; a type of another form as it is."""
+    parts = name.split(NAMESPACES)
+    if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
+        return name
+    return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
+
+
+def key_of(domain: int, name: str, type_name: str, type_hash: str) -> str:
+    """Key of a topic or service: `0/scan/sensor_msgs::msg::dds_::LaserScan_/RIHS01_…`.
+
+    Args:
+        domain: ROS_DOMAIN_ID.
+        name: Full name, with its leading slash.
+        type_name: `package/kind/Name`.
+        type_hash: RIHS01, or what Humble writes.
+    """
+    return f"{domain}/{name.strip('/')}/{dds_type(type_name)}/{type_hash}"
+
+
+def _expanded(name: str, namespace: str, node: str) -> str:
+    if name == "~" or name.startswith("~/"):
+        path = f"{namespace.rstrip('/')}/{node}{name[1:]}"
+    elif name.startswith("/"):
+        path = name
+    else:
+        path = f"{namespace.rstrip('/')}/{name}"
+    if not path[1:] or not all(_TOKEN.fullmatch(part) for part in path[1:].split("/")) or len(path) > _LONGEST:
+        raise BadName(f"name {name!r}: expected parts of letters, digits and _, with / between, as front/scan or /scan")
+    return path

@@ -1,0 +1,141 @@
+"""Liveliness tokens and attachments of rmw_zenoh: who is there, and what goes beside each message.
+
+Sources: `liveliness_utils.cpp` and `attachment_helpers.cpp` of ros2/rmw_zenoh.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import xxhash
+
+from navloom_ros.errors import BadToken
+from navloom_ros.names import dds_type, ros_type
+from navloom_ros.qos import Qos
+
+__all__ = ["KINDS", "PREFIX", "Attachment", "Entity"]
+
+PREFIX = "@ros2_lv"
+"""First part of every token."""
+KINDS = {"NN": "node", "MP": "publisher", "MS": "subscription", "SS": "service", "SC": "client"}
+"""What a token is of."""
+LONGEST = 4096
+"""Characters of a token that is read."""
+_NODE_PARTS, _ENDPOINT_PARTS = 9, 13
+_GID = 16
+_ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
+
+
+@dataclass(frozen=True)
+class Entity:
+    """A node, or an endpoint of one: publisher, subscription, service or client.
+
+    Attributes:
+        kind: One of KINDS' letters.
+        domain: ROS_DOMAIN_ID.
+        session: Zenoh's id of the process, hexadecimal.
+        node_id, entity_id: Unique within it, numbers in rmw_zenoh; of a node both are the same.
+        namespace, node: Name of the node.
+        name: Of the topic or service, in full; empty of a node.
+        type_name: `package/kind/Name`; empty of a node.
+        type_hash: Empty of a node.
+        qos: Nothing of a node.
+        enclave: Of security; nothing uses it here.
+    """
+
+    kind: str
+    domain: int
+    session: str
+    node_id: str
+    entity_id: str
+    namespace: str
+    node: str
+    name: str = ""
+    type_name: str = ""
+    type_hash: str = ""
+    qos: Qos | None = None
+    enclave: str = "/"
+
+    @property
+    def full_node_name(self) -> str:
+        """The node with its namespace."""
+        return f"{self.namespace.rstrip('/')}/{self.node}"
+
+    @property
+    def token(self) -> str:
+        """The key of its liveliness."""
+        parts = [PREFIX, str(self.domain), self.session, self.node_id, self.entity_id, self.kind]
+        parts += [_mangled(part) for part in (self.enclave, self.namespace, self.node)]
+        if self.qos is not None:
+            parts += [_mangled(self.name), dds_type(self.type_name), self.type_hash, self.qos.text]
+        return "/".join(parts)
+
+    @property
+    def gid(self) -> bytes:
+        """The 16 bytes that ROS knows it by: XXH3-128 of its token, the lower half first."""
+        return xxhash.xxh3_128_intdigest(self.token.encode()).to_bytes(_GID, "little")
+
+    @classmethod
+    def parsed(cls, token: str) -> Entity:
+        """Read a token; parts that newer versions append are passed over.
+
+        Raises:
+            BadToken: Not of this form.
+        """
+        parts = token.split("/") if len(token) <= LONGEST else []
+        least = _NODE_PARTS if parts[5:6] == ["NN"] else _ENDPOINT_PARTS
+        if len(parts) < least or parts[0] != PREFIX or parts[5] not in KINDS:
+            raise BadToken(
+                f"token {token[:200]!r}: expected {PREFIX}/domain/session/node/entity/kind/enclave/namespace/…"
+            )
+        if not (parts[1].isascii() and parts[1].isdecimal()):
+            raise BadToken(f"token {token[:200]!r}: domain {parts[1]!r} is no number")
+        enclave, namespace, node = (_unmangled(part) for part in parts[6:9])
+        head = (parts[5], int(parts[1]), parts[2], parts[3], parts[4], namespace, node)
+        if parts[5] == "NN":
+            return cls(*head, enclave=enclave)
+        name, type_name, type_hash = _unmangled(parts[9]), ros_type(parts[10]), parts[11]
+        return cls(*head, name, type_name, type_hash, Qos.parsed(parts[12]), enclave)
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """What goes beside a message.
+
+    Attributes:
+        sequence: Number of the message or request, from 1.
+        source_ns: When it was sent, ns since the epoch on the sender's clock.
+        gid: Of the publisher; of a request and its response, of the client.
+    """
+
+    sequence: int
+    source_ns: int
+    gid: bytes
+
+    @property
+    def data(self) -> bytes:
+        """33 bytes: two numbers, the length of the gid, the gid."""
+        return _ATTACHMENT.pack(self.sequence, self.source_ns, _GID, self.gid)
+
+    @classmethod
+    def parsed(cls, data: bytes) -> Attachment:
+        """Read an attachment; what newer versions append is passed over.
+
+        Raises:
+            BadToken: Too short, or another length of the gid.
+        """
+        if len(data) < _ATTACHMENT.size:
+            raise BadToken(f"attachment of {len(data)} bytes; expected {_ATTACHMENT.size}")
+        sequence, source_ns, length, gid = _ATTACHMENT.unpack_from(data)
+        if length != _GID:
+            raise BadToken(f"attachment with a gid of {length} bytes; expected {_GID}")
+        return cls(sequence, source_ns, gid)
+
+
+def _mangled(part: str) -> str:
+    return part.replace("/", "%") or "%"
+
+
+def _unmangled(part: str) -> str:
+    return part.replace("%", "/")

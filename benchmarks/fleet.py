@@ -41,6 +41,9 @@ stop_after = 1e6
 [robot]
 realm = "{realm}"
 
+[gate]
+stop_deadline = {deadline}
+
 [world]
 ref = "empty"
 
@@ -96,7 +99,12 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
             realm, path = f"f{number}", folder / f"f{number}.toml"
             # A robot on no named host does not start the router: that is there already.
             own = [f'router = "{router}"', 'router_host = "other"', _hosts()] if router else []
-            path.write_text(CONFIG.format(period=period, realm=realm, live="\n".join([*own, *live])), "utf-8")
+            path.write_text(
+                CONFIG.format(
+                    period=period, deadline=max(0.1, 2.0 * period), realm=realm, live="\n".join([*own, *live])
+                ),
+                "utf-8",
+            )
             log = folder / f"f{number}.log"
             more = ["--host", "own"] if router else []
             robots.append(One(realm, _start(["up", str(path), *more], log), log))
@@ -233,7 +241,7 @@ def main() -> int:
     """Exit code: 1 where a robot did not come up."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, default=10)
-    parser.add_argument("--period", type=float, default=0.2, help="of each robot, s")
+    parser.add_argument("--period", type=float, default=0.1, help="of each robot, s")
     parser.add_argument("--seconds", type=float, default=60.0, help="to drive")
     parser.add_argument("--router", default=None, metavar="ENDPOINT", help='default: a port on loopback; "" for none')
     parser.add_argument("--live", action="append", default=[], metavar="LINE", help="of the table live; repeats")

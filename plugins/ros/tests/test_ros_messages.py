@@ -7,6 +7,7 @@ import pytest
 from fuzz_cdr import fuzz, warm_up
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from navloom_ros import message_types
 from navloom_ros.errors import MalformedMessage, UnfitMessage, UnknownType
 from navloom_ros.message_types import DISTRIBUTIONS, Types
 from ros_golden import CDR, KILTED, WHEELS, masked
@@ -123,6 +124,23 @@ def test_a_message_larger_than_the_bound_is_refused():
     data = KILTED.encode(KILTED.new("std_msgs/msg/String", data="x" * 200))
     with pytest.raises(MalformedMessage, match="209 bytes; at most 100 are decoded"):
         small.decode("std_msgs/msg/String", data)
+
+
+def test_a_message_of_too_many_parts_is_refused(monkeypatch):
+    monkeypatch.setattr(message_types, "MOST_PARTS", 10_000)
+    empty, name = KILTED.encode(KILTED.new("geometry_msgs/msg/PolygonStamped"))[:-4], "geometry_msgs/msg/PolygonStamped"
+    for points in (9_000, 12_000):  # each is one part; header, stamp and polygon are three
+        data = empty + points.to_bytes(4, "little") + bytes(12 * points)
+        if points < 10_000:
+            assert len(KILTED.decode(name, data).polygon.points) == points
+            continue
+        with pytest.raises(MalformedMessage, match="more than 10000 messages within it"):
+            KILTED.decode(name, data)
+
+
+def test_a_large_cloud_is_read():
+    cloud = KILTED.new("sensor_msgs/msg/PointCloud2", width=100_000, data=bytes(3_200_000))
+    assert len(KILTED.decode("sensor_msgs/msg/PointCloud2", KILTED.encode(cloud)).data) == 3_200_000
 
 
 def test_bytes_behind_the_end_are_refused_but_for_padding():

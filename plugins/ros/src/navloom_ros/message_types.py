@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
+from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,10 @@ DISTRIBUTIONS = {
 """By distribution, the messages of `rosbags` and the folders of `interfaces` with what those lack."""
 LARGEST = 32 << 20
 """Bytes of the largest message that is decoded."""
+MOST_PARTS = 500_000
+"""Messages within one message: each takes some 200 bytes and 2 µs, far more than it may take on the wire."""
+SMALL = 1 << 16
+"""Bytes of a message that cannot have as many parts as to be worth counting."""
 PADDING = 3
 """Bytes that DDS adds to fill the last four."""
 _ENCAPSULATIONS = (b"\x00\x00", b"\x00\x01")
@@ -159,8 +165,9 @@ class Types:
         definition = self._store.get_msgdef(name)
         read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
         body = data[4:]
+        store: Any = self._store if len(body) <= SMALL else _Counting(self._store)
         try:
-            message, end = read(body, 0, definition.cls, self._store)
+            message, end = read(body, 0, definition.cls, store)
         except (SerdeError, struct.error, ValueError, IndexError) as error:
             raise MalformedMessage(f"{name}: {str(error)[:200]}") from None
         if len(body) - end > PADDING and len(body) - end > PADDING + spare_bytes(self._store, message):
@@ -184,3 +191,26 @@ class Types:
     def _require(self, name: str) -> None:
         if name not in self._store.fielddefs:
             raise UnknownType(f"type {name!r} is not known in {self.distribution}: give the folder with its definition")
+
+
+class _Counting:
+    """Stands for the store of `rosbags` while one message is read, and refuses to make more than MOST_PARTS parts."""
+
+    def __init__(self, store: Any) -> None:
+        self.max_sequence_length = store.max_sequence_length
+        self._store = store
+        self._definitions: dict[str, Any] = {}
+        self._left = MOST_PARTS
+
+    def get_msgdef(self, name: str) -> Any:
+        """The definition of a type, whose class counts."""
+        if name not in self._definitions:
+            definition = self._store.get_msgdef(name)
+            self._definitions[name] = replace(definition, cls=partial(self._made, definition.cls))
+        return self._definitions[name]
+
+    def _made(self, cls: type[Any], *values: Any) -> Any:
+        self._left -= 1
+        if self._left < 0:
+            raise SerdeError(f"more than {MOST_PARTS} messages within it")
+        return cls(*values)

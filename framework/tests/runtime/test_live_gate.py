@@ -12,7 +12,7 @@ from navloom.engine.build import assemble
 from navloom.engine.own_nodes import GateNode
 from navloom.messages import Command, Drive, Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
 from navloom.runtime.cell import Source
-from navloom.runtime.cells import Hosted, make_cell
+from navloom.runtime.cells import Hosted, all_sources, make_cell
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live_gate import LiveGate, held_rate, hold
 from navloom.runtime.run_clock import RunClock
@@ -48,7 +48,9 @@ class Gate:
         node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
         self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
-        self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive)
+        self.runner = LiveGate(
+            self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive, all_sources(SYSTEM)
+        )
         self.node = node
 
     def tick(self, tick: int) -> None:

@@ -13,7 +13,7 @@ from navloom.engine.ports import Input
 from navloom.engine.streams import GatePorts, OperatorPorts
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.runtime.cell import Cell, Feed, Source
-from navloom.runtime.keyspace import STEP
+from navloom.runtime.keyspace import FAULT, STEP
 from navloom.runtime.mailbox import Mailbox
 from navloom.runtime.switchboard import Switchboard
 
@@ -60,6 +60,10 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
         {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
         {role: system.config.role_table(role).instance for role in system.config.roles},
     )
+    if not board.lossless:
+        cell.fault = board.outlet(source, FAULT)
+        if node.hears == "faults":
+            cell.faults = {other: board.inlet(other, FAULT, mailbox, MANY, rings=False) for other in sources}
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
     return Hosted(cell, *control)
 
@@ -76,11 +80,14 @@ def awaited(source: Source, feeds: Sequence[Feed]) -> set[Source]:
 def _reporting(
     source: Source, feeds: Sequence[Feed], sources: Sequence[Source], board: Switchboard
 ) -> Iterable[Source]:
-    """Instances whose step reports a node hears: each wakes it, so none that it has no use for."""
-    if board.lossless or node_class(source[0]).hears_all:
+    """Instances whose step reports a node hears: none that it has no use for."""
+    if board.lossless:
         return sources
+    hears, roles = node_class(source[0]).hears, [role for role, _ in sources]
+    if hears == "rivals":
+        return [other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1]
     waits_for = awaited(source, feeds)
-    return [other for other in sources if other in waits_for]
+    return [other for other in sources if other in waits_for or (hears == "faults" and other[0] == "platform")]
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:

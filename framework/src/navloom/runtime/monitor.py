@@ -42,7 +42,7 @@ class Monitor:
             streams.append((("platform", system.config.platform.instance), "odometry"))
         streams += [(source, "parameters") for source in system.parts if source[0] in ROLE_TABLES]
         self._inlets: list[tuple[tuple[str, str], Inlet]] = [
-            (source, board.inlet(source, port, self._mailbox, 16)) for source, port in streams
+            (source, board.inlet(source, port, self._mailbox, 16, rings=port != "odometry")) for source, port in streams
         ]
 
     def run(self) -> None:

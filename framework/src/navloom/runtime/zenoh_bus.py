@@ -140,6 +140,11 @@ class Publication:
         """Send by this publisher from now on."""
         self._publisher = publisher
 
+    @property
+    def is_heard(self) -> bool:
+        """Some other process hears the stream, as far as this one knows by now: else nothing need be encoded."""
+        return bool(self._publisher.matching_status.matching)
+
     def put(self, data: bytes, label: str) -> None:
         """Send a message. A link that is gone loses it, as the stream's quality allows."""
         with contextlib.suppress(zenoh.ZError):

@@ -43,7 +43,7 @@ class Gate:
     def __init__(self) -> None:
         self.alive, self.clock = {OTHER}, SetClock()
         bus: Any = SimpleNamespace(
-            publication=lambda *given: SimpleNamespace(put=lambda data, label: None), serve=lambda *given: None
+            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None), serve=lambda *given: None
         )
         node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
 from navloom.engine.build import System
-from navloom.engine.catalogue import node_class
+from navloom.engine.catalogue import answer_ports, node_class
 from navloom.engine.node import Node
 from navloom.engine.ports import Input
 from navloom.engine.streams import GatePorts, OperatorPorts
@@ -86,8 +86,14 @@ def _reporting(
     hears, roles = node_class(source[0]).hears, [role for role, _ in sources]
     if hears == "rivals":
         return [other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1]
-    waits_for = awaited(source, feeds)
+    silent = {feed.source for feed in feeds if not feed.wire.delayed and not _answers(feed)}
+    waits_for = awaited(source, feeds) & silent
     return [other for other in sources if other in waits_for or (hears == "faults" and other[0] == "platform")]
+
+
+def _answers(feed: Feed) -> bool:
+    """A message comes by this feed in every step of its instance, and tells as much as the report of the step."""
+    return feed.wire.input.port in answer_ports(feed.source[0])
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:

@@ -10,6 +10,7 @@ from navloom.engine.node import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted, awaited
+from navloom.runtime.mailbox import Inlet
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.step_times import StepTimes
 
@@ -52,10 +53,9 @@ class LiveRunner:
         }
         self._patience = self.cell.node.patience
         self._all_feeds = (self.selection, *self.cell.feeds)
+        self._ringing = {feed.inlet for feed in self.cell.feeds if self.rings(feed)}
         for inlet in (*(feed.inlet for feed in self._all_feeds), *self.cell.reports.values()):
-            inlet.rings = False
-        for feed in self.cell.feeds:
-            feed.inlet.rings = self.rings(feed)
+            inlet.rings = inlet in self._ringing
 
     def rings(self, feed: Feed) -> bool:
         """What comes by this feed wakes the node: what it steps for. All else waits until then."""
@@ -181,21 +181,29 @@ class LiveRunner:
         if late and self._waits_since[0] < 0:
             self._waits_since = (wanted, now)
             for source in late:
-                self.cell.reports[source].listen()
+                for inlet in self._words(source):
+                    inlet.listen()
             return True
         if late and now - self._waits_since[1] < self._patience:
             return True
         if self._waits_since[0] >= 0:
             self._waits_since = (-1, 0.0)
-            for inlet in self.cell.reports.values():
-                inlet.rings = False
+            for source in self._siblings:
+                for inlet in self._words(source):
+                    inlet.rings = inlet in self._ringing
         return False
+
+    def _words(self, source: Source) -> list[Inlet]:
+        """By what an instance says that it is done with a tick."""
+        report = self.cell.reports.get(source)
+        return [report] if report is not None else [feed.inlet for feed in self._parts[source]]
 
     def _is_done(self, source: Source, number: int) -> bool:
         """All that an instance gives in a tick is here: a message of each of its ports that is read, or its word."""
         if all(feed.slot.tick >= number for feed in self._parts[source]):
             return True
-        self.hear(source)
+        if source in self.cell.reports:
+            self.hear(source)
         return self.done.get(source, -1) >= number
 
     # --- stepping ---------------------------------------------------------------------------------------------------

@@ -102,8 +102,8 @@ class LiveGate(LiveRunner):
         self.gate.begin_anew()
 
     def rings(self, feed: Feed) -> bool:
-        """A tick of the platform, or an attempt of a recovery; of a tick's commands see `_await_chain`."""
-        return feed.wire.input.name in ("odometry", "recovery")
+        """What the goal says, and an attempt of a recovery; of ticks and their commands see `_await_tick`."""
+        return feed.wire.input.name in ("drive", "recovering", "recovery")
 
     def wait_time(self) -> float:
         """s to wait for news at most: until something that was fresh at the last look may have gone stale."""
@@ -115,9 +115,10 @@ class LiveGate(LiveRunner):
     def _limits_ns(self) -> Iterator[int]:
         """Run clock up to which each of what is here counts, ns. What the goal says is good for longer than CHECK."""
         stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
+        held_ns = round(hold(self.period) * 1e9)
         yield stamp_ns + round(self.deadline * 1e9)
-        if self.clock.tick > self.stepper.stepped:
-            yield stamp_ns + round(hold(self.period) * 1e9)
+        yield stamp_ns + held_ns
+        yield stamp_ns + round(self.period * 1e9) + held_ns  # of the next tick, which may not wake it
         for offer in (gate.operator, gate.recovery, gate.controller, gate.avoider):
             if offer.when is not None:
                 yield offer.when[2] + limits.stop_deadline_ns
@@ -129,6 +130,7 @@ class LiveGate(LiveRunner):
         """Decide where a tick is complete or has waited long enough; in between, stop where something is wrong."""
         clock, stepper = self.clock, self.stepper
         if not clock.is_known:
+            self._await_tick()
             return
         self.gate.now_ns = self._looked_ns = clock.now_ns()
         self.gate.is_silent = clock.silence_s() > self.deadline
@@ -138,11 +140,15 @@ class LiveGate(LiveRunner):
             self._marks.pop(source, None)
         number = clock.tick
         self._time_chain(number)
-        self._await_chain()
         if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= hold(self.period)):
             self.step("tick", number)
-            return
-        tick = self._tick(number)
+        else:
+            self._look(number)
+        self._await_tick()
+
+    def _look(self, number: int) -> None:
+        """Stop between two ticks where something is wrong by now."""
+        tick, stepper = self._tick(number), self.stepper
         stepper.prepare(number + 1, number)
         outputs = stepper.run(tick, self.gate.check)
         if outputs or stepper.fault:
@@ -189,14 +195,18 @@ class LiveGate(LiveRunner):
                 self.chains_s.append(max(0, self.clock.now_ns() - self._chain[1]) * 1e-9)
             self._chain = None
 
-    def _await_chain(self) -> None:
-        """Have the last command that a tick lacks wake the gate: those before it come in meanwhile."""
-        number = -1 if self._chain is None else self._chain[0]
-        missing = [role for role in CHAIN if self._feeds[role].wire.slot.tick < number]
+    def _await_tick(self) -> None:
+        """Have the last thing that the next decision lacks wake the gate: what comes before it waits for that.
+
+        Of a robot that follows a trajectory that is a command, which comes some ms after the tick it is for.
+        """
+        number = self.stepper.stepped + 1 if self._chain is None else self._chain[0]
+        missing = [role for role in CHAIN if self._feeds[role].wire.slot.tick < number] if self._follows() else []
+        last = missing[-1] if missing else "odometry"
         for feed in self.cell.feeds:
-            if feed.wire.input.name in missing[-1:]:
+            if feed.wire.input.name == last:
                 feed.inlet.listen()
-            elif feed.wire.input.name in CHAIN:
+            elif feed.wire.input.name in (*CHAIN, "odometry"):
                 feed.inlet.rings = False
 
     def _gone(self) -> str:

@@ -33,7 +33,7 @@ class Node(ABC):
         cause: Input whose Platform stamp its outputs derive from; None for the platform itself.
         is_awaited: Live: those that read it wait a moment for its step of a tick.
         hears: Live: whose step reports it acts on beside those it waits for: with "rivals" the goal's and those of
-            roles that have several instances; with "faults" the platform's, and all that say of a fault.
+            roles that have several instances; with "faults" all that say of a fault.
         answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
         patience: Live: s to wait for what else belongs to the tick of a trigger.
 

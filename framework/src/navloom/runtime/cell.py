@@ -45,6 +45,7 @@ class Cell:
         feeds: Its inputs, of all instances of each role it reads.
         reports: Step reports by source.
         faults: Step reports that say of faults, by source, where the node acts on them.
+        platform: The platform's odometry, where the node acts on the platform's beginning anew.
         outlets: By port; that of the step reports is under "step".
         fault: Where this node's reports of faults leave; None under a barrier, where everybody hears all reports.
         epoch: Of the selection in force.
@@ -66,6 +67,7 @@ class Cell:
         self.feeds = list(feeds)
         self.reports = dict(reports)
         self.faults: dict[Source, Inlet] = {}
+        self.platform: Inlet | None = None
         self.outlets = dict(outlets)
         self.fault: Outlet | None = None
         self._was_faulty = False
@@ -116,16 +118,24 @@ class Cell:
         """Say that this tick is done, and what came of it; a silent one has no trigger."""
         _send([self._hand_on_report(tick, trigger, read, spent_ns, fault)])
 
+    @property
+    def is_followed(self) -> bool:
+        """Somebody hears its step reports."""
+        return self.outlets[STEP].is_heard
+
     def tell(
-        self, outputs: Outputs, tick: Tick, cause_ns: int, trigger: str, read: tuple[InputRead, ...], fault: str
+        self, outputs: Outputs, tick: Tick, cause_ns: int, trigger: str, read: tuple[InputRead, ...] | None, fault: str
     ) -> None:
-        """Send what the last step gave, and its report behind it, in one go."""
+        """Send what the last step gave, and its report behind it, in one go. Nobody hears the report without `read`."""
         burst = self._hand_on(outputs, tick, cause_ns)
-        report = self._hand_on_report(tick, trigger, read, self.stepper.spent_ns, fault)
-        burst.append(report)
-        if self.fault is not None and (fault or self._was_faulty):
+        is_news = self.fault is not None and (bool(fault) or self._was_faulty)
+        if read is None and not is_news:
+            self.outlets[STEP].pass_over()
+        else:
+            burst.append(self._hand_on_report(tick, trigger, read or (), self.stepper.spent_ns, fault))
+        if is_news and self.fault is not None:
             self._was_faulty = bool(fault)
-            message, at = report[1]
+            message, at = burst[-1][1]
             burst.append((self.fault, self.fault.hand_on(message, at.tick, at.stamp_ns, at.cause_ns, at.epoch)))
         _send(burst)
 

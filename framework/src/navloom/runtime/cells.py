@@ -10,7 +10,7 @@ from navloom.engine.build import System
 from navloom.engine.catalogue import answer_ports, node_class
 from navloom.engine.node import Node
 from navloom.engine.ports import Input
-from navloom.engine.streams import GatePorts, OperatorPorts
+from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.runtime.cell import Cell, Feed, Source
 from navloom.runtime.keyspace import FAULT, STEP
@@ -64,6 +64,8 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
         cell.fault = board.outlet(source, FAULT)
         if node.hears == "faults":
             cell.faults = {other: board.inlet(other, FAULT, mailbox, MANY, rings=False) for other in sources}
+            (platform,) = [other for other in sources if other[0] == "platform"]
+            cell.platform = board.inlet(platform, PlatformPorts.odometry.name, mailbox, FEW, rings=False)
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
     return Hosted(cell, *control)
 
@@ -83,12 +85,12 @@ def _reporting(
     """Instances whose step reports a node hears: none that it has no use for."""
     if board.lossless:
         return sources
-    hears, roles = node_class(source[0]).hears, [role for role, _ in sources]
-    if hears == "rivals":
+    roles = [role for role, _ in sources]
+    if node_class(source[0]).hears == "rivals":
         return [other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1]
     silent = {feed.source for feed in feeds if not feed.wire.delayed and not _answers(feed)}
     waits_for = awaited(source, feeds) & silent
-    return [other for other in sources if other in waits_for or (hears == "faults" and other[0] == "platform")]
+    return [other for other in sources if other in waits_for]
 
 
 def _answers(feed: Feed) -> bool:

@@ -16,8 +16,8 @@ from navloom.runtime.step_times import StepTimes
 
 __all__ = ["Change", "LiveRunner"]
 
-IDLE = 0.1
-"""s between looks at whether the process ends, where nothing comes in."""
+IDLE = 0.5
+"""s between two looks where nothing comes in."""
 BACKWARDS = 200
 """Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
 
@@ -218,14 +218,14 @@ class LiveRunner:
 
     def step_once(self, tick: Tick, trigger: str, since: int) -> None:
         """Make a step and publish what comes of it; of news, it is given what came after the tick `since`."""
-        read = self.cell.read_marks(tick.number, since)
+        read = self.cell.read_marks(tick.number, since) if self.cell.is_followed else None
         outputs = self.stepper.step(tick, since)
         self.times.note(tick.number, self.stepper.spent_ns)
         self.note()
         self.tell(outputs, tick, trigger, read)
 
-    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...]) -> None:
-        """Send what a step gave, and its report."""
+    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
+        """Send what a step gave, and its report, which nobody hears where it is not said what was read."""
         self.cell.tell(outputs, tick, self.cause_of(tick), trigger, read, self.fault)
 
     def cause_of(self, tick: Tick) -> int:

@@ -40,7 +40,7 @@ class LiveGoal(LiveRunner):
         self._request = next(wire for wire in self.stepper.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
         self.faults: dict[Source, tuple[int, str]] = {}
-        self._platform_report: Envelope | None = None
+        self._platform_said: Envelope | None = None
         self._began_anew = self._is_asked = False
 
     def wait_time(self) -> float:
@@ -58,9 +58,8 @@ class LiveGoal(LiveRunner):
 
     def step(self, trigger: str, number: int) -> None:
         """One step of the goal's state machine, which is told what the process knows to be broken."""
-        for source in self.cell.reports:
-            if source[0] == "platform":
-                self.hear(source)
+        for _, envelope in self.cell.platform.take() if self.cell.platform is not None else ():
+            self._follow_platform(envelope)
         for source, inlet in self.cell.faults.items():
             for message, envelope in inlet.take():
                 if isinstance(message, StepReport):
@@ -77,13 +76,11 @@ class LiveGoal(LiveRunner):
         self._request.queue.append((2**62, request, 0))
         self._is_asked = True
 
-    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
-        super()._hear(source, report, at)
-        if source[0] == "platform":
-            last = self._platform_report
-            self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
-            if last is None or self._began_anew or at.sequence > last.sequence:
-                self._platform_report = at
+    def _follow_platform(self, at: Envelope) -> None:
+        last = self._platform_said
+        self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
+        if last is None or self._began_anew or at.sequence > last.sequence:
+            self._platform_said = at
 
     def _blame(self, source: Source, report: StepReport, at: Envelope) -> None:
         """Count a node's faults in a row; a process that began anew counts from its first."""

@@ -148,7 +148,7 @@ class LivePlatform(LiveRunner):
             self.fault = self.fault or self._refusal
             self.faulted, self._refusal = max(1, self.faulted), ""
 
-    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...]) -> None:
+    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
         """What triggers the others goes out when all that belongs to it is on its way."""
         self.clock.observe(tick.time_ns, time.monotonic_ns(), tick.number)
         super().tell(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, trigger, read)

@@ -43,6 +43,16 @@ class Outlet:
         if retained:
             bus.serve(key, self._answer)
 
+    @property
+    def is_heard(self) -> bool:
+        """Somebody reads the stream, here or in another process."""
+        publications = [publication for publication, _ in self._ways.values()]
+        return bool(self.readers) or not publications or any(one.is_heard for one in publications)
+
+    def pass_over(self) -> None:
+        """Count a message that is not made, because nobody hears it."""
+        self.sequence += 1
+
     def publish(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
         """Send a message to all who read it."""
         dated = self.hand_on(message, tick, stamp_ns, cause_ns, epoch)

@@ -40,7 +40,7 @@ HEALTHY = 5.0
 STOP_WAIT = 1.0
 """s each group of processes may take to end in order, before it is killed."""
 CHORES = 0.5
-"""Time between two looks at what has no haste: the folder, the size of logs, and orphans, s."""
+"""Time between two looks at what has no haste, the folder and orphans, s."""
 WRITE_AGAIN = 1.0
 """Time between two tries to write what has become of the processes, where that failed, s."""
 
@@ -160,6 +160,7 @@ class Supervisor:
             self._chores_at = now + CHORES
             self._do_chores()
         for child in self.children.values():
+            self._bound(child)
             if child.process is not None and child.process.poll() is not None:
                 self._bury(child, now)
                 fallen.append(child)
@@ -175,13 +176,11 @@ class Supervisor:
         return fallen
 
     def _do_chores(self) -> None:
-        """Repair the folder, keep logs within their bounds, and reap orphans."""
+        """Repair the folder, and reap orphans."""
         if self._keeper.look():
             for child in self.children.values():
                 child.log.link()
             self._write_down()
-        for child in self.children.values():
-            self._bound(child)
         reap_orphans(self._groups, self._own_pids())
 
     def stop(self) -> None:

@@ -278,6 +278,7 @@ class NodeProcess:
         runner = self.runners.get((role, name))
         if runner is not None:
             runner.cell.stepper.enabled = True
+            runner.cell.mailbox.ring()
 
     def _change(self, presence: Presence, key: str, alive: bool) -> None:
         """A token appeared or vanished: the gate looks at once whether somebody is gone without whom nobody drives."""

@@ -12,7 +12,7 @@ from navloom.engine.build import assemble
 from navloom.engine.own_nodes import GateNode
 from navloom.messages import Command, Drive, Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
 from navloom.runtime.cell import Source
-from navloom.runtime.cells import Hosted, make_cell
+from navloom.runtime.cells import Hosted, all_sources, make_cell
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.live_gate import LiveGate, held_rate, hold
 from navloom.runtime.run_clock import RunClock
@@ -23,7 +23,7 @@ KEYS = KeySpace("lab", "r1")
 OTHER = ("avoider", "other")
 SYSTEM = assemble(load_config("paper", ['alternative=[{name="other", role="avoider", plugin="vfh"}]']))
 PLATFORM = ("platform", SYSTEM.config.platform.instance)
-STILL, ORIGIN = Twist2D(0.0, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0)
+STILL, AHEAD, ORIGIN = Twist2D(0.0, 0.0, 0.0), Twist2D(0.1, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0)
 
 
 class SetClock(RunClock):
@@ -43,12 +43,21 @@ class Gate:
     def __init__(self) -> None:
         self.alive, self.clock = {OTHER}, SetClock()
         bus: Any = SimpleNamespace(
-            publication=lambda *given: SimpleNamespace(put=lambda data, label: None), serve=lambda *given, **more: None
+            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
+            serve=lambda *given, **more: None,
         )
         node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
         self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
-        self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive)
+        self.runner = LiveGate(
+            self.hosted,
+            self.clock,
+            PERIOD,
+            lambda: False,
+            0.1,
+            lambda source: source in self.alive,
+            all_sources(SYSTEM),
+        )
         self.node = node
 
     def tick(self, tick: int) -> None:
@@ -151,3 +160,50 @@ def test_it_notes_when_the_commands_of_a_tick_were_here_in_time_or_not() -> None
             gate.give((role, gate.node.selected[role]), "command", Command(STILL), tick)
         gate.look()
     assert list(gate.runner.chains_s) == pytest.approx([0.004, 0.03])
+
+
+def follow(gate: Gate) -> None:
+    """A trajectory is followed; the commands of its first tick come in 4 ms after it."""
+    gate.alive |= set(all_sources(SYSTEM))
+    gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
+    gate.tick(0)
+    gate.clock.now += 4_000_000
+    for role in ("controller", "avoider"):
+        gate.give((role, gate.node.selected[role]), "command", Command(AHEAD), 0)
+    gate.look()
+    assert gate.hosted.cell.stepper.stepped == 0
+
+
+def rings(gate: Gate) -> set[str]:
+    return {feed.wire.input.name for feed in gate.hosted.cell.feeds if feed.inlet.rings}
+
+
+def test_it_is_woken_by_the_last_command_of_a_tick_alone() -> None:
+    gate = Gate()
+    gate.tick(0)
+    assert "odometry" in rings(gate) and not {"controller", "avoider"} & rings(gate)  # nothing is followed
+    gate = Gate()
+    follow(gate)
+    assert "avoider" in rings(gate) and not {"controller", "odometry"} & rings(gate)
+    gate.give(("avoider", gate.node.selected["avoider"]), "command", Command(AHEAD), 1)
+    gate.tick(1)
+    assert "controller" in rings(gate)  # which is still missing
+    gate.give(("controller", gate.node.selected["controller"]), "command", Command(AHEAD), 1)
+    gate.look()
+    gate.give(("controller", gate.node.selected["controller"]), "command", Command(AHEAD), 2)
+    gate.give(("avoider", gate.node.selected["avoider"]), "command", Command(AHEAD), 2)
+    gate.look()
+    assert gate.hosted.cell.stepper.stepped == 1 and "odometry" in rings(gate)  # they overtook their tick
+
+
+def test_it_looks_again_when_what_it_decided_on_goes_stale() -> None:
+    gate = Gate()
+    follow(gate)
+    began_ns, looks = gate.clock.now, 0
+    while not (status := gate.hosted.cell.outlets["status"].last)[0].stopped:  # type: ignore[index, attr-defined]
+        gate.clock.now += max(1, round(gate.runner.wait_time() * 1e9))
+        gate.look()
+        looks += 1
+    # Stamps are 0 in this rig: 100 ms after that the platform is silent, and both commands are stale.
+    assert status is not None and looks < 10  # of 10 ms each it would be as many
+    assert 0.0 < (gate.clock.now - began_ns) * 1e-9 <= 0.1

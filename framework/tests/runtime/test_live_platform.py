@@ -61,7 +61,8 @@ class Robot:
         for module in (live, live_platform):
             monkeypatch.setattr(module, "time", clock)
         bus: Any = SimpleNamespace(
-            publication=lambda *given: SimpleNamespace(put=lambda data, label: None), serve=lambda *given, **more: None
+            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
+            serve=lambda *given, **more: None,
         )
         node = PlatformNode(self.base)  # type: ignore[arg-type]
         self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(bus, KEYS, lossless=False))

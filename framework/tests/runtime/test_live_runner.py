@@ -50,7 +50,7 @@ class Wire:
     """Stands in for the network: takes everything and delivers nothing."""
 
     def publication(self, key: str, quality: object, lossless: bool) -> Any:
-        return SimpleNamespace(put=lambda data, label: None)
+        return SimpleNamespace(is_heard=True, put=lambda data, label: None)
 
     def serve(self, key: str, take: object, is_large: bool = False) -> None:
         pass
@@ -88,8 +88,10 @@ def give(at: Hosted, source: str, port: str, message: Any, tick: int) -> None:
     """A message of a tick comes in."""
     key = KEYS.port(source, NAMES[source], port)
     inlets = [feed.inlet for feed in at.cell.feeds] + list(at.cell.reports.values())
-    (inlet,) = [inlet for inlet in inlets if inlet.key == key]
-    inlet.give((message, Envelope(key, tick, tick, round(tick * PERIOD * 1e9), round(tick * PERIOD * 1e9), 0)))
+    heard = [inlet for inlet in inlets if inlet.key == key]
+    assert len(heard) == 1 or port == "step"  # a report that says no more than the message it follows is not heard
+    for inlet in heard:
+        inlet.give((message, Envelope(key, tick, tick, round(tick * PERIOD * 1e9), round(tick * PERIOD * 1e9), 0)))
 
 
 def give_pose(at: Hosted, tick: int) -> None:
@@ -264,3 +266,58 @@ def test_a_goal_without_poses_steps_on_and_not_faster_than_the_platform(clock: C
         clock.now += wait
     ticks = (clock.now - 1000.0) / PERIOD
     assert 0.8 * ticks < goal.cell.stepper.stepped <= ticks
+
+
+def test_a_node_is_woken_by_what_it_steps_for_alone() -> None:
+    mapper = hosted("mapper", Listener())
+    LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
+    ringing = {feed.wire.input.name for feed in mapper.cell.feeds if feed.inlet.rings}
+    assert ringing == {"scan.laser", "clear"}
+
+
+def test_while_it_waits_for_the_rest_of_a_tick_that_wakes_it_too(clock: Clock) -> None:
+    mapper = hosted("mapper", node := Listener())
+    runner = LiveRunner(mapper, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    (track,) = [feed.inlet for feed in mapper.cell.feeds if feed.wire.input.name == "track"]
+    give(mapper, "platform", "laser", SWEEP, 3)
+    turn(runner)
+    assert track.rings and not node.poses
+    give_pose(mapper, 3)
+    turn(runner)
+    assert not track.rings and node.poses == [1]
+
+
+def test_a_goal_fails_with_a_plugin_that_failed_20_times_in_a_row_in_one_life(clock: Clock) -> None:
+    goal = hosted("goal", GoalNode(GoalMachine(goal_rules(SYSTEM))))
+    runner = LiveGoal(goal, RunClock(clock.monotonic_ns), PERIOD, lambda: False)
+    source = ("avoider", NAMES["avoider"])
+
+    def fail(sequence: int) -> None:
+        inlet = goal.cell.faults[source]
+        report = StepReport("desired", (), (), True, 0, 0, 0, "it broke", "")
+        inlet.give((report, Envelope(inlet.key, sequence, sequence, 0, 0, 0)))
+
+    def told() -> str:
+        runner.step("tick", runner.stepper.stepped + 1)
+        return runner.goal.fault
+
+    for sequence in range(1, 20):
+        fail(sequence)
+    assert not told()
+    fail(1)  # its process began anew
+    assert not told()
+    for sequence in range(2, 21):
+        fail(sequence)
+    assert told() == f"avoider {NAMES['avoider']} failed 20 times in a row: it broke"
+
+
+def test_faults_go_out_by_a_port_of_their_own_and_so_does_their_end() -> None:
+    mapper = hosted("mapper", Listener())
+    runner = LiveRunner(mapper, RunClock(), PERIOD, lambda: False)
+    assert mapper.cell.fault is not None
+    told: list[str] = []
+    for number, fault in enumerate(("", "it broke", "it broke", "", "")):
+        runner.fault = fault
+        runner.tell([], Tick(number, 0.0, 0, 0), "scan.laser", ())
+        told.append(mapper.cell.fault.last[0].fault if mapper.cell.fault.last else "nothing")  # type: ignore[attr-defined]
+    assert mapper.cell.fault.sequence == 3 and told == ["nothing", "it broke", "it broke", "", ""]

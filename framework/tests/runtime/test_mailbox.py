@@ -160,3 +160,14 @@ def test_the_platforms_own_words_are_never_ahead_of_its_clock() -> None:
     inlet = Inlet(KEY, Mailbox(), 8, lambda cause_ns: (10_000_000_000 - cause_ns) * 1e-9, tells_time=True)
     inlet.give((Contact(False), Envelope(KEY, 1, 1, 0, 15_000_000_000, 0)))  # after a gap of 5 s
     assert len(list(inlet.take())) == 1 and inlet.counts.malformed == 0
+
+
+def test_what_does_not_ring_waits_and_wakes_nobody_until_it_is_listened_for() -> None:
+    mailbox = Mailbox()
+    quiet = Inlet(KEY, mailbox, 4, rings=False)
+    quiet.give(packet(1))
+    assert mailbox.wait(0, 0.0) == 0 and quiet.has_news
+    quiet.listen()  # it waits by now: the node must look
+    assert mailbox.wait(0, 5.0) == 1
+    quiet.give(packet(2))
+    assert mailbox.wait(1, 5.0) == 2 and len(list(quiet.take())) == 2

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from navloom.messages import Feedback
-from navloom.messages.codec import encode
+from navloom.messages.codec import decode, encode, schema_label
 from navloom.runtime import outlet
 from navloom.runtime.outlet import NOTHING, Outlet
 from navloom.runtime.questions import TOO_MANY
@@ -22,7 +22,7 @@ class Wire:
     take: Callable[[Any], None]
 
     def publication(self, key: str, quality: object, lossless: bool) -> Any:
-        return SimpleNamespace(put=lambda data, label: None)
+        return SimpleNamespace(is_heard=True, put=lambda data, label: None)
 
     def serve(self, key: str, take: Callable[[Any], None], is_large: bool = False) -> None:
         self.take = take
@@ -64,3 +64,16 @@ def test_beyond_its_allowance_it_refuses(wire: Wire) -> None:
     most = outlet.AT_ONCE / outlet.LEAST
     assert most <= sum(isinstance(answer, bytes) for answer in answers) <= most + 500
     assert answers[-1] == TOO_MANY
+
+
+def test_nothing_is_encoded_that_no_other_process_hears() -> None:
+    sent: list[bytes] = []
+    way = SimpleNamespace(is_heard=False, put=lambda data, label: sent.append(data))
+    bus: Any = SimpleNamespace(publication=lambda *given: way, serve=lambda *given: None)
+    outlet = Outlet(KEY, bus, lossless=False, retained=False)
+    outlet.publish(Feedback(1, "driving", 1.0, 2.0, 0.0, 0), 1, 0, 0, 0)
+    assert not sent
+    way.is_heard = True  # a recorder joins, and gets the very next one
+    outlet.publish(Feedback(2, "driving", 1.0, 2.0, 0.0, 0), 2, 0, 0, 0)
+    ((message, envelope),) = [decode(data, schema_label(Feedback)) for data in sent]
+    assert (message.goal_id, envelope.sequence) == (2, 2)  # type: ignore[attr-defined]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 from navloom.engine.ports import Declared, NodeSpec, Out, Output, Port, SensorGroup, SensorOutputs
 from navloom.messages import Message
@@ -32,7 +32,8 @@ class Node(ABC):
         ticks: It steps in every tick; else an input that triggers is needed.
         cause: Input whose Platform stamp its outputs derive from; None for the platform itself.
         is_awaited: Live: those that read it wait a moment for its step of a tick.
-        hears_all: Live: it acts on what any other node reports of its steps.
+        hears: Live: whose step reports it acts on beside those it waits for: with "rivals" the goal's and those of
+            roles that have several instances; with "faults" all that say of a fault.
         answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
         patience: Live: s to wait for what else belongs to the tick of a trigger.
 
@@ -45,7 +46,7 @@ class Node(ABC):
     ticks: ClassVar[bool] = False
     cause: ClassVar[Any] = None
     is_awaited: ClassVar[bool] = False
-    hears_all: ClassVar[bool] = False
+    hears: ClassVar[Literal["", "rivals", "faults"]] = ""
     answers_when_asked: ClassVar[bool] = False
     patience: ClassVar[float] = PATIENCE
     declared_inputs: ClassVar[tuple[Declared[Any, Any] | SensorGroup[Any], ...]] = ()

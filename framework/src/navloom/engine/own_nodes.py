@@ -68,7 +68,7 @@ class GoalNode(Node):
     role = "goal"
     ticks = True
     is_awaited = True
-    hears_all = True
+    hears = "faults"
     request = New(OperatorPorts.request)
     pose = Latest(LocalizerPorts.pose)
     map = Latest(MapperPorts.map)
@@ -179,7 +179,7 @@ class GateNode(Node):
 
     role = "gate"
     ticks = True
-    hears_all = True
+    hears = "rivals"
     request = New(OperatorPorts.request)
     odometry = Offers(PlatformPorts.odometry)
     contact = Latest(PlatformPorts.contact)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from navloom.messages import Goal, OperatorRequest, Point2D
@@ -96,7 +96,10 @@ class GateTold:
         """As it stands in a step record: only what differs from nothing."""
         if self.now_ns is None and not self.warm:
             return ""
-        return json.dumps({name: value for name, value in asdict(self).items() if value})
+        words = {name: value for name, value in vars(self).items() if value}
+        if self.obeyed:
+            words["obeyed"] = [vars(one) for one in self.obeyed]
+        return json.dumps(words)
 
     @classmethod
     def of(cls, text: str) -> GateTold:

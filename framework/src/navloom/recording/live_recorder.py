@@ -18,7 +18,7 @@ from navloom.recording.counting import Counts
 from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
 from navloom.runtime.client import Client, ClientError
-from navloom.runtime.keyspace import ATTENDANT, LINKED
+from navloom.runtime.keyspace import ATTENDANT, FAULT, LINKED
 from navloom.runtime.quality import retained_ports, streams_of
 
 __all__ = ["LiveRecorder", "ask_header"]
@@ -93,7 +93,8 @@ class LiveRecorder:
         """Begin: what publishers keep for late joiners first, then all that comes."""
         self._thread.start()
         for stream in streams_of(self.writer.header.loaded().config):  # one by one: that is all a viewer may
-            self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
+            if not stream.endswith(f"/{FAULT}"):  # what comes by it comes by the step reports too
+                self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
         for role, port in retained_ports():
             self._fetch(role, port)
         self._fetch("*", "parameters")

@@ -11,7 +11,7 @@ from navloom.engine.wiring import Slot, Wire
 from navloom.messages import InputRead, PortMark, Selection, StepReport
 from navloom.runtime.keyspace import STEP
 from navloom.runtime.mailbox import Inlet, Mailbox
-from navloom.runtime.outlet import Outlet
+from navloom.runtime.outlet import Dated, Outlet
 
 __all__ = ["Cell", "Feed", "Source"]
 
@@ -44,7 +44,10 @@ class Cell:
         mailbox: Woken by every feed.
         feeds: Its inputs, of all instances of each role it reads.
         reports: Step reports by source.
+        faults: Step reports that say of faults, by source, where the node acts on them.
+        platform: The platform's odometry, where the node acts on the platform's beginning anew.
         outlets: By port; that of the step reports is under "step".
+        fault: Where this node's reports of faults leave; None under a barrier, where everybody hears all reports.
         epoch: Of the selection in force.
         chosen: Instance in charge, by role.
         versions: Changes of its parameters so far.
@@ -63,7 +66,11 @@ class Cell:
         self.mailbox = mailbox
         self.feeds = list(feeds)
         self.reports = dict(reports)
+        self.faults: dict[Source, Inlet] = {}
+        self.platform: Inlet | None = None
         self.outlets = dict(outlets)
+        self.fault: Outlet | None = None
+        self._was_faulty = False
         self.epoch = 0
         self.chosen = dict(chosen)
         self.versions = 0
@@ -103,15 +110,60 @@ class Cell:
 
     def publish(self, outputs: Outputs, made: Tick, cause_ns: int) -> None:
         """Send what a step gave."""
-        for out, message in outputs:
-            self.outlets[out.name].publish(message, made.number, made.time_ns, cause_ns, made.epoch)
+        _send(self._hand_on(outputs, made, cause_ns))
 
     def report(
         self, tick: Tick, trigger: str = "", read: tuple[InputRead, ...] = (), spent_ns: int = 0, fault: str = ""
     ) -> None:
         """Say that this tick is done, and what came of it; a silent one has no trigger."""
-        marks = tuple(PortMark(port, outlet.sequence) for port, outlet in self.outlets.items() if port != STEP)
-        enabled = self.stepper.enabled
-        told = self.node.told if trigger else ""
+        _send([self._hand_on_report(tick, trigger, read, spent_ns, fault)])
+
+    @property
+    def is_followed(self) -> bool:
+        """Somebody hears its step reports."""
+        return self.outlets[STEP].is_heard
+
+    def tell(
+        self, outputs: Outputs, tick: Tick, cause_ns: int, trigger: str, read: tuple[InputRead, ...] | None, fault: str
+    ) -> None:
+        """Send what the last step gave, and its report behind it, in one go. Nobody hears the report without `read`."""
+        burst = self._hand_on(outputs, tick, cause_ns)
+        is_news = self.fault is not None and (bool(fault) or self._was_faulty)
+        if read is None and not is_news:
+            self.outlets[STEP].pass_over()
+        else:
+            burst.append(self._hand_on_report(tick, trigger, read or (), self.stepper.spent_ns, fault))
+        if is_news and self.fault is not None:
+            self._was_faulty = bool(fault)
+            message, at = burst[-1][1]
+            burst.append((self.fault, self.fault.hand_on(message, at.tick, at.stamp_ns, at.cause_ns, at.epoch)))
+        _send(burst)
+
+    def _hand_on(self, outputs: Outputs, made: Tick, cause_ns: int) -> list[tuple[Outlet, Dated]]:
+        outlets, number, time_ns, epoch = self.outlets, made.number, made.time_ns, made.epoch
+        burst = []
+        for out, message in outputs:
+            outlet = outlets[out.name]
+            burst.append((outlet, outlet.hand_on(message, number, time_ns, cause_ns, epoch)))
+        return burst
+
+    def _hand_on_report(
+        self, tick: Tick, trigger: str, read: tuple[InputRead, ...], spent_ns: int, fault: str
+    ) -> tuple[Outlet, Dated]:
+        marks = tuple([PortMark(port, outlet.sequence) for port, outlet in self.outlets.items() if port != STEP])
+        enabled, told = self.stepper.enabled, self.node.told if trigger else ""
         message = StepReport(trigger, read, marks, enabled, self.versions, self.resets, spent_ns, fault, told)
-        self.outlets[STEP].publish(message, tick.number, tick.time_ns, tick.time_ns, tick.epoch)
+        outlet = self.outlets[STEP]
+        return outlet, outlet.hand_on(message, tick.number, tick.time_ns, tick.time_ns, tick.epoch)
+
+
+def _send(burst: list[tuple[Outlet, Dated]]) -> None:
+    """Send messages that were handed on.
+
+    Neighbours in this process are woken when all is there for them, and before anything is encoded for others: one of
+    them is the next link of the chain from a stamp to the wheels.
+    """
+    for outlet, _ in burst:
+        outlet.wake()
+    for outlet, dated in burst:
+        outlet.send(dated)

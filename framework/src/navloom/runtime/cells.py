@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
 from navloom.engine.build import System
-from navloom.engine.catalogue import node_class
+from navloom.engine.catalogue import answer_ports, node_class
 from navloom.engine.node import Node
 from navloom.engine.ports import Input
-from navloom.engine.streams import GatePorts, OperatorPorts
+from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.runtime.cell import Cell, Feed, Source
-from navloom.runtime.keyspace import STEP
+from navloom.runtime.keyspace import FAULT, STEP
 from navloom.runtime.mailbox import Mailbox
 from navloom.runtime.switchboard import Switchboard
 
@@ -60,6 +60,12 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
         {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
         {role: system.config.role_table(role).instance for role in system.config.roles},
     )
+    if not board.lossless:
+        cell.fault = board.outlet(source, FAULT)
+        if node.hears == "faults":
+            cell.faults = {other: board.inlet(other, FAULT, mailbox, MANY, rings=False) for other in sources}
+            (platform,) = [other for other in sources if other[0] == "platform"]
+            cell.platform = board.inlet(platform, PlatformPorts.odometry.name, mailbox, FEW, rings=False)
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
     return Hosted(cell, *control)
 
@@ -76,11 +82,20 @@ def awaited(source: Source, feeds: Sequence[Feed]) -> set[Source]:
 def _reporting(
     source: Source, feeds: Sequence[Feed], sources: Sequence[Source], board: Switchboard
 ) -> Iterable[Source]:
-    """Instances whose step reports a node hears: each wakes it, so none that it has no use for."""
-    if board.lossless or node_class(source[0]).hears_all:
+    """Instances whose step reports a node hears: none that it has no use for."""
+    if board.lossless:
         return sources
-    waits_for = awaited(source, feeds)
+    roles = [role for role, _ in sources]
+    if node_class(source[0]).hears == "rivals":
+        return [other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1]
+    silent = {feed.source for feed in feeds if not feed.wire.delayed and not _answers(feed)}
+    waits_for = awaited(source, feeds) & silent
     return [other for other in sources if other in waits_for]
+
+
+def _answers(feed: Feed) -> bool:
+    """A message comes by this feed in every step of its instance, and tells as much as the report of the step."""
+    return feed.wire.input.port in answer_ports(feed.source[0])
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:

@@ -55,6 +55,11 @@ class Way:
         self.publisher: Publisher | None = None
         self._sender = sender
 
+    @property
+    def is_heard(self) -> bool:
+        """Somebody has subscribed to it on this way."""
+        return self.publisher is not None and self.publisher.is_heard
+
     def put(self, data: bytes, label: str) -> None:
         """Send a message, or have it sent by another thread."""
         publisher = self.publisher

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALIVE", "ATTENDANT", "LARGEST", "LINKED", "STEP", "KeySpace"]
+__all__ = ["ALIVE", "ATTENDANT", "FAULT", "LARGEST", "LINKED", "STEP", "KeySpace"]
 
 ALIVE = "alive"
 """Where the liveliness tokens of an instance are."""
 STEP = "step"
 """Port of every node's step reports."""
+FAULT = "fault"
+"""Port of the step reports that say of a fault, and of the first one after them that does not; live only."""
 LINKED = "linked"
 """Liveliness token of a process that has declared what it reads, under its key."""
 ATTENDANT = "attendant"

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 from navloom.engine.node import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted, awaited
+from navloom.runtime.mailbox import Inlet
 from navloom.runtime.run_clock import RunClock
+from navloom.runtime.step_times import StepTimes
 
 __all__ = ["Change", "LiveRunner"]
 
-IDLE = 0.1
-"""s between looks at whether the process ends, where nothing comes in."""
-STEPS = 64
-"""Steps whose durations are kept."""
+IDLE = 0.5
+"""s between two looks where nothing comes in."""
 BACKWARDS = 200
 """Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
 
@@ -38,17 +38,28 @@ class LiveRunner:
         self.cell, self.clock, self.period, self.ends = hosted.cell, clock, period, ends
         self.selection = hosted.selection
         self.done: dict[Source, int] = {}
-        self.faults: dict[Source, tuple[int, str]] = {}
         self.stepper = hosted.cell.stepper
         self.faulted = 0
         self.fault = ""
-        self.spent_ns: deque[int] = deque(maxlen=STEPS)
         self._changes: deque[Change] = deque()
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
         self._pace = self.stepper.cause
         self._siblings = awaited(self.cell.source, self.cell.feeds)
+        self.times = StepTimes()
+        self._parts = {
+            source: [feed for feed in self.cell.feeds if feed.source == source and not feed.wire.delayed]
+            for source in self._siblings
+        }
         self._patience = self.cell.node.patience
+        self._all_feeds = (self.selection, *self.cell.feeds)
+        self._ringing = {feed.inlet for feed in self.cell.feeds if self.rings(feed)}
+        for inlet in (*(feed.inlet for feed in self._all_feeds), *self.cell.reports.values()):
+            inlet.rings = inlet in self._ringing
+
+    def rings(self, feed: Feed) -> bool:
+        """What comes by this feed wakes the node: what it steps for. All else waits until then."""
+        return feed.wire is self._pace if self.stepper.spec.ticks else feed.wire.input.triggers
 
     def change(self, change: Change) -> None:
         """Have something done between two steps, by the node's own thread."""
@@ -80,21 +91,24 @@ class LiveRunner:
 
     def take_in(self) -> None:
         """Empty the mailbox into the node's slots, and do what is to be done between two steps."""
-        for source, inlet in self.cell.reports.items():
-            for message, envelope in inlet.take():
-                if isinstance(message, StepReport):
-                    self._hear(source, message, envelope)
-        for feed in (self.selection, *self.cell.feeds):
-            self._fill(feed)
+        for feed in self._all_feeds:
+            if feed.inlet.has_news:
+                self._fill(feed)
         selection = self.selection.slot.message
         if (
             isinstance(selection, Selection)
             and selection.epoch > self.cell.epoch
-            and selection.from_tick <= self.clock.tick
+            and selection.from_tick <= max([self.clock.tick, *(feed.slot.tick for feed in self.cell.feeds)])
         ):
             self.recall(selection.chosen, selection.epoch)
         while self._changes:
             self._changes.popleft()()
+
+    def hear(self, source: Source) -> None:
+        """Take in what an instance has reported."""
+        for message, envelope in self.cell.reports[source].take():
+            if isinstance(message, StepReport):
+                self._hear(source, message, envelope)
 
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
         """Read these instances from now on; one that is itself in charge steps, woken in this life or in one before."""
@@ -103,10 +117,6 @@ class LiveRunner:
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         self.done[source] = at.tick
-        if report.fault:
-            self.faults[source] = (self.faults.get(source, (0, ""))[0] + 1, report.fault)
-        elif report.trigger:
-            self.faults.pop(source, None)
 
     def _fill(self, feed: Feed) -> None:
         slot = feed.slot
@@ -164,18 +174,37 @@ class LiveRunner:
     def _awaits_siblings(self, number: int) -> bool:
         """Give what belongs to the same tick a moment to come in; what comes after it is not waited for meanwhile."""
         wanted = number if self._waits_since[0] < 0 else min(number, self._waits_since[0])
-        late = [s for s in self._siblings if self.cell.in_charge(s) and self.done.get(s, -1) < wanted]
-        if not late:
-            self._waits_since = (-1, 0.0)
-            return False
+        late = [
+            source for source in self._siblings if self.cell.in_charge(source) and not self._is_done(source, wanted)
+        ]
         now = time.monotonic()
-        if self._waits_since[0] < 0:
-            self._waits_since = (number, now)
+        if late and self._waits_since[0] < 0:
+            self._waits_since = (wanted, now)
+            for source in late:
+                for inlet in self._words(source):
+                    inlet.listen()
             return True
-        if now - self._waits_since[1] < self._patience:
+        if late and now - self._waits_since[1] < self._patience:
             return True
-        self._waits_since = (-1, 0.0)
+        if self._waits_since[0] >= 0:
+            self._waits_since = (-1, 0.0)
+            for source in self._siblings:
+                for inlet in self._words(source):
+                    inlet.rings = inlet in self._ringing
         return False
+
+    def _words(self, source: Source) -> list[Inlet]:
+        """By what an instance says that it is done with a tick."""
+        report = self.cell.reports.get(source)
+        return [report] if report is not None else [feed.inlet for feed in self._parts[source]]
+
+    def _is_done(self, source: Source, number: int) -> bool:
+        """All that an instance gives in a tick is here: a message of each of its ports that is read, or its word."""
+        if all(feed.slot.tick >= number for feed in self._parts[source]):
+            return True
+        if source in self.cell.reports:
+            self.hear(source)
+        return self.done.get(source, -1) >= number
 
     # --- stepping ---------------------------------------------------------------------------------------------------
 
@@ -189,25 +218,24 @@ class LiveRunner:
 
     def step_once(self, tick: Tick, trigger: str, since: int) -> None:
         """Make a step and publish what comes of it; of news, it is given what came after the tick `since`."""
-        read = self.cell.read_marks(tick.number, since)
+        read = self.cell.read_marks(tick.number, since) if self.cell.is_followed else None
         outputs = self.stepper.step(tick, since)
+        self.times.note(tick.number, self.stepper.spent_ns)
         self.note()
-        self.publish(outputs, tick)
-        self.say(tick, trigger, read)
+        self.tell(outputs, tick, trigger, read)
 
-    def publish(self, outputs: Outputs, tick: Tick) -> None:
-        """Send what a step gave."""
-        self.cell.publish(outputs, tick, self.stepper.cause_of(tick.time_ns))
+    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
+        """Send what a step gave, and its report, which nobody hears where it is not said what was read."""
+        self.cell.tell(outputs, tick, self.cause_of(tick), trigger, read, self.fault)
+
+    def cause_of(self, tick: Tick) -> int:
+        """Platform stamp that what a step gives derives from."""
+        return self.stepper.cause_of(tick.time_ns)
 
     def note(self) -> None:
         """Keep what the last step took and raised."""
         self.fault = self.stepper.fault
         self.faulted = self.faulted + 1 if self.fault else 0
-        self.spent_ns.append(self.stepper.spent_ns)
-
-    def say(self, tick: Tick, trigger: str, read: Sequence[InputRead]) -> None:
-        """Report the step."""
-        self.cell.report(tick, trigger, tuple(read), self.stepper.spent_ns, self.fault)
 
     def _time_of(self, number: int) -> int:
         """Run clock of a tick, ns: that of the message which brought it."""

@@ -1,26 +1,28 @@
-"""The command gate live: it decides once a platform tick, and looks every 10 ms whether the robot must stop."""
+"""The command gate live: it decides once a platform tick, and looks whenever something may have gone stale since."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
 from navloom.engine.catalogue import required_roles, warming_ports
-from navloom.engine.node import Outputs, Tick
+from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GateNode
 from navloom.engine.told import Obeyed
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.navigation.gate import ENDING
-from navloom.runtime.cell import Source
+from navloom.runtime.cell import Feed, Source
 from navloom.runtime.cells import Hosted
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.run_clock import RunClock
 
 __all__ = ["BETWEEN", "CHECK", "LiveGate", "held_rate", "hold"]
 
-CHECK = 0.01
-"""s between two looks."""
+CHECK = 0.05
+"""s between two looks, at most."""
+AFTER = 0.0002
+"""s after which something has gone stale that it is looked at: not a moment before."""
 BETWEEN = "check"
 """Trigger of a step record of a stop between two ticks."""
 LEAD = 2
@@ -56,6 +58,7 @@ class LiveGate(LiveRunner):
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: s without a platform stamp after which it is silent.
         is_alive: Whether an instance's liveliness token is there.
+        instances: Every instance of the robot, of a role the one in charge first.
 
     Attributes:
         chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
@@ -69,6 +72,7 @@ class LiveGate(LiveRunner):
         ends: Callable[[], bool],
         deadline: float,
         is_alive: Callable[[Source], bool],
+        instances: Sequence[Source],
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, GateNode)
@@ -77,10 +81,10 @@ class LiveGate(LiveRunner):
         self.gate.lead = LEAD
         self.deadline, self.is_alive = deadline, is_alive
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
-        self._marks: dict[Source, dict[str, int]] = {}
-        self._enabled: dict[Source, bool] = {}
-        self._goal_heard = time.monotonic()
-        self._required = required_roles()
+        self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
+        self._began_ns = time.monotonic_ns()
+        self._needed = [source for source in instances if source[0] in required_roles()]
+        self._looked_ns = 0
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
 
@@ -89,7 +93,7 @@ class LiveGate(LiveRunner):
         super().run()
         tick = self._tick(self.clock.tick)
         outputs = self.stepper.run(tick, lambda tick: self.gate.stop(ENDING, tick.time_ns))
-        self.publish(outputs, tick)
+        self.cell.publish(outputs, tick, self.cause_of(tick))
 
     def begin_anew(self, tick: int) -> None:
         """Selections hold at once by the new clock."""
@@ -97,32 +101,59 @@ class LiveGate(LiveRunner):
         self._chain = None
         self.gate.begin_anew()
 
+    def rings(self, feed: Feed) -> bool:
+        """What the goal says, and an attempt of a recovery; of ticks and their commands see `_await_tick`."""
+        return feed.wire.input.name in ("drive", "recovering", "recovery")
+
     def wait_time(self) -> float:
-        """s to wait for news at most."""
-        return CHECK
+        """s to wait for news at most: until something that was fresh at the last look may have gone stale."""
+        if not self.clock.is_known:
+            return CHECK
+        coming = [limit_ns for limit_ns in self._limits_ns() if limit_ns >= self._looked_ns]
+        return min(CHECK, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + AFTER))
+
+    def _limits_ns(self) -> Iterator[int]:
+        """Run clock up to which each of what is here counts, ns. What the goal says is good for longer than CHECK."""
+        stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
+        held_ns = round(hold(self.period) * 1e9)
+        yield stamp_ns + round(self.deadline * 1e9)
+        yield stamp_ns + held_ns
+        yield stamp_ns + round(self.period * 1e9) + held_ns  # of the next tick, which may not wake it
+        for offer in (gate.operator, gate.recovery, gate.controller, gate.avoider):
+            if offer.when is not None:
+                yield offer.when[2] + limits.stop_deadline_ns
+        for scan in gate.required.values():
+            if scan.when is not None:
+                yield scan.when[1] + limits.sensor_timeout_ns
 
     def act(self) -> None:
         """Decide where a tick is complete or has waited long enough; in between, stop where something is wrong."""
         clock, stepper = self.clock, self.stepper
         if not clock.is_known:
+            self._await_tick()
             return
-        self.gate.now_ns = clock.now_ns()
+        self.gate.now_ns = self._looked_ns = clock.now_ns()
         self.gate.is_silent = clock.silence_s() > self.deadline
         self.gate.gone = self._gone()
-        for source in [source for source in self._marks if not self.is_alive(source)]:
-            del self._marks[source], self._enabled[source]  # what takes its place has to warm up anew
+        for source in [source for source in self.cell.reports if not self.is_alive(source)]:
+            self.cell.reports[source].clear()  # what takes its place has to warm up anew
+            self._marks.pop(source, None)
         number = clock.tick
         self._time_chain(number)
         if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= hold(self.period)):
             self.step("tick", number)
-            return
-        tick = self._tick(number)
+        else:
+            self._look(number)
+        self._await_tick()
+
+    def _look(self, number: int) -> None:
+        """Stop between two ticks where something is wrong by now."""
+        tick, stepper = self._tick(number), self.stepper
         stepper.prepare(number + 1, number)
         outputs = stepper.run(tick, self.gate.check)
         if outputs or stepper.fault:
             self.note()
-            self.publish(outputs, tick)
-            self.say(tick, BETWEEN, self.cell.read_marks(number + 1, number))
+            self.tell(outputs, tick, BETWEEN, self.cell.read_marks(number + 1, number))
 
     def obey(self, request: OperatorRequest) -> None:
         """Take an operator's request, on the gate's own thread."""
@@ -136,9 +167,9 @@ class LiveGate(LiveRunner):
         """One decision."""
         self.step_once(self._tick(number), trigger, number - 1)
 
-    def publish(self, outputs: Outputs, tick: Tick) -> None:
-        """Send what was decided."""
-        self.cell.publish(outputs, tick, self.gate.cause_ns)
+    def cause_of(self, tick: Tick) -> int:
+        """Platform stamp that what was decided derives from."""
+        return self.gate.cause_ns
 
     def _tick(self, number: int) -> Tick:
         time_ns = max(0, self.clock.stamp_ns)
@@ -164,23 +195,35 @@ class LiveGate(LiveRunner):
                 self.chains_s.append(max(0, self.clock.now_ns() - self._chain[1]) * 1e-9)
             self._chain = None
 
-    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
-        super()._hear(source, report, at)
-        self._marks[source] = {mark.port: mark.sequence for mark in report.published}
-        self._enabled[source] = report.enabled
-        if source[0] == "goal":
-            self._goal_heard = time.monotonic()
+    def _await_tick(self) -> None:
+        """Have the last thing that the next decision lacks wake the gate: what comes before it waits for that.
+
+        Of a robot that follows a trajectory that is a command, which comes some ms after the tick it is for.
+        """
+        number = self.stepper.stepped + 1 if self._chain is None else self._chain[0]
+        missing = [role for role in CHAIN if self._feeds[role].wire.slot.tick < number] if self._follows() else []
+        last = missing[-1] if missing else "odometry"
+        for feed in self.cell.feeds:
+            if feed.wire.input.name == last:
+                feed.inlet.listen()
+            elif feed.wire.input.name in (*CHAIN, "odometry"):
+                feed.inlet.rings = False
 
     def _gone(self) -> str:
-        if time.monotonic() - self._goal_heard > GOAL_SILENCE:
+        goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
+        if time.monotonic_ns() - max(self._began_ns, *goals) > GOAL_SILENCE * 1e9:
             return "goal main does not step"
-        for role in self._required:
-            name = self.cell.chosen.get(role)
-            for source in self.cell.reports:
-                if source[0] == role and (name is None or source[1] == name) and not self.is_alive(source):
-                    return f"{role} {source[1]}"
+        for role, name in self._needed:
+            if self.cell.in_charge((role, name)) and not self.is_alive((role, name)):
+                return f"{role} {name}"
         return ""
 
     def _is_warm(self, role: str, name: str) -> bool:
-        ports, marks = warming_ports(role), self._marks.get((role, name), {})
-        return self._enabled.get((role, name), False) and (not ports or any(marks.get(port, 0) for port in ports))
+        if (role, name) in self.cell.reports:
+            self.hear((role, name))
+        marks, is_enabled = self._marks.get((role, name), ({}, False))
+        ports = warming_ports(role)
+        return is_enabled and (not ports or any(marks.get(port, 0) for port in ports))
+
+    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
+        self._marks[source] = {mark.port: mark.sequence for mark in report.published}, report.enabled

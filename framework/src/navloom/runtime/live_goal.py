@@ -15,6 +15,7 @@ from navloom.runtime.run_clock import RunClock
 __all__ = ["LiveGoal", "began_anew"]
 
 CHECK = 0.05
+"""s between two looks, at least, while no pose comes."""
 WITHOUT_POSE = 0.2
 """s without a pose after which the goal steps by itself."""
 PLATFORM_SILENCE = 1.0
@@ -38,12 +39,14 @@ class LiveGoal(LiveRunner):
         self.goal = self.cell.node
         self._request = next(wire for wire in self.stepper.wires if wire.input.name == "request")
         self._stepped_at = time.monotonic()
-        self._platform_report: Envelope | None = None
+        self.faults: dict[Source, tuple[int, str]] = {}
+        self._platform_said: Envelope | None = None
         self._began_anew = self._is_asked = False
 
     def wait_time(self) -> float:
         """s to wait for news at most."""
-        return min(CHECK, super().wait_time())
+        left = WITHOUT_POSE + self._stepped_at - time.monotonic()
+        return min(super().wait_time(), max(CHECK, left))
 
     def act(self) -> None:
         """Step with each pose, and without one when it does not come, or where something was asked for."""
@@ -55,6 +58,12 @@ class LiveGoal(LiveRunner):
 
     def step(self, trigger: str, number: int) -> None:
         """One step of the goal's state machine, which is told what the process knows to be broken."""
+        for _, envelope in self.cell.platform.take() if self.cell.platform is not None else ():
+            self._follow_platform(envelope)
+        for source, inlet in self.cell.faults.items():
+            for message, envelope in inlet.take():
+                if isinstance(message, StepReport):
+                    self._blame(source, message, envelope)
         self.goal.fault = self._trouble()
         self.goal.is_lost = self.clock.silence_s() > PLATFORM_SILENCE
         self._stepped_at, self._is_asked = time.monotonic(), False
@@ -67,13 +76,19 @@ class LiveGoal(LiveRunner):
         self._request.queue.append((2**62, request, 0))
         self._is_asked = True
 
-    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
-        super()._hear(source, report, at)
-        if source[0] == "platform":
-            last = self._platform_report
-            self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
-            if last is None or self._began_anew or at.sequence > last.sequence:
-                self._platform_report = at
+    def _follow_platform(self, at: Envelope) -> None:
+        last = self._platform_said
+        self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
+        if last is None or self._began_anew or at.sequence > last.sequence:
+            self._platform_said = at
+
+    def _blame(self, source: Source, report: StepReport, at: Envelope) -> None:
+        """Count a node's faults in a row; a process that began anew counts from its first."""
+        before = self.faults.get(source, (0, ""))[0] if at.sequence > 1 else 0
+        if report.fault:
+            self.faults[source] = (before + 1, report.fault)
+        else:
+            self.faults.pop(source, None)
 
     def _trouble(self) -> str:
         if self._began_anew:

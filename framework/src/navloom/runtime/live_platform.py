@@ -8,15 +8,18 @@ from collections.abc import Callable
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.role_nodes import PlatformNode
 from navloom.engine.stepper import fault_text
-from navloom.messages import Command, Twist2D
+from navloom.messages import Command, InputRead, Twist2D
+from navloom.runtime.cell import Feed
 from navloom.runtime.cells import Hosted
-from navloom.runtime.live import LiveRunner
+from navloom.runtime.live import IDLE, LiveRunner
 from navloom.runtime.run_clock import RunClock
 
 __all__ = ["LivePlatform"]
 
 CHECK = 0.01
-"""s between two looks at the gate's command."""
+"""s between two tries to begin, or to tell the wheels what they did not take."""
+AFTER = 0.0002
+"""s after which a command has gone stale that it is looked at: not a moment before."""
 STILL = Twist2D(0.0, 0.0, 0.0)
 UNTOLD = 1.0
 """s that the wheels may not be told anything: then the process is given up, and another opens them anew."""
@@ -74,8 +77,18 @@ class LivePlatform(LiveRunner):
             self._drive(STILL)
 
     def wait_time(self) -> float:
-        """s to the next tick, or to the next look at the gate's command."""
-        return min(CHECK, max(0.0, (self._next * self.period_ns - self._now_ns()) * 1e-9))
+        """s to the next tick, or until the gate's command goes stale."""
+        now_ns = self._now_ns()
+        left = (self._next * self.period_ns - now_ns) * 1e-9
+        if self._twist != STILL:
+            left = min(left, (self._cause_ns + self.deadline_ns - now_ns) * 1e-9 + AFTER)
+        if self._untold_since is not None:
+            left = min(left, CHECK)
+        return min(IDLE, max(0.0, left))
+
+    def rings(self, feed: Feed) -> bool:
+        """The gate's command is handed on as it comes."""
+        return feed.wire.input.name == "command"
 
     def act(self) -> None:
         """Hand on what the gate said; stop where that has gone stale; tick where it is time.
@@ -135,10 +148,14 @@ class LivePlatform(LiveRunner):
             self.fault = self.fault or self._refusal
             self.faulted, self._refusal = max(1, self.faulted), ""
 
-    def publish(self, outputs: Outputs, tick: Tick) -> None:
+    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
         """What triggers the others goes out when all that belongs to it is on its way."""
-        self.cell.publish(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, tick.time_ns)
         self.clock.observe(tick.time_ns, time.monotonic_ns(), tick.number)
+        super().tell(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, trigger, read)
+
+    def cause_of(self, tick: Tick) -> int:
+        """Its own stamp."""
+        return tick.time_ns
 
     def _now_ns(self) -> int:
         return time.monotonic_ns() - self.start_ns

@@ -137,7 +137,7 @@ class Mailbox:
 
     Attributes:
         lock: Held while something is put in.
-        news: Rises with everything that comes in.
+        news: Rises with everything that comes in and is to wake the thread.
     """
 
     def __init__(self) -> None:
@@ -185,10 +185,13 @@ class Inlet:
         limit: Messages that may wait; the oldest is dropped beyond. None for no limit.
         age: Age in s of something with this Platform stamp, where it is known.
         tells_time: The platform's own: what that clock is known by is not held against it.
+        rings: A message that comes in wakes the node.
 
     Attributes:
         counts: What became of its messages.
         arrived_ns: This host's monotonic clock at the last one taken out.
+        heard_ns: The same at the last one that came in, answers to questions left out; 0 before the first.
+        rings: The reader may change it. Messages that do not ring wait until it looks for another reason.
     """
 
     def __init__(
@@ -198,35 +201,57 @@ class Inlet:
         limit: int | None,
         age: Callable[[int], float | None] | None = None,
         tells_time: bool = False,
+        rings: bool = True,
     ) -> None:
         self.key = key
         self._tells_time = tells_time
         self.mailbox = mailbox
+        self.rings = rings
         self.counts = StreamCounts()
-        self.arrived_ns = 0
-        self._heard_ns = 0
+        self.arrived_ns = self.heard_ns = 0
         self._age = age
         self._waiting: deque[Packet | tuple[Message, Envelope]] = deque(maxlen=limit)
 
     def give(self, item: Packet | tuple[Message, Envelope]) -> None:
-        """Leave a message, from any thread. Never blocks, never raises.
+        """Leave a message, from any thread, and wake the node if that is to ring. Never blocks, never raises."""
+        self.leave(item)
+        if self.rings:
+            self.mailbox.wake()
+
+    def leave(self, item: Packet | tuple[Message, Envelope]) -> None:
+        """Leave a message and wake nobody yet.
 
         An answer comes by another way than the stream itself: what the stream has brought since the question is newer.
         """
         waiting, mailbox = self._waiting, self.mailbox
         with mailbox.lock:
             self.counts.received += 1
-            if isinstance(item, Packet):
-                if self._heard_ns > item.asked_ns > 0:
-                    self.counts.late += 1
-                    return
-                if not item.asked_ns:
-                    self._heard_ns = item.arrived_ns
+            if not isinstance(item, Packet):
+                self.heard_ns = time.monotonic_ns()
+            elif self.heard_ns > item.asked_ns > 0:
+                self.counts.late += 1
+                return
+            elif not item.asked_ns:
+                self.heard_ns = item.arrived_ns
             if len(waiting) == waiting.maxlen:
                 self.counts.dropped += 1
             waiting.append(item)
-            mailbox.news += 1
-        mailbox.wake()
+            mailbox.news += self.rings
+
+    def listen(self) -> None:
+        """Have the next message wake the node, and one that waits by now as well."""
+        self.rings = True
+        if self._waiting:
+            self.mailbox.ring()
+
+    def clear(self) -> None:
+        """Forget what waits. For the node's thread only."""
+        self._waiting.clear()
+
+    @property
+    def has_news(self) -> bool:
+        """Something waits."""
+        return bool(self._waiting)
 
     @property
     def keeps_latest(self) -> bool:

@@ -15,6 +15,10 @@ from navloom.runtime.switchboard import Switchboard
 __all__ = ["Monitor"]
 
 
+LOOK = 0.25
+"""s between two looks at the platform's clock; all else is noted as it comes."""
+
+
 class Monitor:
     """Reads the streams that a process remembers.
 
@@ -42,14 +46,14 @@ class Monitor:
             streams.append((("platform", system.config.platform.instance), "odometry"))
         streams += [(source, "parameters") for source in system.parts if source[0] in ROLE_TABLES]
         self._inlets: list[tuple[tuple[str, str], Inlet]] = [
-            (source, board.inlet(source, port, self._mailbox, 16)) for source, port in streams
+            (source, _inlet(board, source, port, self._mailbox)) for source, port in streams
         ]
 
     def run(self) -> None:
         """Until the process ends."""
         seen = 0
         while not self._ends():
-            seen = self._mailbox.wait(seen, 0.1)
+            seen = self._mailbox.wait(seen, LOOK)
             for source, inlet in self._inlets:
                 for message, envelope in inlet.take():
                     if isinstance(message, Odometry) and self._clock is not None:
@@ -58,3 +62,9 @@ class Monitor:
                         for entry in getattr(message, "pending", ()):
                             self._wake(entry)
                         self._memory.note(source, message, envelope)
+
+
+def _inlet(board: Switchboard, source: tuple[str, str], port: str, mailbox: Mailbox) -> Inlet:
+    """A stream that is remembered: of the odometry the newest message is enough, and wakes nobody."""
+    is_clock = port == "odometry"
+    return board.inlet(source, port, mailbox, 1 if is_clock else 16, rings=not is_clock)

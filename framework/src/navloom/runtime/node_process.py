@@ -127,6 +127,8 @@ class NodeProcess:
             threads = self._start(bus, ready, alive)
             self._watch(threads, alive)
             self.ending.set()
+            for runner in self.runners.values():
+                runner.cell.mailbox.ring()
             for thread in threads:
                 thread.join(1.0)
 
@@ -169,7 +171,7 @@ class NodeProcess:
         if self.share.barrier:
             self._await_others(bus, keys, alive)
         else:
-            bus.watch(keys.alive("*", "*", "*"), presence.change)
+            bus.watch(keys.alive("*", "*", "*"), lambda key, alive: self._change(presence, key, alive))
             fetching.start()
         threads = [threading.Thread(target=run, daemon=True) for run in runs]
         for thread in threads:
@@ -243,7 +245,7 @@ class NodeProcess:
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
             return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
-            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive)
+            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, all_sources(self.system))
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:
@@ -277,6 +279,14 @@ class NodeProcess:
         runner = self.runners.get((role, name))
         if runner is not None:
             runner.cell.stepper.enabled = True
+            runner.cell.mailbox.ring()
+
+    def _change(self, presence: Presence, key: str, alive: bool) -> None:
+        """A token appeared or vanished: the gate looks at once whether somebody is gone without whom nobody drives."""
+        presence.change(key, alive)
+        for runner in self.runners.values():
+            if isinstance(runner, LiveGate):
+                runner.cell.mailbox.ring()
 
     def _came(self, source: Source, again: bool) -> None:
         """Somebody came up: the goal must know of an active mapper or planner that did so again."""

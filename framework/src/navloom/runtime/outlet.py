@@ -9,7 +9,7 @@ from navloom.runtime.quality import quality_of
 from navloom.runtime.questions import TOO_MANY, Allowance
 from navloom.runtime.zenoh_bus import Bus, Publication, Question
 
-__all__ = ["Outlet"]
+__all__ = ["Dated", "Outlet"]
 
 ANSWERED, AT_ONCE = 20e6, 100e6
 """Bytes of kept messages given to who asks for them, 1/s in the long run and at once: a map has up to some MB."""
@@ -17,6 +17,8 @@ NOTHING = "nothing was said yet"
 """Refusal where there is no last message: who asks knows that his question came through."""
 LEAST = 1e5
 """Bytes that a small one counts as: 200 answers a second cost about as much as these."""
+Dated = tuple[Message, Envelope]
+"""A message in its envelope."""
 
 
 class Outlet:
@@ -33,24 +35,51 @@ class Outlet:
         self.key = key
         self.readers: list[Inlet] = []
         self.sequence = 0
-        self.last: tuple[Message, Envelope] | None = None
+        self.last: Dated | None = None
         self._bus, self._lossless = bus, lossless
         self._ways: dict[type[Message], tuple[Publication, str]] = {}
-        self._kept: tuple[tuple[Message, Envelope] | None, bytes] = (None, b"")
+        self._kept: tuple[Dated | None, bytes] = (None, b"")
         self._allowance = Allowance(ANSWERED, AT_ONCE)
         if retained:
             bus.serve(key, self._answer, is_large=True)
 
+    @property
+    def is_heard(self) -> bool:
+        """Somebody reads the stream, here or in another process."""
+        publications = [publication for publication, _ in self._ways.values()]
+        return bool(self.readers) or not publications or any(one.is_heard for one in publications)
+
+    def pass_over(self) -> None:
+        """Count a message that is not made, because nobody hears it."""
+        self.sequence += 1
+
     def publish(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
         """Send a message to all who read it."""
+        dated = self.hand_on(message, tick, stamp_ns, cause_ns, epoch)
+        self.wake()
+        self.send(dated)
+
+    def hand_on(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> Dated:
+        """Leave a message with the readers in this process, which are not woken yet; gives it for `send`."""
         self.sequence += 1
-        envelope = Envelope(self.key, self.sequence, tick, stamp_ns, cause_ns, epoch)
-        self.last = (message, envelope)
+        dated = self.last = (message, Envelope(self.key, self.sequence, tick, stamp_ns, cause_ns, epoch))
         for inlet in self.readers:
-            inlet.give(self.last)
+            inlet.leave(dated)
+        return dated
+
+    def wake(self) -> None:
+        """Have the readers in this process look, as far as this stream wakes them."""
+        for inlet in self.readers:
+            if inlet.rings:
+                inlet.mailbox.wake()
+
+    def send(self, dated: Dated) -> None:
+        """Send a message that was handed on to the readers in other processes, if there are any."""
+        message, envelope = dated
         kind = type(message)
-        way = self._ways.get(kind) or self._open(kind)
-        way[0].put(encode(message, envelope), way[1])
+        publication, label = self._ways.get(kind) or self._open(kind)
+        if publication.is_heard:
+            publication.put(encode(message, envelope), label)
 
     def prepare(self, kind: type[Message]) -> None:
         """Declare the stream before its first message, which would have to wait for that."""

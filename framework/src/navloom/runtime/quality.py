@@ -8,7 +8,7 @@ from navloom.engine.ports import Ports, Quality, known_ports
 from navloom.engine.streams import STATE, WORD, sensor_quality
 from navloom.messages import Message, Parameters, StepReport
 from navloom.messages.bounds import size_limit
-from navloom.runtime.keyspace import LARGEST, STEP
+from navloom.runtime.keyspace import FAULT, LARGEST, STEP
 
 __all__ = ["PARAMETERS", "Quality", "is_retained", "kind_of", "most_of", "quality_of", "retained_ports",
            "streams_of"]  # fmt: skip
@@ -25,7 +25,7 @@ def kind_of(role: str, port: str) -> type[Message] | None:
     """
     if port == PARAMETERS:
         return Parameters
-    if port == STEP:
+    if port in (STEP, FAULT):
         return StepReport
     declared = Ports.known.get((role, port))
     return None if declared is None else declared.carries
@@ -57,7 +57,7 @@ def streams_of(config: Config) -> tuple[str, ...]:
     instances = [(role, config.role_table(role).instance) for role in config.roles]
     instances += [(table.role, table.instance) for table in config.alternative]
     instances += [(port.role, "main") for port in known_ports() if port.role not in config.roles]
-    found = {f"{role}/{name}/{port}" for role, name in instances for port in (PARAMETERS, STEP)}
+    found = {f"{role}/{name}/{port}" for role, name in instances for port in (PARAMETERS, STEP, FAULT)}
     found |= {f"{role}/{name}/{port.name}" for role, name in instances for port in known_ports(role)}
     found |= {f"platform/{config.platform.instance}/{sensor.name}" for sensor in config.sensor}
     return tuple(sorted(found))

@@ -42,6 +42,8 @@ __all__ = ["Services", "ServiceError"]
 APPLY = 2.0
 """s a node may take to come to a change."""
 
+USUAL = 64
+"""Steps whose median is the usual duration."""
 FEW_CHAINS = 100
 """Ticks below which nothing is said of how long their commands take."""
 
@@ -95,6 +97,7 @@ class Services:
         if self._live:
             recalled = KeptJson(lambda: vars(self._memory), lambda: {"clock_ns": self._clock.now_ns()})
             self._show(self._keys.process(self._process, "memory"), "memory", recalled.to_bytes)
+            self._show(self._keys.process(self._process, "steps"), "steps", self._step_times)
         self._show(self._keys.process(self._process, "config"), "config", cache(self._config))
 
     def _serve(self, source: Source, service: str, handler: Handler) -> None:
@@ -123,6 +126,10 @@ class Services:
             "distributions": distributions(self._system.config),
         }
         return json.dumps(given).encode()
+
+    def _step_times(self) -> bytes:
+        """(tick, ns) of the newest steps of each node, by "role instance"."""
+        return json.dumps({" ".join(source): runner.times.newest() for source, runner in self._live.items()}).encode()
 
     # --- what they are ----------------------------------------------------------------------------------------------
 
@@ -281,7 +288,7 @@ class Services:
 
 def _usual(runner: LiveRunner | None) -> float | None:
     """Median duration of the newest steps, s; None before the first."""
-    steps = sorted(runner.spent_ns.copy()) if runner is not None else []
+    steps = sorted(spent for _, spent in runner.times.newest(USUAL)) if runner is not None else []
     return steps[len(steps) // 2] * 1e-9 if steps else None
 
 

@@ -39,6 +39,8 @@ HEALTHY = 5.0
 """s a process must run for its next crash to count as a first one."""
 STOP_WAIT = 1.0
 """s each group of processes may take to end in order, before it is killed."""
+CHORES = 0.5
+"""Time between two looks at what has no haste, the folder and orphans, s."""
 WRITE_AGAIN = 1.0
 """Time between two tries to write what has become of the processes, where that failed, s."""
 
@@ -135,6 +137,7 @@ class Supervisor:
         self._keeper = FolderKeeper(folder, list(self.children), say)
         self._cannot_write = ""
         self._write_again = math.inf
+        self._chores_at = 0.0
         self._nursery: Nursery | None = None
         if Nursery.is_possible() and any(task.module == NODE for task in tasks):
             self._nursery = Nursery(folder.path / "nursery.log", mark(folder.path))
@@ -153,10 +156,9 @@ class Supervisor:
         """Look after them: those that ended by themselves since the last look; they are started again in due time."""
         fallen = []
         now = time.monotonic()
-        if self._keeper.look():
-            for child in self.children.values():
-                child.log.link()
-            self._write_down()
+        if now >= self._chores_at:
+            self._chores_at = now + CHORES
+            self._do_chores()
         for child in self.children.values():
             self._bound(child)
             if child.process is not None and child.process.poll() is not None:
@@ -169,10 +171,17 @@ class Supervisor:
                 self._watch(child)
                 if now - child.started > HEALTHY:
                     child.wait = FIRST_WAIT
-        reap_orphans(self._groups, self._own_pids())
         if now > self._write_again:
             self._write_down()
         return fallen
+
+    def _do_chores(self) -> None:
+        """Repair the folder, and reap orphans."""
+        if self._keeper.look():
+            for child in self.children.values():
+                child.log.link()
+            self._write_down()
+        reap_orphans(self._groups, self._own_pids())
 
     def stop(self) -> None:
         """End them in order: those that compute, the gate, which stops the robot, the platform, and the router."""

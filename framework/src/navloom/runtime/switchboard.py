@@ -39,10 +39,14 @@ class Switchboard:
         self._kinds: dict[str, type[Message] | None] = {}
         self._outlets: dict[str, Outlet] = {}
 
-    def inlet(self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None) -> Inlet:
-        """A reader of a stream; a lossless one has no limit."""
-        key = self.keys.port(*source, port)
-        inlet = Inlet(key, mailbox, None if self.lossless else limit, self._age, source[0] == "platform")
+    def inlet(
+        self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None, rings: bool = True
+    ) -> Inlet:
+        """A reader of a stream; a lossless one has no limit and always rings."""
+        key, is_lossless = self.keys.port(*source, port), self.lossless
+        inlet = Inlet(
+            key, mailbox, None if is_lossless else limit, self._age, source[0] == "platform", rings or is_lossless
+        )
         self._inlets.setdefault(key, []).append(inlet)
         self._kinds[key] = kind_of(source[0], port)
         return inlet

@@ -24,6 +24,11 @@ class Publication:
     def __init__(self, ways: tuple[Way, ...]) -> None:
         self._ways = ways
 
+    @property
+    def is_heard(self) -> bool:
+        """Some other process hears the stream, as far as this one knows by now: else nothing need be encoded."""
+        return any(way.is_heard for way in self._ways)
+
     def put(self, data: bytes, label: str) -> None:
         """Send a message. A link that is gone loses it, as the stream's quality allows."""
         for way in self._ways:

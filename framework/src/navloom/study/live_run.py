@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import IO, Any, Literal
@@ -34,7 +35,7 @@ from navloom.roles import Platform
 from navloom.runtime.cells import all_sources
 from navloom.runtime.client import Client, ClientError, Refused
 from navloom.runtime.conductor import BarrierError, Conductor
-from navloom.runtime.keyspace import STEP
+from navloom.runtime.keyspace import FAULT
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.network import network_of
 from navloom.runtime.placing import spread
@@ -56,6 +57,10 @@ TELL_AGAIN = 10.0
 Beside = Callable[[Robot], AbstractContextManager[None]]
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
 """Ports that are recorded of every robot, by role, also where another process judges the run."""
+LOOK = 0.1
+"""s between two looks at what came and at the processes: most of what comes does not wake this one."""
+TELLING = ("goal", "gate")
+"""Roles whose words are told at once."""
 QUIET = 1.0
 """s without a goal after which a run that was to end with its goals does."""
 
@@ -146,11 +151,10 @@ class LiveRun:
         self._mailbox = Mailbox()
         self._inlets: list[tuple[tuple[str, str], str, Inlet]] = []
         self._chosen: dict[str, str] = {}
-        self._spent: deque[tuple[int, int]] = deque(maxlen=4096)
         self._began_ns = time.perf_counter_ns()
         self._ended: deque[GoalResult] = deque()
         self._place = Point2D(0.0, 0.0)
-        self._newest_goal = self._first_tick = self._own_goal = 0
+        self._newest_goal = self._first_tick = self._last_tick = self._own_goal = 0
         self._told_faults: dict[tuple[str, str], float] = {}
 
     def run(
@@ -186,9 +190,6 @@ class LiveRun:
         return self._episode() if self.log.results else None
 
     def _episode(self) -> Episode:
-        newest = max((tick for tick, _ in self._spent), default=self._first_tick)
-        self.log.ticks = 1 + newest - self._first_tick
-        self.log.tick_ns = [spent for _, spent in self._spent] or [0]
         # What was shortest is known for the config's own goal alone, which began at the config's start.
         is_own = bool(self.log.results) and self.log.results[-1].goal_id == self._own_goal
         return Episode(self.system if is_own else replace(self.system, goal=None), self.log, self.recorder)
@@ -201,9 +202,10 @@ class LiveRun:
             ports = {port for role, port in wanted if role == source[0]}
             ports |= HEARD.get(source[0], set())
             if self.judges and source[0] != "operator":
-                ports.add(STEP)
+                ports.add(FAULT)
             for port in sorted(ports):
-                self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024)))
+                rings = port in HEARD.get(source[0], ()) and source[0] in TELLING
+                self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024, rings)))
         shown = [] if self.onlookers is None else self.onlookers.begin(run_info(self.loaded, "live"))
         show = LiveShow(self.system, board, shown if self.judges else (), self._is_active)
         board.connect()
@@ -220,10 +222,11 @@ class LiveRun:
         requests = deque(sorted(schedule(self.loaded.config, self.system.goal).items()))
         is_ours = self.host is None
         first: int | None = None
+        tick = -1
         seen, idle_since, asked = 0, time.monotonic(), time.monotonic()
         while not self.ending.is_set():
-            seen = self._mailbox.wait(seen, 0.1)
-            tick = self._take()
+            seen = self._mailbox.wait(seen, self._patience(requests, first, tick))
+            tick = max(tick, self._take())
             if first is None and tick >= 0:
                 first = tick
             while is_ours and first is not None and requests and tick - first >= requests[0][0]:
@@ -238,7 +241,7 @@ class LiveRun:
                 self._catch_up(client)
             if self._ended or (self.feedback is not None and self.feedback.goal_id):
                 idle_since = time.monotonic()
-            self._tell_ended(tell)
+            self._tell_ended(client, tell)
             if until_idle and not requests and time.monotonic() - idle_since > QUIET:
                 return
         self._take()
@@ -246,7 +249,15 @@ class LiveRun:
             self._catch_up(client)  # its result may be on the way
         if is_ours:
             self._give_up(robot.keys.prefix)
-        self._tell_ended(tell)
+        self._tell_ended(client, tell)
+
+    def _patience(self, requests: Sequence[tuple[int, Any]], first: int | None, tick: int) -> float:
+        """s until the next look: the tick of a request of the config is not passed over by many."""
+        if not requests:
+            return LOOK
+        period = self.loaded.config.run.period
+        left = 0 if first is None else requests[0][0] - (tick - first)
+        return min(LOOK, period * max(1, left))
 
     def _give_up(self, robot: str) -> None:
         """The robot goes down: a goal on its way ends with it."""
@@ -254,9 +265,10 @@ class LiveRun:
         if number:
             self._end(GoalResult(number, "error", f"robot {robot} went down, and goal {number} with it", self._place))
 
-    def _tell_ended(self, tell: Callable[[Episode], None] | None) -> None:
+    def _tell_ended(self, client: Client, tell: Callable[[Episode], None] | None) -> None:
         while self._ended:
             self.log.results = [self._ended.popleft()]
+            self._learn_times(client)
             if tell is not None:
                 tell(self._episode())
 
@@ -279,7 +291,6 @@ class LiveRun:
     def _begin(self, goal_id: int, tick: int) -> None:
         """A goal begins: what the one before left is forgotten, but for the map."""
         self._newest_goal, self._first_tick = goal_id, tick
-        self._spent.clear()
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
         self.recorder = Recorder(map=self.recorder.map)
         self._began_ns = time.perf_counter_ns()
@@ -316,16 +327,13 @@ class LiveRun:
                 self._note(source, port, message, envelope)
                 if source[0] == "platform":
                     newest = max(newest, envelope.tick)
+        self._last_tick = newest if newest >= 0 else self._last_tick
         return newest
 
     def _note(self, source: tuple[str, str], port: str, message: Message, at: Envelope) -> None:
         role, name = source
         active = self._is_active(role, name)
         if isinstance(message, StepReport):
-            if active:
-                self._count(at.tick, message.duration_ns)
-                if role in self.log.step_ns and message.trigger:
-                    self.log.step_ns[role].append(message.duration_ns)
             if message.fault:
                 self._tell_fault(source, message.fault)
         elif isinstance(message, PoseEstimate):
@@ -358,10 +366,18 @@ class LiveRun:
     def _default(self, role: str) -> str:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
 
-    def _count(self, tick: int, spent_ns: int) -> None:
-        """Sum what the nodes in charge spent on a tick."""
-        for place in range(len(self._spent) - 1, max(-1, len(self._spent) - 8), -1):
-            if self._spent[place][0] == tick:
-                self._spent[place] = (tick, self._spent[place][1] + spent_ns)
-                return
-        self._spent.append((tick, spent_ns))
+    def _learn_times(self, client: Client) -> None:
+        """Ask the nodes in charge how long their steps took since the goal began; those that are gone are left out."""
+        spent: dict[int, int] = defaultdict(int)
+        for answer in [] if not self.judges else client.bus.ask(client.keys.process("*", "steps"), timeout=1.0):
+            for place, steps in json.loads(answer.data or b"{}").items():
+                role, _, name = place.partition(" ")
+                if self._chosen.get(role, self._default(role)) != name:
+                    continue
+                own = [(tick, took_ns) for tick, took_ns in steps if self._first_tick <= tick <= self._last_tick]
+                for tick, took_ns in own:
+                    spent[tick] += took_ns
+                if role in self.log.step_ns:
+                    self.log.step_ns[role] = [took_ns for _, took_ns in own]
+        self.log.ticks = 1 + max(0, self._last_tick - self._first_tick)
+        self.log.tick_ns = [spent[tick] for tick in sorted(spent)] or [0]

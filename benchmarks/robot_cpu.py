@@ -1,0 +1,288 @@
+"""CPU time and wake-ups of a live robot: every process that `navloom up` starts, itself included.
+
+    python benchmarks/robot_cpu.py [CONFIG] [--standing] [--seconds S] [--rounds N] [--set A.B=V] [--beside PYTHON]
+                                   [--json]
+
+The robot drives to and fro between points in its first room; with `--standing` it has no goal. After it has settled,
+the CPU time and the context switches of each thread are read from /proc at both ends of the window. `--beside` measures
+this interpreter's navloom and another's in turn, a new robot each time, the first one changing from round to round.
+This file imports only the standard library, and works with every version that has `navloom up` and
+`navloom goal --via`. Linux.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+__all__ = ["CpuError", "Sample", "difference", "measured", "sample"]
+
+PLACES = ("0.0,3.2", "1.6,2.0", "-1.2,2.4", "0.0,0.8")
+"""Points of the first room of `paper_gates`, driven to in turn, map frame, m."""
+WORLD = "world.ref=paper_gates"
+LEG = 5.0
+"""Time that the way between two of these points takes at least, s."""
+START, MAPPED, SETTLE = 180.0, 60.0, 3.0
+"""Longest waits for the robot to be there and to drive, and the time from then to the window, s."""
+TICK = os.sysconf("SC_CLK_TCK")
+SWITCHES = ("voluntary_ctxt_switches", "nonvoluntary_ctxt_switches")
+
+
+class CpuError(RuntimeError):
+    """The robot's CPU time cannot be measured: the text says why."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Of one thread: CPU time, s; how often it waited for something, and how often the system took it off its core."""
+
+    cpu: float
+    waits: int
+    preempted: int
+
+
+@dataclass
+class Sample:
+    """What was read at one time.
+
+    Attributes:
+        time: Monotonic clock, s.
+        names: Of each process, by its number.
+        threads: Name and counts of each thread, by the numbers of its process and its own.
+    """
+
+    time: float
+    names: dict[int, str] = field(default_factory=dict)
+    threads: dict[tuple[int, int], tuple[str, Counts]] = field(default_factory=dict)
+
+
+def sample(root: int) -> Sample:
+    """Read the counts of a process and of all below it."""
+    taken = Sample(time.monotonic())
+    for pid in _tree(root):
+        try:
+            taken.names[pid] = "up" if pid == root else _process_name(pid)
+            for entry in Path(f"/proc/{pid}/task").iterdir():
+                tid = int(entry.name)
+                name, counts = _thread(entry)
+                taken.threads[pid, tid] = (name if pid != tid else "main thread"), counts
+        except (OSError, ValueError):
+            continue  # it has just ended
+    return taken
+
+
+def difference(before: Sample, after: Sample) -> dict[str, Any]:
+    """Per process and thread: share of one processor, and switches a second. Threads of one name are added up.
+
+    Raises:
+        CpuError: The processes are not the same ones.
+    """
+    if before.names != after.names:
+        raise CpuError(f"processes {before.names} became {after.names} in the window, expected the same")
+    lasted = after.time - before.time
+    found: dict[str, dict[str, dict[str, float]]] = {name: {} for name in before.names.values()}
+    nothing = Counts(0.0, 0, 0)
+    for (pid, tid), (name, late) in after.threads.items():
+        early = before.threads.get((pid, tid), ("", nothing))[1]
+        row = found[after.names[pid]].setdefault(name, {"cpu": 0.0, "waits": 0.0, "preempted": 0.0, "threads": 0})
+        row["cpu"] += (late.cpu - early.cpu) / lasted
+        row["waits"] += (late.waits - early.waits) / lasted
+        row["preempted"] += (late.preempted - early.preempted) / lasted
+        row["threads"] += 1
+    processes = {name: {**_total(rows.values()), "by_thread": rows} for name, rows in found.items()}
+    return {"seconds": lasted, **_total(processes.values()), "processes": processes}
+
+
+def _total(rows: Any) -> dict[str, float]:
+    rows = list(rows)
+    return {name: sum(row[name] for row in rows) for name in ("cpu", "waits", "preempted")}
+
+
+def _tree(root: int) -> Iterator[int]:
+    """A process and all below it, by the parents that the system knows."""
+    children: dict[int, list[int]] = defaultdict(list)
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                parent = int(_status_fields(entry)[1])
+            except (OSError, ValueError, IndexError):
+                continue
+            children[parent].append(int(entry.name))
+    waiting = [root]
+    while waiting:
+        pid = waiting.pop()
+        yield pid
+        waiting += children[pid]
+
+
+def _process_name(pid: int) -> str:
+    """The robot's name of a process: node processes bear theirs, others are known by the module that they run."""
+    command = Path(f"/proc/{pid}/cmdline").read_bytes().decode("utf-8", "replace").split("\0")
+    name = Path(f"/proc/{pid}/comm").read_text("utf-8").strip()
+    if "-m" in command and name.startswith("python"):
+        return command[command.index("-m") + 1].rpartition(".")[2]
+    return name
+
+
+def _status_fields(entry: Path) -> list[str]:
+    """Fields of a `stat` file from the state on."""
+    return (entry / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()
+
+
+def _thread(entry: Path) -> tuple[str, Counts]:
+    fields = _status_fields(entry)
+    status = dict(line.partition(":")[::2] for line in (entry / "status").read_text("utf-8").splitlines())
+    waits, preempted = (int(status[name]) for name in SWITCHES)
+    return status["Name"].strip(), Counts((int(fields[11]) + int(fields[12])) / TICK, waits, preempted)
+
+
+def measured(python: str, config: str, changes: Sequence[str], seconds: float, standing: bool) -> dict[str, Any]:
+    """Bring a robot up with an interpreter's navloom, and read what it takes; see `difference`.
+
+    Raises:
+        CpuError: It does not come up, does not drive, or stops within the window.
+    """
+    with tempfile.TemporaryDirectory(prefix="nl") as folder:
+        clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        environment = {**clean, "NAVLOOM_RUNTIME_DIR": folder}
+        sets = [word for change in ("navigation.drive=false", *changes) for word in ("--set", change)]
+        command = [python, "-m", "navloom", "up", config, *sets]
+        with (Path(folder) / "printed").open("w+b") as printed:
+            up = subprocess.Popen(command, stdout=printed, stderr=subprocess.PIPE, text=True, env=environment)
+            try:
+                return _watch(up, python, environment, seconds, standing, Path(printed.name))
+            finally:
+                up.terminate()
+                up.wait(30)
+
+
+def _watch(
+    up: subprocess.Popen[str], python: str, environment: dict[str, str], seconds: float, standing: bool, printed: Path
+) -> dict[str, Any]:
+    said = _Said(up)
+    said.wait_for("every node is there", START)
+    if not standing:
+        legs = 1 + round((seconds + MAPPED) / LEG)
+        points = [PLACES[number % len(PLACES)] for number in range(legs)]
+        last = points.pop().split(",")
+        vias = [word for point in points for word in ("--via", point)]
+        asked = subprocess.run(
+            [python, "-m", "navloom", "goal", *last, *vias, "--no-wait"],
+            capture_output=True, text=True, env=environment, check=False,
+        )  # fmt: skip
+        if asked.returncode:
+            raise CpuError(f"the goal was refused: {asked.stderr.strip()}")
+        said.wait_for("driving", MAPPED)
+    time.sleep(SETTLE)
+    before = sample(up.pid)
+    time.sleep(seconds)
+    after = sample(up.pid)
+    if printed.stat().st_size:
+        raise CpuError(f"the goal ended within the window: {printed.read_text('utf-8').strip()[:200]}")
+    return difference(before, after) | {"said": said.lines[-1]}
+
+
+class _Said:
+    """What `up` writes, line by line."""
+
+    def __init__(self, up: subprocess.Popen[str]) -> None:
+        self.lines: list[str] = []
+        self._news = threading.Condition()
+        self._up = up
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self._up.stderr or ():
+            with self._news:
+                self.lines.append(line.strip())
+                self._news.notify_all()
+
+    def wait_for(self, text: str, seconds: float) -> None:
+        """Wait for a line that holds a text. Raises CpuError where it does not come within s."""
+        with self._news:
+            if not self._news.wait_for(lambda: any(text in line for line in self.lines), seconds):
+                last = self.lines[-1] if self.lines else "nothing"
+                raise CpuError(f"the robot did not say {text!r} within {seconds:g} s; it said last: {last}")
+
+
+def in_turns(given: argparse.Namespace) -> dict[str, list[dict[str, Any]]]:
+    """Each side once a round; the first one changes from round to round."""
+    sides = {"here": sys.executable} | ({"beside": given.beside} if given.beside else {})
+    changes = [*([] if given.standing else [WORLD]), *given.set]
+    found: dict[str, list[dict[str, Any]]] = {side: [] for side in sides}
+    for number in range(given.rounds):
+        for side in sorted(sides, reverse=number % 2 == 0):
+            found[side].append(measured(sides[side], given.config, changes, given.seconds, given.standing))
+            one = found[side][-1]
+            print(f"{side}: {100 * one['cpu']:.1f} % of a core, {one['waits']:.0f} wake-ups/s", file=sys.stderr)
+    return found
+
+
+def summary(found: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
+    """Every round's figures, the medians, and beside another interpreter here over beside, round by round."""
+    told: dict[str, Any] = dict(found)
+    told["median"] = {
+        side: {name: statistics.median(one[name] for one in rounds) for name in ("cpu", "waits")}
+        for side, rounds in found.items()
+    }
+    if "beside" in found:
+        pairs = list(zip(found["here"], found["beside"], strict=True))
+        told["ratios"] = {name: [here[name] / beside[name] for here, beside in pairs] for name in ("cpu", "waits")}
+    return told
+
+
+def show(found: dict[str, list[dict[str, Any]]]) -> None:
+    """Print a row a process and thread of the newest round, and what all rounds come to."""
+    for side, rounds in found.items():
+        print(f"{side:<28} {'% of a core':>11} {'wake-ups/s':>11} {'preempted/s':>12}")
+        for name, process in rounds[-1]["processes"].items():
+            print(_row(name, process))
+            for thread, row in sorted(process["by_thread"].items(), key=lambda entry: -entry[1]["cpu"]):
+                if row["waits"] >= 1.0:
+                    print(_row(f"  {thread}" + (f" ({row['threads']})" if row["threads"] > 1 else ""), row))
+        print(_row("all", rounds[-1]))
+        every = ", ".join(f"{100 * one['cpu']:.1f}" for one in rounds)
+        print(f"all rounds: {every} % of a core\n")
+    for name, ratios in summary(found).get("ratios", {}).items():
+        print(f"here / beside, {name}: median {statistics.median(ratios):.3f}, of {len(ratios)} rounds")
+
+
+def _row(name: str, row: dict[str, Any]) -> str:
+    return f"{name:<28} {100 * row['cpu']:>11.2f} {row['waits']:>11.1f} {row['preempted']:>12.1f}"
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("config", nargs="?", default="paper", help="path or shipped name (default paper)")
+    parser.add_argument("--standing", action="store_true", help="the robot has no goal")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of the window (default 60)")
+    parser.add_argument("--rounds", type=int, default=1, help="robots of each side (default 1)")
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
+    parser.add_argument("--beside", metavar="PYTHON", help="another interpreter, with a navloom of its own")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    given = parser.parse_args()
+    try:
+        found = in_turns(given)
+    except CpuError as error:
+        sys.exit(f"robot_cpu: {error}")
+    if given.json:
+        print(json.dumps(summary(found)))
+    else:
+        show(found)
+
+
+if __name__ == "__main__":
+    main()

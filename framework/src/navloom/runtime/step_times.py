@@ -1,0 +1,28 @@
+"""How long a node's newest steps took: kept where they are made, for whoever asks how a run went."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["KEPT", "StepTimes"]
+
+KEPT = 4096
+"""Steps that are kept."""
+
+
+class StepTimes:
+    """Ticks and durations of the newest steps of one node. One thread writes, any may read."""
+
+    def __init__(self) -> None:
+        self._kept = np.zeros((KEPT, 2), dtype=np.int64)
+        self._steps = 0
+
+    def note(self, tick: int, spent_ns: int) -> None:
+        """A step was made."""
+        self._kept[self._steps % KEPT] = tick, spent_ns
+        self._steps += 1
+
+    def newest(self, most: int = KEPT) -> list[tuple[int, int]]:
+        """(tick, ns) of that many steps at most, oldest first."""
+        places = np.arange(max(0, self._steps - min(most, KEPT)), self._steps) % KEPT
+        return [(int(tick), int(spent)) for tick, spent in self._kept[places]]

@@ -117,7 +117,8 @@ class LiveGate(LiveRunner):
         stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
         held_ns = round(hold(self.period) * 1e9)
         yield stamp_ns + round(self.deadline * 1e9)
-        yield stamp_ns + held_ns
+        if self.clock.tick > self.stepper.stepped:
+            yield stamp_ns + held_ns
         yield stamp_ns + round(self.period * 1e9) + held_ns  # of the next tick, which may not wake it
         for offer in (gate.operator, gate.recovery, gate.controller, gate.avoider):
             if offer.when is not None:

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import typer.main
 from doc_pages import NOT_RUN, PAGES, PROGRAMS, STAND_INS, TOP, Step, listed, steps, words
+from navloom.cli.added import Commands
 from navloom.cli.main import app
 from navloom.config import load_config
 from navloom.messages import SCHEMAS, Envelope, GateStatus, Message, StepRecord
@@ -28,7 +29,7 @@ def blocks(page: Path, language: str) -> list[str]:
 
 @functools.cache
 def command_line() -> Any:
-    """The commands of navloom with their options."""
+    """The commands of navloom and of distributions, with their options."""
     return typer.main.get_command(app)
 
 
@@ -43,10 +44,11 @@ def faults_of(step: Step) -> list[str]:
                 return [f"{step}: no option {word}"]
         elif word.isupper():
             return []  # a placeholder of the command itself
-        elif hasattr(known, "commands") and word not in known.commands:
-            return [f"{step}: no command {word}"]
         elif hasattr(known, "commands"):
-            known = known.commands[word]
+            commands = known.whole() if isinstance(known, Commands) else known.commands
+            if word not in commands:
+                return [f"{step}: no command {word}"]
+            known = commands[word]
     return []
 
 

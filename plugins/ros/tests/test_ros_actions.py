@@ -160,6 +160,36 @@ def test_clients_do_not_get_the_feedback_of_others(pair):
     assert [one.distance_remaining for one in (*mine, *other)] == [1.0, 2.0]
 
 
+def test_a_goal_that_cannot_be_started_is_aborted_and_bad_listeners_harm_no_other(network):
+    with (
+        Node("robot", router=network.endpoint, types=KILTED) as node,
+        Node("ours", router=network.endpoint, types=KILTED) as ours,
+    ):
+        goals = []
+
+        def start(goal):
+            goals.append(goal)
+            if goal.request.pose.pose.position.x > 5.0:
+                raise RuntimeError("too far")
+
+        ActionServer(node, "navigate_to_pose", TO_POSE, start)
+        client, told = ActionClient(ours, "navigate_to_pose", TO_POSE), []
+        assert client.wait(5.0)
+        assert client.send(to(9.0)).result(5.0).result(5.0).status == ABORTED
+        client.send(to(1.0), lambda feedback: 1 / 0), client.send(to(2.0), told.append)
+        assert until(lambda: len(goals) == 3)
+        goals[1].feedback(distance_remaining=1.0)
+        goals[2].feedback(distance_remaining=2.0)
+        assert until(lambda: told) and client.failed == 1 and "ZeroDivisionError" in client.reason
+
+
+def test_asking_after_the_end_is_answered_at_once(network):
+    with Node("ours", router=network.endpoint, types=KILTED) as ours:
+        client = ours.client("brake", "std_srvs/srv/SetBool")
+    with pytest.raises(NoAnswer):
+        client.call({"data": True}, timeout=60.0)
+
+
 def test_closing_the_client_ends_what_waits(network):
     with Node("robot", router=network.endpoint, types=KILTED) as node:
         robot = Robot(node)

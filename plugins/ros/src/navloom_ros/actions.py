@@ -180,7 +180,11 @@ class ActionServer:
             if not accepted:
                 return
             self._publish_status()
-        self._start(goal)
+        try:
+            self._start(goal)
+        except Exception:  # of a stranger; the service counts it, and nobody waits for a goal that never began
+            goal.abort()
+            raise
 
     def _on_get_result(self, call: Call) -> None:
         with self._lock:
@@ -230,9 +234,14 @@ class ActionClient:
         node: Whose client it is.
         name: As `navigate_to_pose`.
         type_name: As `nav2_msgs/action/NavigateToPose`.
+
+    Attributes:
+        failed: Calls of `on_feedback` that raised; `reason` says what the last one raised.
     """
 
     def __init__(self, node: Node, name: str, type_name: str) -> None:
+        self.failed = 0
+        self.reason = ""
         self._node = node
         self._type = type_name
         self._sent: dict[bytes, SentGoal] = {}
@@ -280,7 +289,11 @@ class ActionClient:
         while (received := self._feedback.take(None)) is not None:
             sent = self._sent.get(received.message.goal_id.uuid.tobytes())
             if sent is not None and sent.on_feedback is not None:
-                sent.on_feedback(received.message.feedback)
+                try:
+                    sent.on_feedback(received.message.feedback)
+                except Exception as error:  # of a stranger; other goals still get theirs
+                    self.failed += 1
+                    self.reason = f"{type(error).__name__}: {error}"
 
 
 class SentGoal:

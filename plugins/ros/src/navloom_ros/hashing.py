@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from hashlib import sha256
 from typing import Any
 
+from rosbags.interfaces import Nodetype
+
 __all__ = ["FIRST_HASHED", "NOT_HASHED", "field_description", "rihs01"]
 
 Fields = list[tuple[str, Any]]
@@ -43,20 +45,18 @@ _NUMBERS = {
 """Number of each primitive type (type_description_interfaces/msg/FieldType)."""
 _ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
 """What the number of an element grows by in an array or a sequence."""
-_BASE, _NAME, _FIXED = 1, 2, 3
-"""Node types of `rosbags`."""
 
 
 def field_description(name: str, descriptor: Any) -> dict[str, Any]:
     """One field as the description has it: name, type number, capacities, name of a nested type."""
     kind, rest = descriptor
     number, capacity = 0, 0
-    if kind not in (_BASE, _NAME):
-        number = _ARRAY if kind == _FIXED else _BOUNDED_SEQUENCE if rest[1] else _SEQUENCE
+    if kind not in (Nodetype.BASE, Nodetype.NAME):
+        number = _ARRAY if kind == Nodetype.ARRAY else _BOUNDED_SEQUENCE if rest[1] else _SEQUENCE
         capacity = rest[1]
         kind, rest = rest[0]
     nested, longest = "", 0
-    if kind == _NAME:
+    if kind == Nodetype.NAME:
         number += _NESTED
         nested = rest
     else:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import TypesysError, get_types_from_msg
 
 from navloom_ros.errors import BadDefinition
@@ -31,8 +32,6 @@ _TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
 _SEPARATOR = re.compile(r"^---[ \t]*$", re.MULTILINE)
 _PARTS = {"msg": 1, "srv": 2, "action": 3}
 _GOAL_ID = "unique_identifier_msgs/UUID goal_id\n"
-_BASE, _NAME, _SEQUENCE = 1, 2, 4
-"""Node types of `rosbags`."""
 
 
 def definitions_in(folder: Path) -> Iterator[tuple[str, str]]:
@@ -92,7 +91,7 @@ def types_of(name: str, text: str) -> Definitions:
         "get_result_service": f"{name}_GetResult",
         "feedback_message": f"{name}_FeedbackMessage",
     }
-    defined[name] = ([], [(field, (_NAME, other)) for field, other in fields.items()])
+    defined[name] = ([], [(field, (Nodetype.NAME, other)) for field, other in fields.items()])
     return defined
 
 
@@ -130,13 +129,13 @@ def _refuse_circles(path: list[str], refers: Mapping[str, list[tuple[str, str]]]
 def _service(name: str, request: str, response: str, package: str) -> Definitions:
     defined = _parsed(f"{name}_Request", request, package) | _parsed(f"{name}_Response", response, package)
     event = [
-        ("info", (_NAME, "service_msgs/msg/ServiceEventInfo")),
-        ("request", (_SEQUENCE, ((_NAME, f"{name}_Request"), 1))),
-        ("response", (_SEQUENCE, ((_NAME, f"{name}_Response"), 1))),
+        ("info", (Nodetype.NAME, "service_msgs/msg/ServiceEventInfo")),
+        ("request", (Nodetype.SEQUENCE, ((Nodetype.NAME, f"{name}_Request"), 1))),
+        ("response", (Nodetype.SEQUENCE, ((Nodetype.NAME, f"{name}_Response"), 1))),
     ]
     defined[f"{name}_Event"] = ([], event)
     messages = {part: f"{name}_{part.capitalize()}" for part in ("request", "response", "event")}
-    defined[name] = ([], [(f"{part}_message", (_NAME, other)) for part, other in messages.items()])
+    defined[name] = ([], [(f"{part}_message", (Nodetype.NAME, other)) for part, other in messages.items()])
     return defined
 
 
@@ -151,11 +150,16 @@ def _parsed(name: str, text: str, package: str) -> Definitions:
         raise BadDefinition(f"{name}: not a definition: {str(error)[:200]}") from None
     if len({field for field, _ in fields}) != len(fields):
         raise BadDefinition(f"{name}: two fields have the same name")
-    return {name: (list(constants), list(fields) or [("structure_needs_at_least_one_member", (_BASE, ("uint8", 0)))])}
+    return {
+        name: (
+            list(constants),
+            list(fields) or [("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))],
+        )
+    }
 
 
 def _referred(descriptor: Any) -> str | None:
     kind, rest = descriptor
-    if kind not in (_BASE, _NAME):
+    if kind not in (Nodetype.BASE, Nodetype.NAME):
         kind, rest = rest[0]
-    return str(rest) if kind == _NAME else None
+    return str(rest) if kind == Nodetype.NAME else None

@@ -39,7 +39,7 @@ EVEN = 1e-6
 _ARC = 1e-3
 """rad; beams with a larger half angle are sonars."""
 _OK, _WARN = 0, 1
-_SPHERE_POINTS = [("x", 0), ("y", 4), ("z", 8)]
+_POINT_FIELDS = [("x", 0), ("y", 4), ("z", 8)]
 _FLOAT32 = 7
 _LINE_LIST = 5
 _ULTRASOUND = 0
@@ -179,7 +179,7 @@ class Translator:
         yield self._cloud(f"/{port}/points", stamp, _sweep_points(message))
 
     def _cloud(self, topic: str, stamp: Any, points: Floats) -> Translated:
-        fields = [{"name": name, "offset": at, "datatype": _FLOAT32, "count": 1} for name, at in _SPHERE_POINTS]
+        fields = [{"name": name, "offset": at, "datatype": _FLOAT32, "count": 1} for name, at in _POINT_FIELDS]
         return self._made(
             topic,
             "sensor_msgs/msg/PointCloud2",

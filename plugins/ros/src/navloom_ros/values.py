@@ -7,13 +7,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 
 from navloom_ros.errors import UnfitMessage
 
 __all__ = ["filled", "misfit", "plain", "spare_bytes", "with_unsigned_bytes"]
 
-_BASE, _NAME, _ARRAY = 1, 2, 3
-"""Node types of `rosbags`."""
 _ALIASES = {"bool": "bool_", "char": "uint8"}
 """Where numpy's name differs from the primitive's name."""
 _IDENTITY = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}
@@ -46,13 +45,13 @@ def filled(store: Any, name: str, values: Mapping[str, Any], place: str = "") ->
 
 def _value(store: Any, descriptor: Any, given: Any, place: str) -> Any:
     kind, rest = descriptor
-    if kind == _BASE:
+    if kind == Nodetype.BASE:
         return _DEFAULTS.get(rest[0], 0) if given is None else given
-    if kind == _NAME:
+    if kind == Nodetype.NAME:
         return filled(store, rest, given or {}, place) if given is None or isinstance(given, Mapping) else given
     (inner, of), count = rest
-    length = count if kind == _ARRAY else 0
-    if inner == _BASE and of[0] != "string":
+    length = count if kind == Nodetype.ARRAY else 0
+    if inner == Nodetype.BASE and of[0] != "string":
         return _array(of[0], np.zeros(length, dtype_of(of[0])) if given is None else given, place)
     if given is None:
         return [_value(store, (inner, of), None, place) for _ in range(length)]
@@ -82,12 +81,12 @@ def misfit(store: Any, message: Any, name: str, place: str = "") -> str:
         value = getattr(message, field, None)
         kind, rest = descriptor
         where = f"{place}.{field}"
-        if kind == _NAME:
+        if kind == Nodetype.NAME:
             problem = _nested(store, value, rest, where)
-        elif rest[0][0] == _NAME:
+        elif rest[0][0] == Nodetype.NAME:
             problem = _list(store, value, rest[0][1], where)
         else:
-            problem = _unfit_array(value, rest[0][1][0], rest[1] if kind == _ARRAY else None, where)
+            problem = _unfit_array(value, rest[0][1][0], rest[1] if kind == Nodetype.ARRAY else None, where)
         if problem:
             return problem if place else f"{name}: {problem}"
     return ""
@@ -132,15 +131,17 @@ def _checked_fields(store: Any, name: str) -> list[tuple[str, Any]]:
 
 
 def _is_unchecked(kind: int, rest: Any) -> bool:
-    return kind == _NAME or (kind != _BASE and (rest[0][0] == _NAME or rest[0][1][0] != "string"))
+    return kind == Nodetype.NAME or (
+        kind != Nodetype.BASE and (rest[0][0] == Nodetype.NAME or rest[0][1][0] != "string")
+    )
 
 
 def with_unsigned_bytes(descriptor: Any) -> Any:
     """The descriptor of a field, with `uint8` for `byte`."""
     kind, rest = descriptor
-    if kind == _BASE:
+    if kind == Nodetype.BASE:
         return (kind, ("uint8", rest[1])) if rest[0] == "byte" else descriptor
-    return descriptor if kind == _NAME else (kind, (with_unsigned_bytes(rest[0]), rest[1]))
+    return descriptor if kind == Nodetype.NAME else (kind, (with_unsigned_bytes(rest[0]), rest[1]))
 
 
 def spare_bytes(store: Any, message: Any) -> int:
@@ -156,14 +157,14 @@ def spare_bytes(store: Any, message: Any) -> int:
 def _empty_wide(store: Any, message: Any) -> int:
     count = 0
     for field, (kind, rest) in store.get_msgdef(message.__msgtype__).fields:
-        if kind == _BASE:
+        if kind == Nodetype.BASE:
             continue
         value = getattr(message, field)
-        if kind == _NAME:
+        if kind == Nodetype.NAME:
             count += _empty_wide(store, value)
-        elif rest[0][0] == _NAME:
+        elif rest[0][0] == Nodetype.NAME:
             count += sum(_empty_wide(store, one) for one in value)
-        elif kind != _ARRAY and isinstance(value, np.ndarray) and value.itemsize == 8 and not len(value):
+        elif kind != Nodetype.ARRAY and isinstance(value, np.ndarray) and value.itemsize == 8 and not len(value):
             count += 1
     return count
 

@@ -177,15 +177,18 @@ class Wire:
             if taken is not None:
                 on_answer(*taken)
 
-        self._session.get(
-            key,
-            zenoh.handlers.Callback(receive, on_end, indirect=False),
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=timeout,
-            payload=data,
-            attachment=attachment,
-        )
+        try:
+            self._session.get(
+                key,
+                zenoh.handlers.Callback(receive, on_end, indirect=False),
+                target=zenoh.QueryTarget.ALL_COMPLETE,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=timeout,
+                payload=data,
+                attachment=attachment,
+            )
+        except zenoh.ZError:  # the session has been closed
+            on_end()
 
     def _taken(self, sample: Any) -> tuple[bytes, bytes] | None:
         payload, attachment = sample.payload, sample.attachment

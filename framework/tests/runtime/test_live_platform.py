@@ -166,7 +166,7 @@ def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, mon
     def breaks(*given: object) -> None:
         raise KeyError("unknown port")
 
-    monkeypatch.setattr(robot.hosted.cell, "publish", breaks)
+    monkeypatch.setattr(robot.hosted.cell, "tell", breaks)
     with pytest.raises(KeyError):
         robot.runner.run()
     assert robot.base.told[-1] == STILL

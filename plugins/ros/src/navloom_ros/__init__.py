@@ -1,5 +1,7 @@
 """ROS 2 over Zenoh without ROS: messages, the wire of rmw_zenoh, services and actions."""
 
+from navloom import Registry, hookimpl
+
 from navloom_ros.actions import ActionClient, ActionServer, Goal
 from navloom_ros.errors import BadDefinition, BadName, MalformedMessage, RosError, UnfitMessage, UnknownType
 from navloom_ros.message_types import Types
@@ -27,3 +29,11 @@ __all__ = [
     "UnfitMessage",
     "UnknownType",
 ]
+
+
+@hookimpl
+def navloom_register(registry: Registry) -> None:
+    """Add the command `ros`."""
+    from navloom_ros.cli import app
+
+    registry.command("ros", app)

@@ -1,4 +1,4 @@
-"""`navloom ros`: look into a robot's ROS network. Until it is registered: `python -m navloom_ros graph`."""
+"""`navloom ros`: look into a robot's ROS network, and write recordings for ROS tools."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from navloom_ros.qos import DEFAULT
 from navloom_ros.tokens import Entity
 from navloom_ros.wire import ROUTER
 
-__all__ = ["app", "main"]
+__all__ = ["app"]
 
 app = typer.Typer(
     name="ros", help="Look into a robot's ROS 2 network, over Zenoh and without ROS.", no_args_is_help=True
@@ -45,11 +45,6 @@ Interfaces = Annotated[
     typer.Option("--interfaces", metavar="DIR", help="Definitions as package/msg/Name.msg; may repeat."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="JSON, for scripts.")]
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Run as a program of its own."""
-    app(arguments, prog_name="navloom ros")
 
 
 @app.command()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
-from navloom.engine.catalogue import warming_ports
+from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.engine.ports import When
@@ -89,6 +89,7 @@ class Lockstep:
     """Steps the nodes of a graph in order, tick by tick.
 
     Args:
+        catalogue: What is known of the nodes.
         steppers: In the order they step; of a role the active one first.
         period: s.
         requests: Operators' requests by tick.
@@ -99,6 +100,7 @@ class Lockstep:
 
     def __init__(
         self,
+        catalogue: Catalogue,
         steppers: Sequence[Stepper],
         period: float,
         requests: Mapping[int, Sequence[OperatorRequest]],
@@ -106,6 +108,7 @@ class Lockstep:
         observers: Sequence[Observer] = (),
         trace: TraceWriter | None = None,
     ) -> None:
+        self.catalogue = catalogue
         self.steppers = list(steppers)
         self.period = period
         self.requests = dict(requests)
@@ -142,7 +145,7 @@ class Lockstep:
 
     def is_warm(self, role: str, name: str) -> bool:
         """An instance has published what its role is for since it was enabled."""
-        stepper, ports = self._by_name[(role, name)], warming_ports(role)
+        stepper, ports = self._by_name[(role, name)], self.catalogue.warming_ports(role)
         return stepper.enabled and (not ports or any(stepper.slots[port].tick >= 0 for port in ports))
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
@@ -218,7 +221,7 @@ class Lockstep:
         self.log.faults.append(text)
         stepper.enabled = False
         self._make_plan()
-        if stepper.active:
+        if stepper.active and stepper.role not in self._goal.optional:
             self._goal.fault = text
 
     def _record(self, stepper: Stepper, tick: Tick, trigger: str, read: Read) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from navloom.engine.node import Node, Tick
@@ -23,9 +23,11 @@ from navloom.engine.streams import (
 from navloom.engine.told import GateTold, GoalTold, Obeyed
 from navloom.messages import (
     GateStatus,
+    Message,
     OperatorRequest,
     Path,
     PlanFailure,
+    RangeScan,
     Selection,
     TrackingCommand,
     Twist2D,
@@ -57,6 +59,10 @@ class OperatorNode(Node):
 
 class GoalNode(Node):
     """The goal's state machine on its ports.
+
+    Args:
+        machine: The goal's.
+        optional: Nodes whose failure ends no goal.
 
     Attributes:
         fault: What broke, for which the goal ends; empty for nothing.
@@ -90,8 +96,8 @@ class GoalNode(Node):
     result = Output(GoalPorts.result)
     cause = pose
 
-    def __init__(self, machine: GoalMachine) -> None:
-        self.machine = machine
+    def __init__(self, machine: GoalMachine, optional: Collection[str] = ()) -> None:
+        self.machine, self.optional = machine, optional
         self.fault = ""
         self.is_lost = False
         self.restarted: set[str] = set()
@@ -183,8 +189,8 @@ class GateNode(Node):
     request = New(OperatorPorts.request)
     odometry = Offers(PlatformPorts.odometry)
     contact = Latest(PlatformPorts.contact)
-    required = SensorOffers(of="avoider")
-    scans = Sensors()
+    required = SensorOffers(Message, of="avoider")
+    scans = Sensors(RangeScan)
     operator = Offers(OperatorPorts.command)
     drive = Latest(GoalPorts.drive)
     recovering = Latest(GoalPorts.recovery, delayed=True)

@@ -24,9 +24,7 @@ class Outcomes:
         self._published: defaultdict[tuple[str, str, str], int] = defaultdict(int)
         recorded = replayer.header.loaded().config
         self._delayed = {
-            (getattr(table, "role", place), table.instance)
-            for place, table in recorded.role_tables()
-            if table.latency > 0.0
+            (role, table.instance) for _, role, table in recorded.role_tables() if table.latency > 0.0
         }
 
     def numbers(self, stepped: Stepped, counts: dict[str, int]) -> dict[str, range]:

@@ -143,4 +143,4 @@ def _plugins(recording: Recording) -> dict[tuple[str, str], str]:
     if recording.header.config is None:
         return {}
     tables = recording.header.loaded().config.role_tables()
-    return {(getattr(table, "role", place), table.instance): table.plugin for place, table in tables}
+    return {(role, table.instance): table.plugin for _, role, table in tables}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.engine.catalogue import warming_ports
+from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.engine.wiring import QueueWire
@@ -25,7 +25,8 @@ class BarrierRunner:
     Args:
         cell: The node.
         requests, selection: What every node hears of the operator and of the gate.
-        roles: All roles in the order of the graph.
+        catalogue: What is known of the nodes.
+        roles: All of them in the order of the graph.
         period: s.
         configure: Changes the plugin's parameters.
         check: Raises BarrierEnded when the process ends.
@@ -36,12 +37,13 @@ class BarrierRunner:
         cell: Cell,
         requests: Feed,
         selection: Feed,
+        catalogue: Catalogue,
         roles: Sequence[str],
         period: float,
         configure: Callable[[tuple[str, ...]], None],
         check: Callable[[], None],
     ) -> None:
-        self.cell, self.requests, self.selection = cell, requests, selection
+        self.cell, self.requests, self.selection, self.catalogue = cell, requests, selection, catalogue
         self.roles, self.period, self.configure = list(roles), period, configure
         feeds = [*cell.feeds, requests, selection]
         streams = {feed.inlet: (feed.source, feed.wire.input.port) for feed in feeds}
@@ -120,7 +122,7 @@ class BarrierRunner:
         node, place = self.cell.node, self.roles.index(self.cell.source[0])
         if isinstance(node, GoalNode):
             for source in self.barrier.progress:
-                if self.cell.in_charge(source) and source != self.cell.source:
+                if self.cell.in_charge(source) and source != self.cell.source and source[0] not in node.optional:
                     tick = number if self.roles.index(source[0]) < place else number - 1
                     fault = self.barrier.await_report(source, tick).fault
                     if fault is not None and fault[0] <= tick:
@@ -152,5 +154,5 @@ class BarrierRunner:
         cell.report(tick, trigger, read, stepper.spent_ns, stepper.fault)
 
     def _is_warm(self, role: str, name: str) -> bool:
-        progress, ports = self.barrier.progress[(role, name)], warming_ports(role)
+        progress, ports = self.barrier.progress[(role, name)], self.catalogue.warming_ports(role)
         return progress.enabled and (not ports or any(progress.marks.get(port, 0) for port in ports))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
 from navloom.engine.build import System
-from navloom.engine.catalogue import node_class
+from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Node
 from navloom.engine.ports import Input
 from navloom.engine.streams import GatePorts, OperatorPorts
@@ -26,11 +26,16 @@ SELECTION = Input("gate.selection", GatePorts.selection, delayed=True)
 
 @dataclass(eq=False)
 class Hosted:
-    """A cell with what every node hears beside its own inputs: the operator's requests and the gate's selection."""
+    """A cell with what every node hears beside its own inputs: the operator's requests and the gate's selection.
+
+    Attributes:
+        awaited: Instances whose step of a tick is worth waiting for a moment before the node's own step of it.
+    """
 
     cell: Cell
     requests: Feed
     selection: Feed
+    awaited: set[Source]
 
 
 def all_sources(system: System) -> list[Source]:
@@ -45,42 +50,34 @@ def all_sources(system: System) -> list[Source]:
 def make_cell(system: System, source: Source, node: Node, board: Switchboard, mailbox: Mailbox | None = None) -> Hosted:
     """One node of this process with its feeds, not connected yet."""
     mailbox = mailbox or Mailbox()
-    spec = next(spec for spec in system.specs if spec.role == source[0])
     sources = all_sources(system)
-    stepper = make_stepper(system, spec, source[1], node)
+    stepper = make_stepper(system, *source, node)
+    spec = stepper.spec
     feeds: list[Feed] = []
     for given in spec.inputs:
         feeds += _feeds(system, given, sources, board, mailbox)
     stepper.connect([next(feed for feed in feeds if feed.wire.input is given).wire for given in spec.inputs])
+    waits_for = awaited(system.catalogue, source, feeds)
+    hears = sources if board.lossless or node.hears_all else [other for other in sources if other in waits_for]
     cell = Cell(
         stepper,
         mailbox,
         feeds,
-        {other: board.inlet(other, STEP, mailbox, FEW) for other in _reporting(source, feeds, sources, board)},
+        {other: board.inlet(other, STEP, mailbox, FEW) for other in hears},
         {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
         {role: system.config.role_table(role).instance for role in system.config.roles},
     )
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
-    return Hosted(cell, *control)
+    return Hosted(cell, control[0], control[1], waits_for)
 
 
-def awaited(source: Source, feeds: Sequence[Feed]) -> set[Source]:
+def awaited(catalogue: Catalogue, source: Source, feeds: Sequence[Feed]) -> set[Source]:
     """Instances whose step of a tick is worth waiting for a moment before a node's own step of it."""
     return {
         feed.source
         for feed in feeds
-        if not feed.wire.delayed and node_class(feed.source[0]).is_awaited and feed.source != source
+        if not feed.wire.delayed and catalogue.nodes[feed.source[0]].is_awaited and feed.source != source
     }
-
-
-def _reporting(
-    source: Source, feeds: Sequence[Feed], sources: Sequence[Source], board: Switchboard
-) -> Iterable[Source]:
-    """Instances whose step reports a node hears: each wakes it, so none that it has no use for."""
-    if board.lossless or node_class(source[0]).hears_all:
-        return sources
-    waits_for = awaited(source, feeds)
-    return [other for other in sources if other in waits_for]
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:

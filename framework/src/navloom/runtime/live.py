@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from navloom.engine.node import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
-from navloom.runtime.cells import Hosted, awaited
+from navloom.runtime.cells import Hosted
 from navloom.runtime.run_clock import RunClock
 
 __all__ = ["Change", "LiveRunner"]
@@ -47,7 +47,7 @@ class LiveRunner:
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
         self._pace = self.stepper.cause
-        self._siblings = awaited(self.cell.source, self.cell.feeds)
+        self._siblings = hosted.awaited
         self._patience = self.cell.node.patience
 
     def change(self, change: Change) -> None:

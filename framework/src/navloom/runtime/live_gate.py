@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from navloom.engine.catalogue import required_roles, warming_ports
+from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode
 from navloom.engine.told import Obeyed
@@ -56,6 +56,7 @@ class LiveGate(LiveRunner):
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: s without a platform stamp after which it is silent.
         is_alive: Whether an instance's liveliness token is there.
+        catalogue: What is known of the nodes.
 
     Attributes:
         chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
@@ -69,6 +70,7 @@ class LiveGate(LiveRunner):
         ends: Callable[[], bool],
         deadline: float,
         is_alive: Callable[[Source], bool],
+        catalogue: Catalogue,
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, GateNode)
@@ -80,7 +82,7 @@ class LiveGate(LiveRunner):
         self._marks: dict[Source, dict[str, int]] = {}
         self._enabled: dict[Source, bool] = {}
         self._goal_heard = time.monotonic()
-        self._required = required_roles()
+        self._catalogue, self._required = catalogue, catalogue.required_roles()
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
 
@@ -182,5 +184,5 @@ class LiveGate(LiveRunner):
         return ""
 
     def _is_warm(self, role: str, name: str) -> bool:
-        ports, marks = warming_ports(role), self._marks.get((role, name), {})
+        ports, marks = self._catalogue.warming_ports(role), self._marks.get((role, name), {})
         return self._enabled.get((role, name), False) and (not ports or any(marks.get(port, 0) for port in ports))

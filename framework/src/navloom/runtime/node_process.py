@@ -141,7 +141,8 @@ class NodeProcess:
         robot = self.system.config.robot
         keys = KeySpace(robot.realm, robot.name)
         clock, memory = RunClock(), Memory()
-        board = Switchboard(bus, keys, self.share.barrier, None if self.share.barrier else clock.age_s)
+        age = None if self.share.barrier else clock.age_s
+        board = Switchboard(bus, keys, self.share.barrier, age, self.system.catalogue)
         nodes = self._nodes()
         hosted = {source: make_cell(self.system, source, node, board) for source, node in nodes.items()}
         if self.share.barrier:
@@ -229,7 +230,7 @@ class NodeProcess:
         roles = [spec.role for spec in self.system.specs]
         period = self.system.config.run.period
         return BarrierRunner(
-            hosted.cell, hosted.requests, hosted.selection, roles, period,
+            hosted.cell, hosted.requests, hosted.selection, self.system.catalogue, roles, period,
             lambda values: self.configure(source, values), check,
         )  # fmt: skip
 
@@ -242,7 +243,7 @@ class NodeProcess:
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
             return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
-            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive)
+            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, self.system.catalogue)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:

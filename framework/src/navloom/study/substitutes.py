@@ -13,7 +13,6 @@ from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
 from navloom.config.schema import Config
 from navloom.engine.build import assemble
-from navloom.engine.catalogue import answer_ports
 from navloom.engine.differences import UNITS, differences
 from navloom.messages import MapUpdate, Message, PoseEstimate
 from navloom.recording.outcomes import Outcomes
@@ -125,7 +124,8 @@ def substitute(
     """
     name = loaded.config.role_table(role).instance
     replayer = Replayer(recording, assemble(loaded), {role: name}, say)
-    watch = _Watch(Substitute(Disagreement(role, name)), Outcomes(replayer))
+    ports = replayer.system.catalogue.answer_ports(role)
+    watch = _Watch(Substitute(Disagreement(role, name)), Outcomes(replayer), ports)
     replayer.run(watch.again, progress)
     watch.result.notes += [note for node in replayer.nodes.values() for note in node.notes]
     _add_way(watch.result, recording, replayer)
@@ -135,13 +135,13 @@ def substitute(
 class _Watch:
     """Compares each answer with the recorded one of the same step."""
 
-    def __init__(self, result: Substitute, outcomes: Outcomes) -> None:
-        self.result, self.outcomes = result, outcomes
+    def __init__(self, result: Substitute, outcomes: Outcomes, ports: tuple[str, ...]) -> None:
+        self.result, self.outcomes, self.ports = result, outcomes, ports
 
     def again(self, node: ReplayNode, stepped: Stepped, shelf: Shelf) -> None:
         """Take one step."""
         result, step = self.result, stepped.step
-        ports = answer_ports(step.role)
+        ports = self.ports
         given = [message for port, message in stepped.outputs if port in ports]
         numbers = self.outcomes.numbers(stepped, dict.fromkeys(ports, len(given[:1])))
         if not step.report.trigger:

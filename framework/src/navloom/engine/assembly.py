@@ -46,6 +46,10 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         observers,
         trace,
     )
+    may_wait = system.may_wait
+    if may_wait:
+        gate = executor.gate
+        gate.find_waiting = lambda: executor.waiting(may_wait)
     return executor
 
 

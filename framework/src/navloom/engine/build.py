@@ -31,7 +31,7 @@ from navloom.navigation import blocking, handover, monitor, projection, trajecto
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
-from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
+from navloom.roles import ROLES, Context, Platform, RobotSpec, Role, SensorSpec
 
 __all__ = ["System", "assemble", "make_plugins", "robot_spec", "try_plugins"]
 
@@ -96,6 +96,17 @@ class System:
     def config(self) -> Config:
         """What holds."""
         return self.loaded.config
+
+    @property
+    def may_wait(self) -> list[tuple[str, str]]:
+        """Instances of roles, stepped before the gate, that may have to wait for the first message of an input."""
+        order = [spec.role for spec in self.specs]
+        return [
+            (role, name)
+            for role in order[: order.index("gate")]
+            for owner, name in self.parts
+            if owner == role in ROLES and any(given.is_needed for given in self.wiring[role, name].inputs)
+        ]
 
     def plugin(self, role: str, instance: str) -> Role:
         """The object behind an instance."""

@@ -238,6 +238,7 @@ class Replayer:
             return node.step
         told = GateTold.of(step.report.told)
         node.is_warm = lambda role, name: f"{role} {name}" in told.warm
+        node.find_waiting = lambda: told.waiting
         if self.is_live:
             node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, told.gone
             for one in told.obeyed:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.engine.catalogue import Catalogue
+from navloom.engine.build import System
 from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.engine.wiring import QueueWire
@@ -25,9 +25,7 @@ class BarrierRunner:
     Args:
         cell: The node.
         requests, selection: What every node hears of the operator and of the gate.
-        catalogue: What is known of the nodes.
-        roles: All of them in the order of the graph.
-        period: s.
+        system: The robot.
         configure: Changes the plugin's parameters.
         check: Raises BarrierEnded when the process ends.
     """
@@ -37,14 +35,13 @@ class BarrierRunner:
         cell: Cell,
         requests: Feed,
         selection: Feed,
-        catalogue: Catalogue,
-        roles: Sequence[str],
-        period: float,
+        system: System,
         configure: Callable[[tuple[str, ...]], None],
         check: Callable[[], None],
     ) -> None:
-        self.cell, self.requests, self.selection, self.catalogue = cell, requests, selection, catalogue
-        self.roles, self.period, self.configure = list(roles), period, configure
+        self.cell, self.requests, self.selection, self.catalogue = cell, requests, selection, system.catalogue
+        self.roles, self.period = [spec.role for spec in system.specs], system.config.run.period
+        self.configure, self._may_wait, self._number = configure, system.may_wait, 0
         feeds = [*cell.feeds, requests, selection]
         streams = {feed.inlet: (feed.source, feed.wire.input.port) for feed in feeds}
         self.barrier = Barrier(cell.mailbox, cell.reports, streams, check)
@@ -53,6 +50,7 @@ class BarrierRunner:
         self._watched: set[Source] = set()
         if isinstance(cell.node, GateNode):
             cell.node.is_warm = self._is_warm
+            cell.node.find_waiting = self._find_waiting
 
     def run(self) -> None:
         """Tick after tick, until the process ends."""
@@ -65,6 +63,7 @@ class BarrierRunner:
             return
 
     def _tick(self, number: int) -> None:
+        self._number = number
         self.barrier.await_report(OPERATOR, number)
         if number:
             self.barrier.await_report(GATE, number - 1)
@@ -130,6 +129,11 @@ class BarrierRunner:
         if isinstance(node, GateNode):
             for source in self._watched:
                 self.barrier.await_report(source, number)
+
+    def _find_waiting(self) -> str:
+        """Which of the instances that may wait for a stream does in this tick: all of them step before the gate."""
+        found = [self.barrier.await_report(one, self._number).waiting for one in self._may_wait if self.cell.in_charge(one)]
+        return next(filter(None, found), "")
 
     def _step(self, number: int) -> None:
         cell, stepper = self.cell, self.cell.stepper

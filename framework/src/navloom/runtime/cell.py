@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from navloom.engine.node import Node, Outputs, Tick
-from navloom.engine.stepper import Stepper
+from navloom.engine.stepper import Stepper, waiting_words
 from navloom.engine.wiring import Slot, Wire
 from navloom.messages import InputRead, PortMark, Selection, StepReport
 from navloom.runtime.keyspace import STEP
@@ -112,6 +112,6 @@ class Cell:
         """Say that this tick is done, and what came of it; a silent one has no trigger."""
         marks = tuple(PortMark(port, outlet.sequence) for port, outlet in self.outlets.items() if port != STEP)
         enabled = self.stepper.enabled
-        told = self.node.told if trigger else ""
+        told = self.node.told if trigger else waiting_words(*self.source, self.stepper.lacks)
         message = StepReport(trigger, read, marks, enabled, self.versions, self.resets, spent_ns, fault, told)
         self.outlets[STEP].publish(message, tick.number, tick.time_ns, tick.time_ns, tick.epoch)

@@ -16,6 +16,8 @@ __all__ = ["Change", "LiveRunner"]
 
 IDLE = 0.1
 """s between looks at whether the process ends, where nothing comes in."""
+WAITING = 0.25
+"""s between two reports of a node that waits for the first message of an input."""
 STEPS = 64
 """Steps whose durations are kept."""
 BACKWARDS = 200
@@ -43,6 +45,7 @@ class LiveRunner:
         self.faulted = 0
         self.fault = ""
         self.spent_ns: deque[int] = deque(maxlen=STEPS)
+        self._said_waiting = 0.0
         self._changes: deque[Change] = deque()
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
@@ -150,6 +153,9 @@ class LiveRunner:
         stepper = self.stepper
         if not stepper.enabled:
             return None
+        if stepper.is_short():
+            self._say_waiting()
+            return None
         if stepper.spec.ticks:
             wire = self._pace
             if wire is None or wire.slot.tick <= stepper.stepped:
@@ -160,6 +166,14 @@ class LiveRunner:
             if wire.has_news(stepper.stepped, now) and now % stepper.stride == 0:
                 return wire.input.name, now if wire.delayed or wire.queue is not None else wire.slot.tick
         return None
+
+    def _say_waiting(self) -> None:
+        """Report now and then which streams are waited for."""
+        now = time.monotonic()
+        if now - self._said_waiting > WAITING and self.clock.is_known:
+            self._said_waiting = now
+            time_ns = max(0, self.clock.now_ns())
+            self.cell.report(Tick(max(0, self.clock.tick), time_ns * 1e-9, time_ns, self.cell.epoch))
 
     def _awaits_siblings(self, number: int) -> bool:
         """Give what belongs to the same tick a moment to come in; what comes after it is not waited for meanwhile."""

@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from navloom.engine.catalogue import Catalogue
+from navloom.engine.build import System
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode
 from navloom.engine.told import Obeyed
@@ -56,7 +56,7 @@ class LiveGate(LiveRunner):
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: s without a platform stamp after which it is silent.
         is_alive: Whether an instance's liveliness token is there.
-        catalogue: What is known of the nodes.
+        system: The robot.
 
     Attributes:
         chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
@@ -70,7 +70,7 @@ class LiveGate(LiveRunner):
         ends: Callable[[], bool],
         deadline: float,
         is_alive: Callable[[Source], bool],
-        catalogue: Catalogue,
+        system: System,
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, GateNode)
@@ -82,7 +82,9 @@ class LiveGate(LiveRunner):
         self._marks: dict[Source, dict[str, int]] = {}
         self._enabled: dict[Source, bool] = {}
         self._goal_heard = time.monotonic()
-        self._catalogue, self._required = catalogue, catalogue.required_roles()
+        self._catalogue, self._required = system.catalogue, system.catalogue.required_roles()
+        self._may_wait, self._waiting = system.may_wait, dict[Source, str]()
+        self.gate.find_waiting = self._find_waiting
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
 
@@ -170,8 +172,14 @@ class LiveGate(LiveRunner):
         super()._hear(source, report, at)
         self._marks[source] = {mark.port: mark.sequence for mark in report.published}
         self._enabled[source] = report.enabled
+        self._waiting[source] = "" if report.trigger else report.told
         if source[0] == "goal":
             self._goal_heard = time.monotonic()
+
+    def _find_waiting(self) -> str:
+        """Which active instance waits for a stream, as far as its reports say."""
+        found = [self._waiting.get(source, "") for source in self._may_wait if self.cell.in_charge(source)]
+        return next(filter(None, found), "")
 
     def _gone(self) -> str:
         if time.monotonic() - self._goal_heard > GOAL_SILENCE:

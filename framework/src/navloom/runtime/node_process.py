@@ -227,10 +227,8 @@ class NodeProcess:
                 raise BarrierEnded
 
         source = hosted.cell.source
-        roles = [spec.role for spec in self.system.specs]
-        period = self.system.config.run.period
         return BarrierRunner(
-            hosted.cell, hosted.requests, hosted.selection, self.system.catalogue, roles, period,
+            hosted.cell, hosted.requests, hosted.selection, self.system,
             lambda values: self.configure(source, values), check,
         )  # fmt: skip
 
@@ -243,7 +241,7 @@ class NodeProcess:
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
             return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
-            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, self.system.catalogue)
+            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, self.system)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:

@@ -164,6 +164,7 @@ class Services:
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
             "notes": notes_of(cell.node),
+            "waits_for": list(cell.stepper.lacks),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "streams": streams,

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
-from navloom.config.schema import Config
+from navloom.config.schema import ROLE_TABLES, Config
 from navloom.engine.build import assemble
 from navloom.engine.differences import UNITS, differences
 from navloom.messages import MapUpdate, Message, PoseEstimate
+from navloom.plugins.registry import nearest
 from navloom.recording.outcomes import Outcomes
 from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
@@ -32,7 +33,7 @@ TICKS = 5
 """At most on an x axis: those of a robot that has run for days have many digits."""
 LARGE = 1e6
 """Numbers above it are shown as what they exceed a common one by."""
-RESERVED = ("rate_hz", "latency", "sensors")
+RESERVED = ("rate_hz", "latency", "sensors", "required")
 
 
 @dataclass(eq=False)
@@ -84,11 +85,14 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
     """
     tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
     tables = tree.pop("alternative", [])
+    nodes = {one["name"]: one for one in tree.get("node", [])}
+    if role not in (*ROLE_TABLES, *nodes):
+        raise ConfigError(f"--node {role}={name}: the recording's config has no [[node]] {role!r}{nearest(role, list(nodes))}")
     chosen = next((one for one in tables if one["role"] == role and name in (one.get("name"), one["plugin"])), None)
     if chosen is not None:
         table = {key: value for key, value in chosen.items() if key not in ("role", "shadow")}
     else:
-        old = tree.get(role, {})
+        old = nodes.get(role) or tree.get(role, {})
         same = old.get("plugin") == name
         table = {**{key: value for key, value in old.items() if same or key in RESERVED}, "plugin": name}
         if not same:
@@ -99,12 +103,16 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         owner, _, key = place.partition(".")
         if owner == role and key:
             table[key] = value
-    tree[role] = table
+    if role in nodes:
+        tree["node"] = [{**table, "name": role} if one is nodes[role] else one for one in nodes.values()]
+    else:
+        tree[role] = table
     tree["event"] = []
     try:
         return replace(loaded, config=Config.model_validate(tree))
     except ValueError as error:
-        raise ConfigError(f"--{role} {name}: {error}") from None
+        option = f"--{role} {name}" if role in ROLE_TABLES else f"--node {role}={name}"
+        raise ConfigError(f"{option}: {error}") from None
 
 
 def substitute(

@@ -28,10 +28,10 @@ from navloom import (
     hookimpl,
     message,
 )
-from navloom_sensors_sim.adapter import SensorsSim
-from navloom_sensors_sim.params import SensorsSimParams
 from navloom_improved_vfh.adapter import ImprovedVfh
 from navloom_improved_vfh.params import ImprovedVfhParams
+from navloom_sensors_sim.adapter import SensorsSim
+from navloom_sensors_sim.params import SensorsSimParams
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -79,7 +79,9 @@ class BeaconRobot(SensorsSim):
         got = self.inner.advance(given)
         assert got.truth is not None
         pose = got.truth.pose
-        turn = np.array([[math.cos(pose.heading), -math.sin(pose.heading)], [math.sin(pose.heading), math.cos(pose.heading)]])
+        turn = np.array(
+            [[math.cos(pose.heading), -math.sin(pose.heading)], [math.sin(pose.heading), math.cos(pose.heading)]]
+        )
         scans = dict(got.scans)
         for name, settings in self.beacons.items():
             points = (np.array(settings.people) - (pose.x, pose.y)) @ turn

@@ -204,9 +204,7 @@ def _system(
     start, goal, tolerance = _task(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
-    return System(
-        loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks
-    )
+    return System(loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks)
 
 
 def make_plugins(

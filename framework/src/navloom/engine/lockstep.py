@@ -16,7 +16,7 @@ from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
-from navloom.navigation.gate import WAITING
+from navloom.navigation.gate import is_at_rest
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
@@ -79,8 +79,7 @@ class RunLog:
 
     def hear_gate(self, status: GateStatus) -> None:
         """Count what a status of the gate says beyond the one before."""
-        is_at_rest = status.reason in ("no_trajectory", "ending") or status.reason.startswith(WAITING)
-        stopped_for = status.reason if status.stopped and not is_at_rest else ""
+        stopped_for = status.reason if status.stopped and not is_at_rest(status.reason) else ""
         self.gate_stops += bool(stopped_for) and stopped_for != self._stopped_for
         limited_by = "" if status.limit == "overridden" else status.limit
         self.gate_limits += bool(limited_by) and not self._limited_by

@@ -83,9 +83,7 @@ class Port(Generic[M]):
 
     def of(self, role: str) -> Port[M]:
         """The same port of a node that a config names."""
-        made = Port(
-            self.carries, self.quality, retained=self.retained, required=self.required, answers=self.answers
-        )
+        made = Port(self.carries, self.quality, retained=self.retained, required=self.required, answers=self.answers)
         made.role, made.name = role, self.name
         return made
 

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import Monitor, Verdict
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "Limits", "Offer", "Sensed"]
+__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "Limits", "Offer", "Sensed",
+           "is_at_rest"]  # fmt: skip
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
 OBSTACLE = "obstacle"
@@ -23,6 +24,11 @@ WAITING = "waits: "
 """How the reason begins while a node of the chain waits for the first message of an input."""
 HIDING = ("silent: platform", "silent: sensor")
 """How reasons begin that are told in place of an operator who is not heard."""
+
+
+def is_at_rest(reason: str) -> bool:
+    """Whether a gate that is stopped for a reason stops nothing: there is nothing to drive yet, or any more."""
+    return reason in ("no_trajectory", ENDING) or reason.startswith(WAITING)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,9 @@ class Extra(Generic[V]):
     ) -> None: ...
 
     @overload
-    def __init__(self: Extra[M | None], carries: type[M], *, optional: Literal[True], delayed: bool = False) -> None: ...
+    def __init__(
+        self: Extra[M | None], carries: type[M], *, optional: Literal[True], delayed: bool = False
+    ) -> None: ...
 
     def __init__(self, carries: type[Any], *, optional: bool = False, delayed: bool = False) -> None:
         self.carries: type[Message] = carries

@@ -132,7 +132,9 @@ class BarrierRunner:
 
     def _find_waiting(self) -> str:
         """Which of the instances that may wait for a stream does in this tick: all of them step before the gate."""
-        found = [self.barrier.await_report(one, self._number).waiting for one in self._may_wait if self.cell.in_charge(one)]
+        found = [
+            self.barrier.await_report(one, self._number).waiting for one in self._may_wait if self.cell.in_charge(one)
+        ]
         return next(filter(None, found), "")
 
     def _step(self, number: int) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
-from navloom.navigation.gate import OBSTACLE
+from navloom.navigation.gate import OBSTACLE, WAITING
 from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.quality import is_retained, kind_of, most_of
@@ -223,9 +223,18 @@ def why_stopped(
     if status.reason in _STOPS:
         return _STOPS[status.reason]
     kind, _, who = status.reason.partition(": ")
+    if status.reason.startswith(WAITING):
+        node, _, streams = who.partition(" for ")
+        return waiting(node, streams)
     words, remedy = _KINDS.get(kind, ("", "`navloom echo gate/status` shows whether it passes"))
     who = "the operator" if who.startswith("operator") else who
     return (f"{who} {words}" if words else status.reason), remedy
+
+
+def waiting(node: str, streams: str) -> tuple[str, str]:
+    """That a node waits for the first message of streams, and what to do."""
+    first = streams.split(" and ")[0].replace(".", "/")
+    return f"{node} waits for {streams}", f"`navloom hz {first}` shows whether it comes, `navloom list` who is there"
 
 
 def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple[str, str]:

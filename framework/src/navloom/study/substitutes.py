@@ -87,7 +87,9 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
     tables = tree.pop("alternative", [])
     nodes = {one["name"]: one for one in tree.get("node", [])}
     if role not in (*ROLE_TABLES, *nodes):
-        raise ConfigError(f"--node {role}={name}: the recording's config has no [[node]] {role!r}{nearest(role, list(nodes))}")
+        raise ConfigError(
+            f"--node {role}={name}: the recording's config has no [[node]] {role!r}{nearest(role, list(nodes))}"
+        )
     chosen = next((one for one in tables if one["role"] == role and name in (one.get("name"), one["plugin"])), None)
     if chosen is not None:
         table = {key: value for key, value in chosen.items() if key not in ("role", "shadow")}

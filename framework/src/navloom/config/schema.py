@@ -14,8 +14,8 @@ from navloom.roles import ROLES
 from navloom.roles.base import StrictModel
 
 __all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "FootprintTable", "GateTable", "LiveTable",
-           "MapTable", "NavigationTable", "NodeTable", "PlaceTable", "Placed", "PluginsTable", "PointTable", "RobotTable",
-           "RoleTable", "RunTable", "SensorTable", "WorldTable"]  # fmt: skip
+           "MapTable", "NavigationTable", "NodeTable", "PlaceTable", "Placed", "PluginsTable", "PointTable",
+           "RobotTable", "RoleTable", "RunTable", "SensorTable", "WorldTable"]  # fmt: skip
 
 Positive = Annotated[float, Field(gt=0.0)]
 ROLE_TABLES = ROLES.keys()

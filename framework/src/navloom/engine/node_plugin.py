@@ -1,4 +1,4 @@
-"""Whole nodes of other distributions: one class, with the framework's own declarations of what it reads and publishes."""
+"""Whole nodes of other distributions: one class, with the framework's own declarations of inputs and outputs."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from navloom.engine.streams import (
 from navloom.messages import Message
 from navloom.roles import Role
 
-__all__ = ["AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts", "Latest", "LocalizerPorts", "MapperPorts", "New",
-           "NodePlugin", "OperatorPorts", "PlannerPorts", "PlatformPorts", "Publishes", "Quality", "RecoveryPorts",
+__all__ = ["AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts", "Latest", "LocalizerPorts", "MapperPorts",
+           "New", "NodePlugin", "OperatorPorts", "PlannerPorts", "PlatformPorts", "Publishes", "Quality", "RecoveryPorts",
            "ReferencePorts", "Sensors", "Tick", "Track"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
@@ -59,10 +59,11 @@ class Publishes(Output[M]):
 
 
 class NodePlugin(Role, Node):
-    """Base of whole nodes of other distributions. A config uses one in a table `[[node]]`, whose `name` is a role's then.
+    """Base of whole nodes of other distributions. A table `[[node]]` of a config uses one under a name of its own.
 
-    A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message class)
-    and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock or socket.
+    A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message
+    class) and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock or
+    socket.
 
     Class attributes, beside those of a role's plugin:
         ticks: It steps in every tick; else an input must have `triggers=True`.

@@ -12,14 +12,15 @@ from navloom.config.schema import Config, RoleTable
 from navloom.engine.catalogue import Catalogue, carries_truth, node_plugin
 from navloom.engine.graph import GraphError, order
 from navloom.engine.node_plugin import NodePlugin
-from navloom.engine.ports import Declared, NodeSpec, Port, Wired
+from navloom.engine.ports import Declared, NodeSpec, Port, SensorGroup, Wired
 from navloom.messages import Message
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.roles import ROLES, Platform, Role, SensorSpec
 from navloom.roles.extra import extras_of
 
-__all__ = ["Part", "catalogue_of_parts", "connect", "find_parts", "find_streams", "sensors_of"]
+__all__ = ["Part", "catalogue_of_parts", "connect", "find_parts", "find_streams", "sensors_of",
+           "streams_of"]  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -81,8 +82,8 @@ def _check_streams(part: Part, active: type[NodePlugin]) -> None:
     ours, theirs = [{port.name: port.carries for port in cls.ports(Wired(part.role))} for cls in (part.cls, active)]
     if ours != theirs:
         raise ConfigError(
-            f"{part.place}.plugin: {part.cls.name} publishes {_listed(ours)}, expected what {active.name} in {part.role} "
-            f"does: {_listed(theirs)}"
+            f"{part.place}.plugin: {part.cls.name} publishes {_listed(ours)}, expected what {active.name} does, which "
+            f"is {part.role}: {_listed(theirs)}"
         )
 
 
@@ -155,6 +156,23 @@ def _port_of(
         example = f'inputs = {{ {name} = "{next(iter(found))}" }}'
         raise ConfigError(f"{place}: {words}, and there are {listed}: name one, as in {example}")
     return next(iter(found.values()))
+
+
+def streams_of(cls: type[Role]) -> dict[str, dict[str, str]]:
+    """What a plugin reads beside what its role is given, and what a node publishes: message classes by name."""
+    reads = {name: extra.carries for name, extra in extras_of(cls).items()}
+    if not issubclass(cls, NodePlugin):
+        return {"reads": {name: carries.__name__ for name, carries in reads.items()}} if reads else {}
+    for one in cls.declared_inputs:
+        if isinstance(one, Declared):
+            reads[one.name] = one.carries
+        elif isinstance(one, SensorGroup):
+            reads |= {f"{one.name}, of sensors": kind for kind in one.carries or (Message,)}
+    publishes = {port.name: port.carries for port in cls.ports(Wired(cls.role))}
+    return {
+        what: {name: carries.__name__ for name, carries in streams.items()}
+        for what, streams in (("reads", reads), ("publishes", publishes))
+    }
 
 
 def connect(

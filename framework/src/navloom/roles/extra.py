@@ -19,8 +19,8 @@ V = TypeVar("V")
 class Extra(Generic[V]):
     """A further input of a role's plugin, as a class attribute: `tracks = Extra(Tracks)`.
 
-    The plugin reads the newest message as `given.extra[self.tracks]`. It comes from the one node or sensor that publishes
-    this class, or from the one that `inputs` in the plugin's table names.
+    The plugin reads the newest message as `given.extra[self.tracks]`. It comes from the one node or sensor that
+    publishes this class, or from the one that `inputs` in the plugin's table names.
 
     Args:
         carries: The message class.

@@ -6,6 +6,7 @@ import functools
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ import typer.main
 from doc_pages import NOT_RUN, PAGES, PROGRAMS, STAND_INS, TOP, Step, listed, steps, words
 from navloom.cli.main import app
 from navloom.config import load_config
-from navloom.messages import Envelope, GateStatus, Message, StepRecord
+from navloom.messages import SCHEMAS, Envelope, GateStatus, Message, StepRecord
 from navloom.plugins import Registry
 from navloom.study.episode import run_episode
 
@@ -112,12 +113,33 @@ def test_toml_blocks_parse(page: Path) -> None:
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    (source,) = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
-    scope: dict[str, object] = {"__name__": "my_plugins"}
-    exec(compile(source, "writing-a-plugin.md", "exec"), scope)
+    controller, observer, command = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
     registry = Registry()
-    scope["navloom_register"](registry)  # type: ignore[operator]
-    assert ("controller", "proportional") in registry.roles
+    scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
+    scopes[0]["navloom_register"](registry)
+    scopes[2]["navloom_register"](registry)
+    assert ("controller", "proportional") in registry.roles and list(registry.commands) == ["greet"]
+    stops = scopes[1]["navloom_observe"](run=None)
+    for stopped in (True, False, True):
+        status = SimpleNamespace(stopped=stopped)
+        stops.on_message("gate", "main", True, "status", status, Envelope("k", 1, 0, 0, 0, 0))
+    assert stops.count == 2
+
+
+def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
+    (source,) = blocks(TOP / "docs" / "messages.md", "python")
+    registry = Registry()
+    executed(source, "navloom_people")["navloom_register"](registry)
+    cls = registry.messages["Tracks"]
+    assert cls.schema_name == "navloom_people.Tracks"
+    del SCHEMAS[cls.schema_name]
+
+
+def executed(source: str, module: str) -> dict[str, Any]:
+    """What a block of code declares, as the module of a plugin."""
+    scope: dict[str, Any] = {"__name__": module}
+    exec(compile(source, module, "exec", dont_inherit=True), scope)
+    return scope
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

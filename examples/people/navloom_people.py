@@ -38,7 +38,7 @@ from pydantic import Field
 Floats = NDArray[np.float64]
 
 
-@message()
+@message
 class Beacons(Message):
     """Directions of the beacons that are heard: `points` is (n, 2), m, base frame."""
 
@@ -46,7 +46,7 @@ class Beacons(Message):
     points: Annotated[Floats, Array("float64", ("n", 2))]
 
 
-@message()
+@message
 class Tracks(Message):
     """Where people are: `points` is (n, 2), m, map frame; `echoes` counts the beams that heard anything."""
 
@@ -145,3 +145,5 @@ def navloom_register(registry: Registry) -> None:
         registry.add(cls)
     for node in (PeopleTracker, NearestTracker):
         registry.node(node)
+    for kind in (Beacons, Tracks):
+        registry.message(kind)

@@ -162,7 +162,7 @@ class Reader:
 
     def _run_code(self, step: Step) -> None:
         scope: dict[str, object] = {"__name__": "page"}
-        exec(compile(step.text, str(step.page), "exec"), scope)
+        exec(compile(step.text, str(step.page), "exec", dont_inherit=True), scope)
         register = scope.get("navloom_register")
         if callable(register):
             register(Registry())

@@ -139,7 +139,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
     people: Path, tmp_path: Path, typed: Typed
 ) -> None:
     recording = tmp_path / "run.mcap"
-    typed("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json")
+    print(typed("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json"))
     code, out, err = typed("replay", str(recording), "--check")
     assert code == 0 and "bit for bit" in out, out + err
     steps = next(line.split() for line in out.splitlines() if line.startswith("people people_tracker"))

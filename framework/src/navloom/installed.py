@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoints
+from navloom.entry_kinds import OTHERS, installed_points
 
 __all__ = [
     "candidates",
@@ -21,10 +19,6 @@ __all__ = [
     "print_versions",
     "shipped_names",
 ]
-
-GROUP = "navloom"
-NO_ROLES = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
-"""What an entry point may give beside a role's plugin."""
 
 
 def shipped_names() -> list[str]:
@@ -39,7 +33,7 @@ def config_help() -> str:
 
 def plugin_distributions() -> dict[str, str]:
     """Version of each installed distribution that gives plugins, the framework left out."""
-    found = {point.dist.name: point.dist.version for point in _points() if point.dist is not None}
+    found = {point.dist.name: point.dist.version for point in installed_points() if point.dist is not None}
     return {name: found[name] for name in sorted(found) if name != "navloom"}
 
 
@@ -75,8 +69,8 @@ def candidates(kind: str) -> list[str]:
         from navloom.runtime.directory import robots
 
         return [f"{running.realm}/{running.robot}" for running in robots()]
-    names = sorted(point.name for point in _points())
-    plugins = [name for name in names if name.partition(".")[0] not in NO_ROLES]
+    names = sorted(point.name for point in installed_points())
+    plugins = [name for name in names if name.partition(".")[0] not in OTHERS]
     if kind == "plugins":
         return plugins
     if kind == "roles":
@@ -90,9 +84,3 @@ def print_candidates(kinds: Sequence[str]) -> None:
     for kind in kinds:
         for name in candidates(kind):
             print(name)
-
-
-def _points() -> EntryPoints:
-    from importlib.metadata import entry_points
-
-    return entry_points(group=GROUP)

@@ -372,12 +372,12 @@ def test_a_message_with_more_than_256_arrays_is_not_encoded() -> None:
         paths: tuple[Path, ...]
 
     path = Path(1, np.zeros((1, 2)), 0.0, None)
-    whole, _ = decode(encode(Bundle((path,) * 256), AT), "navloom.Bundle/1")
+    whole, _ = decode(encode(Bundle((path,) * 256), AT), schema_label(Bundle))
     assert isinstance(whole, Bundle) and len(whole.paths) == 256
     with pytest.raises(CodecError, match="holds 257 arrays, expected at most 256"):
         encode(Bundle((path,) * 257), AT)
     more = changed(encode(Bundle((path,) * 256), AT), lambda h: h["arrays"].append(["<f8", [0], 0]))
-    assert "arrays: got 257 items, expected at most 256" in refusal(more, "navloom.Bundle/1")
+    assert "arrays: got 257 items, expected at most 256" in refusal(more, schema_label(Bundle))
 
 
 def test_arrays_of_every_element_type_and_in_tuples_come_back() -> None:
@@ -394,11 +394,11 @@ def test_arrays_of_every_element_type_and_in_tuples_come_back() -> None:
     corner = Point2D(1.0, 2.0)
     made = Mixed(np.array(2.5, np.float32), np.array([7], np.int32), np.array([[True]]), ((corner,), ()), (None, 1.0),
                  (None, path))  # fmt: skip
-    back, _ = decode(encode(made, AT), "navloom.Mixed/1")
+    back, _ = decode(encode(made, AT), schema_label(Mixed))
     assert isinstance(back, Mixed) and back.b is not None and back.f[1] is not None
     assert (back.a[()], back.b.tolist(), back.c.tolist()) == (2.5, [7], [[True]])
     assert (back.d, back.e, back.f[0], back.f[1].points.tolist()) == (((corner,), ()), (None, 1.0), None, [[1.0, 1.0]])
-    bare, _ = decode(encode(Mixed(made.a, None, made.c, (), (), ()), AT), "navloom.Mixed/1")
+    bare, _ = decode(encode(Mixed(made.a, None, made.c, (), (), ()), AT), schema_label(Mixed))
     assert isinstance(bare, Mixed) and bare.b is None
 
 

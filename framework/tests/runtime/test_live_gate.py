@@ -48,7 +48,9 @@ class Gate:
         node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
         assert isinstance(node, GateNode)
         self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
-        self.runner = LiveGate(self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive)
+        self.runner = LiveGate(
+            self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive, SYSTEM
+        )
         self.node = node
 
     def tick(self, tick: int) -> None:

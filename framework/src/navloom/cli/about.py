@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated
 
 import typer
 
+from navloom.entry_kinds import TRACE_HOOKS
 from navloom.installed import print_versions
 
 __all__ = ["about"]
@@ -17,8 +19,13 @@ def about(
         bool, typer.Option("--version", help="Print the versions of navloom, Python and plugin distributions.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="With --version: print JSON.")] = False,
+    trace_hooks: Annotated[
+        bool, typer.Option("--trace-hooks", help="Print every call of a plugin's hook to standard error.")
+    ] = False,
 ) -> None:
     """Plugin-based navigation for mobile robots."""
+    if trace_hooks:
+        os.environ[TRACE_HOOKS] = "1"  # what the command starts inherits it
     if version:
         print_versions(as_json)
         raise typer.Exit()

@@ -53,6 +53,7 @@ def echo(
 
 def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
     """Stream, message and envelope; what is kept first, then what comes. Says on stderr what cannot be shown."""
+    from navloom.messages.generic import GenericMessage
     from navloom.runtime.client import ClientError
     from navloom.runtime.looking import listing, resolve, retained, tap
     from navloom.runtime.mailbox import Mailbox
@@ -61,6 +62,7 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
     taps = tap(client, resolve(key, listing(client)), mailbox)
     kept = {stream: retained(client, stream) for stream in taps}
     seen = 0
+    told: set[str] = set()
     malformed = dict.fromkeys(taps, 0)
     silent_from: float | None = time.monotonic()
     while True:
@@ -71,6 +73,10 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
                 come.insert(0, last)
             for message, envelope in come:
                 silent_from = None
+                why = message.why if isinstance(message, GenericMessage) else ""
+                if why and why not in told:
+                    told.add(why)
+                    typer.echo(f"navloom: {why}; shown from its header alone", err=True)
                 yield stream, message, envelope
             if inlet.counts.malformed > malformed[stream]:
                 malformed[stream] = inlet.counts.malformed

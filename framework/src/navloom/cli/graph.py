@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -55,7 +55,8 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
         print_json(
             {
                 "nodes": [
-                    {"role": spec.role, "instances": names[spec.role], "publishes": list(spec.outputs)}
+                    {"role": spec.role, "instances": names[spec.role], "publishes": list(spec.outputs),
+                     "carries": {port.name: _carried(port) for port in spec.ports}}
                     for spec in system.specs
                 ],
                 "edges": [
@@ -75,7 +76,12 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
         for spec in system.specs:
             typer.echo(f"{spec.role} ({', '.join(names[spec.role])})")
             typer.echo(f"  reads {', '.join(map(str, spec.inputs)) or 'nothing'}")
-            typer.echo(f"  publishes {', '.join(spec.outputs)}")
+            typer.echo(f"  publishes {', '.join(f'{port.name} ({_carried(port)})' for port in spec.ports)}")
+
+
+def _carried(port: Any) -> str:
+    """Schema name of what a port carries; the framework's own without its package."""
+    return str(port.carries.schema_name).removeprefix("navloom.") or "any message"
 
 
 def _live_graph(

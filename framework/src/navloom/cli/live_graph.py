@@ -18,12 +18,13 @@ def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     from navloom.runtime.looking import missing
 
     kept = ("role", "instance", "process", "host", "active")
-    found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node["published"]}
+    found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node["published"],
+              "carries": node["carries"]}
              for node in nodes]  # fmt: skip
     for gone in missing(nodes):
         found.append(
             {"role": gone.role, "instance": gone.instance, "process": gone.process, "host": gone.host or None,
-             "active": None, "state": "missing", "published": {}}
+             "active": None, "state": "missing", "published": {}, "carries": {}}
         )  # fmt: skip
     return found
 
@@ -48,7 +49,7 @@ def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> No
             if streams:
                 typer.echo(f"  {words} {', '.join(streams)}")
         if node["published"]:
-            typer.echo(f"  publishes {', '.join(node['published'])}")
+            typer.echo(f"  publishes {', '.join(_with_type(port, node['carries']) for port in node['published'])}")
 
 
 def print_dot(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
@@ -66,6 +67,11 @@ def print_dot(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None
         style = "" if edge["received"] else ", style=dotted"
         typer.echo(f'  "{edge["from"]}" -> "{edge["to"]}" [label="{edge["port"]}"{style}];')
     typer.echo("}")
+
+
+def _with_type(port: str, carries: Mapping[str, str]) -> str:
+    schema = carries.get(port, "").partition("/")[0].removeprefix("navloom.")
+    return f"{port} ({schema})" if schema else port
 
 
 def _place(node: Node) -> str:

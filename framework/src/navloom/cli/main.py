@@ -11,6 +11,7 @@ import typer
 
 from navloom.cli import (
     about,
+    added,
     bench,
     compare,
     completion,
@@ -25,6 +26,7 @@ from navloom.cli import (
     listing,
     manual,
     map,
+    messages,
     nodes,
     operate,
     paper,
@@ -44,6 +46,7 @@ from navloom.cli import (
 __all__ = ["app", "main"]
 
 app = typer.Typer(
+    cls=added.Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -76,6 +79,7 @@ app.command("view")(view.view)
 app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
+app.command("messages")(messages.messages)
 app.command("worlds")(worlds.worlds)
 app.command("paper")(paper.paper)
 app.command("bench")(bench.bench)
@@ -110,7 +114,8 @@ def main() -> None:
         if _is_wrong_request(error):
             _say(_words(error))
             sys.exit(2)
-        _say(f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})")
+        internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
+        _say(added.blamed(error) or internal)
         sys.exit(1)
 
 

@@ -11,6 +11,7 @@ __all__ = ["plugins"]
 
 
 def plugins(
+    context: typer.Context,
     name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -23,7 +24,8 @@ def plugins(
     discovery = Discovery()
     if name is None:
         infos = discovery.infos()
-        for problem in discovery.problems():
+        root: Any = context.find_root().command
+        for problem in (*discovery.problems(), *discovery.taken("command", root.commands)):
             typer.echo(f"navloom: {problem}", err=True)
         if as_json:
             print_json([asdict(info) for info in infos])

@@ -71,8 +71,7 @@ def replay(
             tried = ", ".join(stand_ins) or "none is tried"
             raise ConfigError(f"--set {change}: expected ROLE.KEY=V of a role that another plugin is tried in: {tried}")
     recording = Recording(file)
-    if recording.note:
-        typer.echo(f"navloom: {recording.note}", err=True)
+    tell_reading(recording)
     if live:
         _publish(recording, speed)
         return
@@ -89,6 +88,16 @@ def replay(
             _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
         else:
             _check(recording, loaded, check, out, as_json)
+
+
+def tell_reading(recording: Any) -> None:
+    """Say what a user should know of a recording: how it ends, and which messages in it are not known here."""
+    from navloom.plugins.opening import OPENER
+
+    if recording.header.config is not None:
+        OPENER.block(recording.header.loaded().config.plugins.blocked)
+    for note in filter(None, (recording.note, *recording.unknown())):
+        typer.echo(f"navloom: {note}", err=True)
 
 
 def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:

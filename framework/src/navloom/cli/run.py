@@ -46,6 +46,8 @@ def run(
     """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
     from navloom.cli.written import Written, record_of, rerun_of
     from navloom.config import load_config
+    from navloom.plugins import Discovery
+    from navloom.plugins.observing import Onlookers
     from navloom.study.episode import run_episode
     from navloom.study.results import ResultFolder
     from navloom.viewer.watching import watch_run
@@ -55,12 +57,17 @@ def run(
         typer.echo(f"navloom: {notice}", err=True)
     is_seen = view or web or viewer is not None or rerun is not None
     where = where_of(view, rerun, viewer, web) if is_seen else None
-    with watch_run(loaded, where, say_so) as watch:
+    discovery = Discovery(loaded.config.plugins.blocked)
+    with watch_run(loaded, where, say_so) as watch, Onlookers(discovery, say_so) as onlookers:
         with ResultFolder(out) as folder, recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
             observers = [*([] if recorder is None else [recorder]), *watch.observers]
             with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
-                episode = run_episode(loaded, observers=observers, trace=folder.trace, say=say, progress=tell)
-            summary = episode.summary()
+                episode = run_episode(
+                    loaded, discovery=discovery, observers=observers, onlookers=onlookers, trace=folder.trace, say=say,
+                    progress=tell,
+                )  # fmt: skip
+                summary = episode.summary()
+                onlookers.finish(summary)
             folder.keep(episode, summary)
         watch.finish()
         written = Written(folder, record_of(recorder), rerun_of(rerun, watch.showing))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -145,11 +146,14 @@ def _end(running: Any) -> None:
 def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) -> None:
     from navloom.cli.output import print_json, stage
     from navloom.cli.written import Written
+    from navloom.plugins import Discovery
+    from navloom.plugins.observing import Onlookers
     from navloom.study.live_run import run_barrier
     from navloom.study.results import ResultFolder
 
     cut: list[str] = []
-    with ending() as event, ResultFolder(out) as folder, stage(as_json) as (say, progress):
+    onlookers = Onlookers(Discovery(loaded.config.plugins.blocked), say_so)
+    with ending() as event, onlookers, ResultFolder(out) as folder, stage(as_json) as (say, progress):
         episode = run_barrier(
             loaded,
             trace=folder.trace,
@@ -157,8 +161,10 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
             progress=progress,
             ends=event.is_set,
             beside=_beside(record, say_so, cut),
+            onlookers=onlookers,
         )
         summary = episode.summary()
+        onlookers.finish(summary)
         folder.keep(episode, summary)
     written = Written(folder)
     tell_faults(episode, summary)
@@ -182,12 +188,17 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
 def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool) -> Any:
     from navloom.cli.live_table import LiveTable
     from navloom.config import ConfigError
+    from navloom.plugins import Discovery
+    from navloom.plugins.observing import Onlookers
     from navloom.study.live_run import LiveRun
 
-    with ending() as event:
+    with ending() as event, ExitStack() as observed:
         run = LiveRun(loaded, host, insecure, say_so, event)
         if as_json and not run.judges:
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with LiveTable(run, sys.stderr) as table:
             run.say, run.beside = table.say, _beside(record, table.say, cut)
-            return run.run(as_json, table.missing, table.look, None if as_json else table.result)
+            run.onlookers = observed.enter_context(Onlookers(Discovery(loaded.config.plugins.blocked), table.say))
+            episode = run.run(as_json, table.missing, table.look, None if as_json else table.result)
+            run.onlookers.finish(None if episode is None else episode.summary())
+            return episode

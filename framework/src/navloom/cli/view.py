@@ -97,12 +97,12 @@ def _file(file: Path, where: Where) -> Any:
         program.await_window()
         program.leave(say_so)
         return None
+    from navloom.cli.replay import tell_reading
     from navloom.recording.reader import Recording
     from navloom.viewer.sources import facts_of_recording, recorded_messages
 
     with Recording(file) as recording:
-        if recording.note:
-            say_so(recording.note)
+        tell_reading(recording)
         facts = facts_of_recording(recording)
         with showing(facts, where, recording_id=f"{file.name}-{file.stat().st_size}", say=say_so) as shown:
             for message in recorded_messages(recording, facts):
@@ -114,6 +114,8 @@ def _live(
     where: Where, seconds: float | None, robot: str | None, connect: str | None, keys: str | None, insecure: bool
 ) -> Any:
     from navloom.cli.interrupts import ending
+    from navloom.messages.generic import GenericMessage
+    from navloom.plugins.opening import OPENER
     from navloom.recording.live_recorder import ask_header
     from navloom.runtime.joining import join
     from navloom.viewer.order import NICE
@@ -123,14 +125,20 @@ def _live(
     os.nice(NICE)  # before the network's threads are there: each has a priority of its own
     with ending() as event, join(robot, connect, keys, VIEWER, insecure) as client:
         header = ask_header(client)
+        if header.config is not None:
+            OPENER.block(header.loaded().config.plugins.blocked)
         facts = facts_of_header(header, header.prefix)
         limit = None if seconds is None else time.monotonic() + seconds
         identity = f"{header.prefix}-{time.time_ns()}"
         heard = time.monotonic()
         with showing(facts, where, recording_id=identity, live=True, say=say_so) as shown:
             say_so(f"showing {header.prefix}; Ctrl-C ends it")
+            told: set[str] = set()
             for message in live_messages(client, facts):
                 if message is not None:
+                    if isinstance(message.message, GenericMessage) and message.message.why not in told:
+                        told.add(message.message.why)
+                        say_so(message.message.why)
                     shown.bridge.put(message)
                     continue
                 now = time.monotonic()

@@ -25,7 +25,7 @@ from navloom.messages.kinds import DTYPES, MAX_ARRAYS, Kind, Message, MessageErr
 from navloom.messages.packing import PACKER, PAD, Arrays, Pads, writer_of
 from navloom.messages.schema import SCHEMAS
 
-__all__ = ["CodecError", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
+__all__ = ["CodecError", "UnknownSchema", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
            "schema_label"]  # fmt: skip
 
 SHORT, SHORT_LIST = 4096, 256
@@ -42,6 +42,10 @@ Read = Callable[[Any, list[NDArray[Any]]], Any]
 
 class CodecError(ValueError):
     """Bytes that are not the message they claim to be; the text names the place, the value and the expectation."""
+
+
+class UnknownSchema(CodecError):
+    """A message of a class, or of a version of it, that is not declared in this process."""
 
 
 _READERS: dict[type[Message], tuple[Read, int]] = {}
@@ -169,9 +173,13 @@ def _class_of(label: str) -> type[Message]:
     name, _, version = label.partition("/")
     cls = SCHEMAS.get(name)
     if cls is None:
-        raise CodecError(f"schema {brief(label)} is unknown here: the sender runs another set of plugins or versions")
+        raise UnknownSchema(
+            f"schema {brief(label)} is unknown here: the sender runs another set of plugins or versions"
+        )
     if version != str(cls.schema_version):
-        raise CodecError(f"schema {brief(label)}: this side speaks version {cls.schema_version}; update the older side")
+        raise UnknownSchema(
+            f"schema {brief(label)}: this side speaks version {cls.schema_version}; update the older side"
+        )
     return cls
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
+import sys
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields
 from operator import attrgetter
-from typing import Any, TypeVar, dataclass_transform, get_type_hints
+from pathlib import Path
+from typing import Any, TypeVar, dataclass_transform, get_type_hints, overload
 
 from navloom.messages.checks import checker
 from navloom.messages.kinds import (
@@ -36,36 +39,63 @@ SCHEMAS: dict[str, type[Message]] = {}
 """Every declared message class by its schema name."""
 
 
+@overload
+def message(cls: type[M], /) -> type[M]: ...
+@overload
+def message(version: int = 1) -> Callable[[type[M]], type[M]]: ...
 @dataclass_transform(frozen_default=True)
-def message(version: int = 1) -> Callable[[type[M]], type[M]]:
-    """Declare a message: makes the class a frozen dataclass with slots, checked at construction.
+def message(version: Any = 1) -> Any:
+    """Declare a message, as `@message` or `@message(version=2)`: the class becomes a frozen dataclass with slots.
+
+    Its schema name begins with the top-level package of its module, as `navloom_people.Tracks`: two distributions may
+    have messages of one name. A script's package is the name that the script would be imported by.
 
     Float fields take any real number and hold a finite float; array fields are copied unless nobody can write to them
     any more, checked for element type, shape and NaN, and held read-only. Classes with array fields compare by
     identity, the others by value.
 
     Raises:
-        TypeError: A field that is not one of the kinds, or a name that another message has.
+        TypeError: A field that is not one of the kinds, a version below 1, or a name that another message has.
     """
+    if isinstance(version, type):
+        return message()(version)
+    if type(version) is not int or version < 1:
+        raise TypeError(f"@message({version!r}): expected a version, a whole number from 1")
 
     def declare(cls: type[M]) -> type[M]:
+        if not issubclass(cls, Message):
+            raise TypeError(f"@message: {cls.__name__} is no message: `class {cls.__name__}(Message)`")
         _refuse_bad_names(cls)
         hints = get_type_hints(cls, include_extras=True)
         kinds = {name: kind_of(hints[name]) for name in cls.__annotations__}
         by_identity = any(holds_array(kind) for kind in kinds.values())
         made = dataclass(frozen=True, slots=True, init=False, eq=not by_identity)(cls)
-        made.schema_name = f"navloom.{cls.__name__}"
+        made.schema_name = f"{_package_of(cls.__module__)}.{cls.__name__}"
         made.schema_version = version
         made.kinds = kinds
         made.read_fields = _reader(list(kinds))
         made.__init__ = _constructor(made, kinds)  # type: ignore[method-assign]
         other = SCHEMAS.setdefault(made.schema_name, made)
-        if other.__module__ != made.__module__ or other.__qualname__ != made.__qualname__:
+        if (_file_of(other), other.__qualname__) != (_file_of(made), made.__qualname__):
             raise TypeError(f"message {made.schema_name} is declared in {other.__module__} already: rename this one")
         SCHEMAS[made.schema_name] = made
         return made
 
     return declare
+
+
+def _package_of(module: str) -> str:
+    """Top-level package of a module, by its name."""
+    if module in ("__main__", "__mp_main__"):
+        main = sys.modules.get(module)
+        spec, file = getattr(main, "__spec__", None), getattr(main, "__file__", None)
+        module = spec.name if spec is not None else Path(file).stem if file else "__main__"
+    return re.sub(r"\W", "_", module.partition(".")[0])
+
+
+def _file_of(cls: type[Message]) -> str:
+    """File that declares a message: a script may be imported as well, by another name."""
+    return getattr(sys.modules.get(cls.__module__), "__file__", None) or cls.__module__
 
 
 def _refuse_bad_names(cls: type[Message]) -> None:

@@ -1,7 +1,7 @@
 """The plugin door: hook specifications, the registry and discovery by entry point."""
 
 from navloom.plugins.discovery import Discovery, PluginInfo
-from navloom.plugins.hooks import HookSpecs, hookimpl
+from navloom.plugins.hooks import HookSpecs, MessageObserver, RunInfo, hookimpl
 from navloom.plugins.registry import PluginError, Registry
 
-__all__ = ["Discovery", "HookSpecs", "PluginError", "PluginInfo", "Registry", "hookimpl"]
+__all__ = ["Discovery", "HookSpecs", "MessageObserver", "PluginError", "PluginInfo", "Registry", "RunInfo", "hookimpl"]

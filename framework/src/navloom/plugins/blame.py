@@ -13,9 +13,9 @@ def raised_in(error: BaseException, source: object) -> str:
 
     Args:
         error: What was raised.
-        source: A class or function of the plugin.
+        source: A class or function of the plugin, or the name of its module.
     """
-    home = getattr(source, "__module__", "").partition(".")[0]
+    home = (source if isinstance(source, str) else getattr(source, "__module__", "")).partition(".")[0]
     place = ""
     for frame, line in traceback.walk_tb(error.__traceback__):
         if frame.f_globals.get("__name__", "").partition(".")[0] == home:

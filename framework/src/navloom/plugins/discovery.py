@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, TypeVar
 
-import pluggy
-
+from navloom.entry_kinds import OTHERS, installed_points
 from navloom.geometry.world import World
+from navloom.messages import Message
 from navloom.plugins.blame import raised_in
-from navloom.plugins.hooks import HookSpecs
+from navloom.plugins.loading import Loader, module_of, owner_of
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
 from navloom.plugins.shipped import distribution_of, shipped_names
 from navloom.roles import ROLES, Role
 
-__all__ = ["GROUP", "Discovery", "PluginInfo"]
+__all__ = ["Discovery", "PluginInfo"]
 
-GROUP = "navloom"
-OTHERS = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
-"""What an entry point may give beside a role's plugin."""
 T = TypeVar("T")
 
 
@@ -52,8 +49,11 @@ class Discovery:
 
     def __init__(self, blocked: Iterable[str] = (), found: Iterable[EntryPoint] | None = None) -> None:
         self.blocked = frozenset(blocked)
-        points = entry_points(group=GROUP) if found is None else found
-        self._points = sorted((p for p in points if p.name not in self.blocked), key=lambda p: p.name)
+        self._loader = Loader(self.blocked)
+        points = installed_points() if found is None else found
+        self._points = sorted(
+            (p for p in points if not (self._loader.is_blocked(p.name) or self._loader.is_blocked(_key(p)))), key=_key
+        )
         self._loaded: dict[str, Registry] = {}
 
     def infos(self) -> list[PluginInfo]:
@@ -72,16 +72,26 @@ class Discovery:
         for point in self._points:
             role, _, name = point.name.partition(".")
             if role not in kinds or not name:
-                found.append(f"entry point {point.name!r} of {_owner(point)}: expected ROLE.NAME{nearest(role, kinds)}")
-        for name in dict.fromkeys(point.name for point in self._points):
-            twins = [point for point in self._points if point.name == name]
+                found.append(
+                    f"entry point {point.name!r} of {owner_of(point)}: expected ROLE.NAME{nearest(role, kinds)}"
+                )
+        for name in dict.fromkeys(map(_key, self._points)):
+            twins = [point for point in self._points if _key(point) == name]
             if len(twins) > 1:
                 found.append(_of_one_name(name, twins))
         return found
 
+    def taken(self, role: str, names: Collection[str]) -> list[str]:
+        """Entry points that nobody can ask for since navloom has something of that name itself, in words."""
+        found = [point for point in self._points if point.name in {f"{role}.{name}" for name in names}]
+        return [
+            f"entry point {point.name!r} of {owner_of(point)}: navloom has a {role} of that name; rename it"
+            for point in found
+        ]
+
     def names(self, role: str) -> list[str]:
-        """Names of one role's plugins."""
-        parts = (point.name.partition(".") for point in self._points)
+        """Names of one role's plugins; of messages with the package, as `navloom_people.Tracks`."""
+        parts = (_key(point).partition(".") for point in self._points)
         return [name for owner, _, name in parts if owner == role]
 
     def role(self, role: str, name: str) -> type[Role]:
@@ -92,7 +102,7 @@ class Discovery:
         """
         if role not in ROLES:
             raise PluginError(f"role {role!r} does not exist{nearest(role, list(ROLES))}")
-        return self._given(role, name, {n: cls for (r, n), cls in self._load(role, name).roles.items() if r == role})
+        return self._given(role, name, {n: cls for (r, n), cls in self.load(role, name).roles.items() if r == role})
 
     def world(self, reference: str, base: Path) -> World:
         """The world of a reference: a name, `scheme:argument`, or a `.toml` file, relative to a base folder.
@@ -108,12 +118,12 @@ class Discovery:
             schemes = self.names("scheme")
             if scheme not in schemes and f"scheme.{scheme}" not in self.blocked:
                 raise PluginError(f"world {reference!r}: unknown scheme {scheme!r}{nearest(scheme, schemes)}")
-            load = self._given("scheme", scheme, self._load("scheme", scheme).schemes)
+            load = self._given("scheme", scheme, self.load("scheme", scheme).schemes)
             return _world_of(f"world scheme {scheme!r}", reference, load, argument, base)
         worlds = self.names("world")
         if reference not in worlds and f"world.{reference}" not in self.blocked:
             raise PluginError(f"world {reference!r} does not exist{nearest(reference, worlds)}")
-        make = self._given("world", reference, self._load("world", reference).worlds)
+        make = self._given("world", reference, self.load("world", reference).worlds)
         return _world_of(f"world {reference!r}", reference, make)
 
     def metric(self, name: str) -> Named:
@@ -122,7 +132,7 @@ class Discovery:
         Raises:
             PluginError: No metric of that name, named twice, or broken.
         """
-        return self._given("metric", name, self._load("metric", name).metrics)
+        return self._given("metric", name, self.load("metric", name).metrics)
 
     def panel(self, name: str) -> Named:
         """A viewer panel.
@@ -130,7 +140,7 @@ class Discovery:
         Raises:
             PluginError: No panel of that name, named twice, or broken.
         """
-        return self._given("panel", name, self._load("panel", name).panels)
+        return self._given("panel", name, self.load("panel", name).panels)
 
     def plugin(self, role: str, name: str) -> type[Role]:
         """The class of one plugin of a role, or, under any other name, of a node.
@@ -146,7 +156,29 @@ class Discovery:
         Raises:
             PluginError: No node of that name, named twice, or broken.
         """
-        return self._given("node", name, self._load("node", name).nodes)
+        return self._given("node", name, self.load("node", name).nodes)
+
+    def message(self, schema: str) -> type[Message]:
+        """A class of messages by its schema name, as `navloom_people.Tracks`.
+
+        Raises:
+            PluginError: No message of that name, named twice, or broken.
+        """
+        declared = self.load("message", schema).messages.values()
+        return self._given("message", schema, {cls.schema_name: cls for cls in declared})
+
+    def owner_of(self, package: str) -> str:
+        """Name and version of the distribution whose plugins are in a package; empty where there is none."""
+        found = (point.dist for point in self._points if module_of(point).partition(".")[0] == package)
+        return next((f"{dist.name} {dist.version}" for dist in found if dist is not None), "")
+
+    def command(self, name: str) -> Callable[..., Any]:
+        """A command of the command line.
+
+        Raises:
+            PluginError: No command of that name, named twice, or broken.
+        """
+        return self._given("command", name, self.load("command", name).commands)
 
     def instead_of(self, role: str, name: str, beside: Iterable[str] = ()) -> str:
         """What to do about a plugin that is not installed, to append to a message: install it, or ask for another.
@@ -172,19 +204,39 @@ class Discovery:
             raise PluginError(f"the entry point {role}.{name} registers {given}, expected {role}.{name}{hint}")
         return registered[name]
 
-    def _load(self, role: str, name: str) -> Registry:
+    def load(self, role: str, name: str) -> Registry:
+        """What one entry point registers; it is imported when this is first asked for.
+
+        Raises:
+            PluginError: Unknown, named twice, or broken.
+        """
         key = f"{role}.{name}"
         if key not in self._loaded:
-            self._loaded[key] = _register(self._point(key, role, name))
+            self._loaded[key] = self._loader.register(key, self._point(key, role, name))
         return self._loaded[key]
 
+    def call(self, role: str, name: str, hook: str, **given: Any) -> Sequence[Any]:
+        """Call a hook in one entry point that was loaded; what it raises goes through."""
+        return self._loader.call(f"{role}.{name}", hook, **given)
+
+    def blamed(self, role: str, name: str, error: BaseException) -> str:
+        """What an entry point raised: whose it is, the error, and the innermost line of its own code."""
+        point = self._point(f"{role}.{name}", role, name)
+        return f"{point.name} of {owner_of(point)} failed: {raised_in(error, module_of(point))}"
+
     def _point(self, key: str, role: str, name: str) -> EntryPoint:
-        matches = [p for p in self._points if p.name == key]
+        matches = [p for p in self._points if _key(p) == key]
         if not matches:
             raise PluginError(f"no plugin {key!r} is installed{self.instead_of(role, name)}")
         if len(matches) > 1:
             raise PluginError(_of_one_name(key, matches))
         return matches[0]
+
+
+def _key(point: EntryPoint) -> str:
+    """What an entry point is held under: its name; of a message with the package, since two may have one of a name."""
+    kind, _, name = point.name.partition(".")
+    return f"{kind}.{module_of(point).partition('.')[0]}.{name}" if kind == "message" else point.name
 
 
 def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: Any) -> World:
@@ -200,36 +252,6 @@ def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: A
     return world
 
 
-def _owner(point: EntryPoint) -> str:
-    return point.dist.name if point.dist else point.value
-
-
 def _of_one_name(name: str, points: Iterable[EntryPoint]) -> str:
-    owners = " and ".join(sorted(map(_owner, points)))
+    owners = " and ".join(sorted(map(owner_of, points)))
     return f"two plugins are named {name!r}, from {owners}: uninstall or rename one of them"
-
-
-def _register(point: EntryPoint) -> Registry:
-    """Import one entry point's module and let it register, alone: what another one did cannot spoil it."""
-    if point.name.partition(".")[0] in ROLES:  # it may bring kernels
-        from navloom.kernel_cache import harden_kernel_cache
-
-        harden_kernel_cache()
-    registry = Registry()
-    hooks = pluggy.PluginManager(GROUP)
-    hooks.add_hookspecs(HookSpecs)
-    try:
-        hooks.register(point.load(), name=point.value)
-        hooks.check_pending()
-        hooks.hook.navloom_register(registry=registry)
-    except PluginError as error:
-        raise PluginError(f"plugin {point.name!r} from {point.value}: {error}") from error
-    except (Exception, SystemExit) as error:
-        cause = " ".join(f"{type(error).__name__}: {error}".split())
-        if isinstance(error, pluggy.PluginValidationError):
-            cause += "; the hook is `navloom_register(registry)`"
-        raise PluginError(
-            f"plugin {point.name!r} from {point.value} fails on import: {cause}; "
-            f"repair it, or block it if it is not needed"
-        ) from error
-    return registry

@@ -1,23 +1,86 @@
-"""The one hook every plugin has, and the marker it is written with."""
+"""What a plugin module may implement, and the marker it is written with."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import pluggy
 
 if TYPE_CHECKING:
+    from navloom.messages import Envelope, Message
     from navloom.plugins.registry import Registry
 
-__all__ = ["HookSpecs", "hookimpl", "hookspec"]
+__all__ = ["HookSpecs", "MessageObserver", "RunInfo", "hookimpl", "hookspec"]
 
 hookspec = pluggy.HookspecMarker("navloom")
 hookimpl = pluggy.HookimplMarker("navloom")
 
 
+@dataclass(frozen=True)
+class RunInfo:
+    """What observers are told of a run.
+
+    Attributes:
+        kind: "lockstep" for `navloom run`, "barrier" for `navloom up --barrier`, "live" for `navloom up`.
+        name: Of the config, as it was given.
+        config: The whole config with its defaults, as plain values; a copy for each observer.
+        config_sha256: Hash of the config.
+        realm, robot: Names of the robot.
+        seed: Of every random stream.
+    """
+
+    kind: Literal["lockstep", "barrier", "live"]
+    name: str
+    config: dict[str, Any]
+    config_sha256: str
+    realm: str
+    robot: str
+    seed: int
+
+
+class MessageObserver(Protocol):
+    """What `navloom_observe` may give: it is shown the messages of one run.
+
+    Attributes:
+        wants: Pairs of role and port to be shown; None for every message.
+    """
+
+    @property
+    def wants(self) -> Set[tuple[str, str]] | None:
+        """See above."""
+
+    def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
+        """A message was published; `active` says whether its instance is the active one of its role."""
+
+
 class HookSpecs:
-    """What a plugin module may implement. Hooks register; control never goes through one."""
+    """What a plugin module may implement. Hooks register and report; control never goes through one.
+
+    `navloom_register` is called in each entry point, alone, when its name is first needed. The others are called in
+    every entry point `observer.NAME`, one after the other, in each `navloom run` and `navloom up`. An implementation
+    takes those arguments that it names. One that raises is reported once, with its distribution, file and line, and
+    takes no further part in the run.
+    """
 
     @hookspec
     def navloom_register(self, registry: Registry) -> None:
-        """Add classes, worlds, world schemes, metrics or viewer panels to the registry: `registry.add(MyPlanner)`."""
+        """Add classes, nodes, messages, worlds, world schemes, metrics, viewer panels or commands to the registry."""
+
+    @hookspec
+    def navloom_run_started(self, run: RunInfo) -> None:
+        """A run begins: its plugins are made, and nothing has moved yet. Live, every node is there."""
+
+    @hookspec
+    def navloom_observe(self, run: RunInfo) -> MessageObserver | None:
+        """Give an object that is shown the messages of this run; None for no interest in it."""
+
+    @hookspec
+    def navloom_run_finished(self, run: RunInfo, summary: Mapping[str, Any] | None) -> None:
+        """A run has ended.
+
+        Args:
+            run: As at its start.
+            summary: What `--json` prints of it; None where it was cut short, or no goal has ended.
+        """

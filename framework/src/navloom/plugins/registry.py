@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from navloom.geometry.world import World
 from navloom.messages import Message
@@ -44,7 +44,7 @@ def close_to(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """Classes by role and name, nodes, messages, worlds, schemes, metrics and panels; filled by one entry point."""
+    """What one entry point gives: classes by role and name, and by name alone all that is no role's."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}
@@ -54,6 +54,7 @@ class Registry:
         self.panels: dict[str, Named] = {}
         self.nodes: dict[str, type[Role]] = {}
         self.messages: dict[str, type[Message]] = {}
+        self.commands: dict[str, Callable[..., Any]] = {}
 
     def add(self, plugin: type[Role]) -> None:
         """Add a role's implementation.
@@ -131,6 +132,21 @@ class Registry:
         if self.messages.setdefault(cls.__name__, cls) is not cls:
             raise PluginError(f"message {cls.__name__!r} is registered twice: rename one of them")
 
+    def command(self, name: str, command: Callable[..., Any]) -> None:
+        """Add `navloom NAME`: a function, of which typer makes a command, or a `typer.Typer` with several commands.
+
+        Raises:
+            PluginError: Not one of them, or named twice.
+        """
+        if not callable(command) or not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+            raise PluginError(
+                f"command {name!r} is {command!r}: expected a function or a typer.Typer, and a name of lower case "
+                "letters, digits and -"
+            )
+        if name in self.commands:
+            raise PluginError(f"command {name!r} is registered twice: rename one of them")
+        self.commands[name] = command
+
 
 def _wrong_part(plugin: type[Role]) -> str:
     """What of a class the framework could not use, and what it expects; empty where all fits."""
@@ -165,7 +181,7 @@ def _keys_of(params: type[Params]) -> set[str]:
     }
 
 
-def _keep_named(kept: dict[str, Named], given: Named, kind: str, expected: str) -> None:
+def _keep_named(kept: dict[str, Any], given: Any, kind: str, expected: str) -> None:
     name = getattr(given, "name", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise PluginError(f"{given!r}: expected {expected} with a name of lower case letters, digits and _")

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 from navloom.inputs.bounds import CHUNK_MB, TEXT_MB, bytes_of, open_file, too_large
 from navloom.inputs.texts import json_of, shortened
 from navloom.messages import Envelope, Message
-from navloom.messages.codec import CodecError, decode
+from navloom.messages.codec import CodecError
+from navloom.plugins.opening import OPENER
 from navloom.recording.header import HEADER, RecordingError, RecordingHeader
 from navloom.recording.schemas import ENCODING
 
@@ -58,7 +59,7 @@ class RawRecorded(NamedTuple):
 
     def open(self) -> Recorded:
         """Decoded. Raises CodecError."""
-        message, envelope = decode(self.data, self.label)
+        message, envelope = OPENER.decode(self.data, self.label)
         return Recorded(self.key, envelope, message, self.received_ns)
 
 
@@ -175,6 +176,11 @@ class Recording:
                 for _ in self._records(block):
                     pass
         return sorted({channel.key for channel in self._channels.values() if channel.encoding == ENCODING})
+
+    def unknown(self) -> list[str]:
+        """Which messages it holds whose class is not known here, and why; those are passed over."""
+        self.keys()
+        return list(filter(None, dict.fromkeys(map(OPENER.why_unknown, self._schemas.values()))))
 
     def span_ns(self) -> tuple[int, int]:
         """Receive times of the first and the last message, ns; (0, 0) where there is none."""

@@ -8,7 +8,7 @@ from navloom.messages import Message
 from navloom.messages.codec import schema_label
 from navloom.messages.kinds import Kind
 
-__all__ = ["ENCODING", "schema_text"]
+__all__ = ["ENCODING", "schema_text", "typed"]
 
 ENCODING = "navloom"
 """Name of the message encoding and of the encoding of schemas."""
@@ -35,12 +35,13 @@ def schema_text(cls: type[Message]) -> str:
 
 
 def _described(cls: type[Message]) -> str:
-    lines = [schema_label(cls), *(f"  {name}: {_typed(kind)}" for name, kind in cls.kinds.items())]
+    lines = [schema_label(cls), *(f"  {name}: {typed(kind)}" for name, kind in cls.kinds.items())]
     text = inspect.getdoc(cls) or ""
     return "\n".join([*lines, *(f"  | {line}".rstrip() for line in text.splitlines()), ""])
 
 
-def _typed(kind: Kind) -> str:
+def typed(kind: Kind) -> str:
+    """What a field holds, in words."""
     if kind.array is not None:
         shape = ", ".join(map(str, kind.array.shape))
         text = f"array of {kind.array.dtype}, shape ({shape})"
@@ -48,7 +49,7 @@ def _typed(kind: Kind) -> str:
     elif kind.message is not None:
         text = kind.message.schema_name
     elif kind.item is not None:
-        text = f"list of {_typed(kind.item)}"
+        text = f"list of {typed(kind.item)}"
     elif kind.choices:
         text = "one of " + ", ".join(map(repr, kind.choices))
     else:

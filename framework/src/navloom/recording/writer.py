@@ -11,6 +11,7 @@ from typing import Any
 
 from navloom.messages.codec import schema_label
 from navloom.messages.schema import SCHEMAS
+from navloom.plugins.opening import OPENER
 from navloom.recording.header import HEADER, RecordingError, RecordingHeader
 from navloom.recording.reader import COUNTS
 from navloom.recording.schemas import ENCODING, schema_text
@@ -125,6 +126,7 @@ class RecordingWriter:
     def _declare(self, key: str, label: str) -> int:
         with self._sound():
             if label not in self._schemas:
+                OPENER.why_unknown(label)  # a distribution's class is loaded, so that the recording explains itself
                 cls = SCHEMAS.get(label.partition("/")[0])
                 text = schema_text(cls) if cls is not None and schema_label(cls) == label else ""
                 self._schemas[label] = self._writer.register_schema(label, ENCODING, text.encode())

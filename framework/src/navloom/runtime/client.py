@@ -30,7 +30,7 @@ UNKNOWN = "whether it was done is not known: `navloom status` shows it, `navloom
 OPEN: Mapping[str, Any] = {
     **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
     **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s")),
-    **{key: {} for key in ("versions", "published", "streams", "places", "hosts")},
+    **{key: {} for key in ("versions", "published", "carries", "streams", "places", "hosts")},
     "clock_ns": -1,
     "faulted": 0,
     "fault": "",
@@ -46,7 +46,7 @@ _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("active", "enabled"), bool),
     **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
     **dict.fromkeys(("chain_p50_s", "chain_p99_s"), _NUMBER),
-    **dict.fromkeys(("versions", "published", "streams", "places", "hosts"), dict),
+    **dict.fromkeys(("versions", "published", "carries", "streams", "places", "hosts"), dict),
     "plugin": (str, _NONE),
 }
 """What an instance says of itself, as far as others reckon with it."""

@@ -12,7 +12,9 @@ import numpy as np
 
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
+from navloom.messages.generic import GenericMessage
 from navloom.navigation.gate import OBSTACLE, WAITING
+from navloom.plugins.opening import OPENER
 from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
 from navloom.runtime.quality import is_retained, kind_of, most_of
@@ -303,7 +305,7 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
             if data is None:
                 inlet.refuse("it is too large to be copied")
             else:
-                inlet.give(Packet(data, label))
+                inlet.give(Packet(data, label, opens=OPENER.open))
 
         role, _, port = stream.split("/", 2)
         client.bus.subscribe(f"{client.keys.prefix}/{stream}", receive, most_of(kind_of(role, port)))
@@ -317,12 +319,15 @@ def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
         for answer in client.bus.ask(client.keys.port(role, name, port), timeout=1.0):
             with contextlib.suppress(CodecError):
                 if not answer.refusal:
-                    return decode(answer.data, answer.label)
+                    return OPENER.open(answer.data, answer.label)
     return None
 
 
 def message_fields(message: Message, whole: bool = False) -> dict[str, Any]:
     """A message as plain values; arrays as what they are like, or whole."""
+    if isinstance(message, GenericMessage):
+        arrays = {f"array {number}": _plain(array, whole) for number, array in enumerate(message.arrays)}
+        return {**{name: _plain(value, whole) for name, value in message.fields.items()}, **arrays}
     return {name: _plain(getattr(message, name), whole) for name in type(message).kinds}
 
 
@@ -334,6 +339,8 @@ def envelope_fields(envelope: Envelope) -> dict[str, Any]:
 def _plain(value: Any, whole: bool) -> Any:
     if isinstance(value, Message):
         return message_fields(value, whole)
+    if isinstance(value, dict):  # of a generic message
+        return {name: _plain(entry, whole) for name, entry in value.items()}
     if isinstance(value, tuple):
         return [_plain(entry, whole) for entry in value]
     if isinstance(value, np.ndarray):

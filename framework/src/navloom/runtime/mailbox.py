@@ -37,16 +37,23 @@ class Packet:
         key: Stream they came by, which their envelope must name; None where that does not matter.
         kind: What the stream carries; None for any message.
         asked_ns: This host's monotonic clock when it was asked for; 0 where it came by itself.
+        opens: How it is decoded, as by an `Opener` for tools.
     """
 
-    __slots__ = ("_key", "_kind", "_opened", "arrived_ns", "asked_ns", "data", "label")
+    __slots__ = ("_key", "_kind", "_opened", "_opens", "arrived_ns", "asked_ns", "data", "label")
 
     def __init__(
-        self, data: bytes, label: str, key: str | None = None, kind: type[Message] | None = None, asked_ns: int = 0
+        self,
+        data: bytes,
+        label: str,
+        key: str | None = None,
+        kind: type[Message] | None = None,
+        asked_ns: int = 0,
+        opens: Callable[[bytes, str], tuple[Message, Envelope]] = decode,
     ) -> None:
         self.data = data
         self.label = label
-        self._key, self._kind = key, kind
+        self._key, self._kind, self._opens = key, kind, opens
         self.arrived_ns = time.monotonic_ns()
         self.asked_ns = asked_ns
         self._opened: tuple[Message, Envelope] | CodecError | None = None
@@ -65,7 +72,7 @@ class Packet:
         return opened
 
     def _decode(self) -> tuple[Message, Envelope]:
-        message, envelope = decode(self.data, self.label)
+        message, envelope = self._opens(self.data, self.label)
         if self._key is not None and envelope.key != self._key:
             raise Misrouted(envelope.key, self._key)
         if self._kind is not None and not isinstance(message, self._kind):

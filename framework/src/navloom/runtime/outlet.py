@@ -58,6 +58,11 @@ class Outlet:
         if kind not in self._ways:
             self._open(kind)
 
+    @property
+    def carries(self) -> str:
+        """Schema and version of what it sends; empty before the first message of a stream that carries any."""
+        return next((label for _, label in self._ways.values()), "")
+
     def _open(self, kind: type[Message]) -> tuple[Publication, str]:
         way = self._bus.publication(self.key, self._quality or quality_of(kind), self._lossless), schema_label(kind)
         self._ways[kind] = way

@@ -167,6 +167,7 @@ class Services:
             "waits_for": list(cell.stepper.lacks),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
+            "carries": {port: outlet.carries for port, outlet in cell.outlets.items()},
             "streams": streams,
             "places": self._places,
             "hosts": {process: host for host, share in self._system.config.live.hosts.items() for process in share},

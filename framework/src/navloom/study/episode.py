@@ -19,7 +19,9 @@ from navloom.engine.lockstep import Observer, RunLog
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
+from navloom.plugins.observing import Onlookers
 from navloom.study import measures
+from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
 from navloom.study.shadows import Disagreement, ShadowWatch
 from navloom.study.trail import Trail, trail_of, ways_of
@@ -128,6 +130,7 @@ def run_episode(
     *,
     discovery: Discovery | None = None,
     observers: Sequence[Observer] = (),
+    onlookers: Onlookers | None = None,
     trace: IO[bytes] | None = None,
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
@@ -138,6 +141,7 @@ def run_episode(
         loaded: The config.
         discovery: Plugins; default those installed.
         observers: Who else looks on.
+        onlookers: Observers of plugins, which are told when it begins; who hands them in tells them the end.
         trace: File for the trace.
         say: Told what is being prepared.
         progress: Told the run time reached and the longest possible, s.
@@ -150,6 +154,8 @@ def run_episode(
     make_plugins(system, say)
     recorder, watch = Recorder(), ShadowWatch.of(system)
     beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
+    if onlookers is not None:
+        beside += onlookers.begin(run_info(loaded, "lockstep"))
     executor = lockstep_of(system, beside, TraceWriter(trace))
     run = loaded.config.run
     ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2

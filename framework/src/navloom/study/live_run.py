@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import IO, Any, Literal
 
@@ -29,6 +29,7 @@ from navloom.messages import (
     Selection,
     StepReport,
 )
+from navloom.plugins.observing import Onlookers
 from navloom.roles import Platform
 from navloom.runtime.cells import all_sources
 from navloom.runtime.client import Client, ClientError, Refused
@@ -40,6 +41,7 @@ from navloom.runtime.placing import spread
 from navloom.runtime.robot import Robot
 from navloom.runtime.switchboard import Switchboard
 from navloom.study.episode import Episode
+from navloom.study.observed import LiveShow, run_info
 from navloom.study.recorder import Recorder
 
 __all__ = ["LiveRun", "run_barrier"]
@@ -65,8 +67,9 @@ def run_barrier(
     progress: Callable[[float, float], None] | None = None,
     ends: Callable[[], bool] = lambda: False,
     beside: Beside | None = None,
+    onlookers: Onlookers | None = None,
 ) -> Episode:
-    """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for `beside`.
+    """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for the rest.
 
     Raises:
         ConfigError, PluginError: The request was wrong; StartError: the robot did not come up;
@@ -92,8 +95,9 @@ def run_barrier(
                 )
 
         board = Switchboard(robot.bus, robot.keys, lossless=True)
+        shown = [] if onlookers is None else onlookers.begin(run_info(loaded, "barrier"))
         conductor = Conductor(
-            system, board, schedule(loaded.config, system.goal), [recorder], TraceWriter(trace), check
+            system, board, schedule(loaded.config, system.goal), [recorder, *shown], TraceWriter(trace), check
         )
         board.connect()
         ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
@@ -111,6 +115,7 @@ class LiveRun:
         insecure: Plain TCP beyond this host was asked for.
         say: Told what happens.
         beside: What attends it from when every node is there to its end: a recorder.
+        onlookers: Observers of plugins, told when every node is there; who hands them in tells them the end.
 
     Attributes:
         judges: The run is judged here, where the platform is: other hosts are spared all that is judged by.
@@ -130,6 +135,7 @@ class LiveRun:
     log: RunLog = field(default_factory=RunLog)
     recorder: Recorder = field(default_factory=Recorder)
     beside: Beside | None = None
+    onlookers: Onlookers | None = None
 
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
@@ -172,8 +178,8 @@ class LiveRun:
         with Robot(self.system, network, self.host, False, self.say, attended, self.ending.is_set) as robot:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
-                self._listen(robot)
-                with nullcontext() if self.beside is None else self.beside(robot):
+                show = self._listen(robot)
+                with nullcontext() if self.beside is None else self.beside(robot), closing(show):
                     self.say("up: every node is there")  # and who attends it too: what is asked from now on is recorded
                     self._drive(robot, until_idle, look, ended)
         return self._episode() if self.log.results else None
@@ -186,7 +192,7 @@ class LiveRun:
         is_own = bool(self.log.results) and self.log.results[-1].goal_id == self._own_goal
         return Episode(self.system if is_own else replace(self.system, goal=None), self.log, self.recorder)
 
-    def _listen(self, robot: Robot) -> None:
+    def _listen(self, robot: Robot) -> LiveShow:
         """Hear how it goes, and what the run is judged by, where it is: that would fill a slow link to another host."""
         board = Switchboard(robot.bus, robot.keys, lossless=False)
         wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
@@ -197,7 +203,10 @@ class LiveRun:
                 ports.add(STEP)
             for port in sorted(ports):
                 self._inlets.append((source, port, board.inlet(source, port, self._mailbox, 1024)))
+        shown = [] if self.onlookers is None else self.onlookers.begin(run_info(self.loaded, "live"))
+        show = LiveShow(self.system, board, shown if self.judges else (), self._is_active)
         board.connect()
+        return show
 
     def _drive(
         self,
@@ -310,7 +319,7 @@ class LiveRun:
 
     def _note(self, source: tuple[str, str], port: str, message: Message, at: Envelope) -> None:
         role, name = source
-        active = self._chosen.get(role, self._default(role)) == name
+        active = self._is_active(role, name)
         if isinstance(message, StepReport):
             if active:
                 self._count(at.tick, message.duration_ns)
@@ -341,6 +350,9 @@ class LiveRun:
         if now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
             self._told_faults[source] = now
             self.say(f"{' '.join(source)} failed: {fault}")
+
+    def _is_active(self, role: str, name: str) -> bool:
+        return self._chosen.get(role, self._default(role)) == name
 
     def _default(self, role: str) -> str:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.engine.catalogue import Catalogue
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.engine.differences import differences, is_differing
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
@@ -102,14 +102,16 @@ class ShadowWatch:
     """An observer that compares answers made in the same tick, whenever each of them is published.
 
     Args:
-        catalogue: What is known of the nodes.
         shadows: By role, the instances that run beside the one in charge.
         horizon: Ticks after which an answer that has not come will not come: the longest `latency`.
+        catalogue: What is known of the nodes.
     """
 
     wants_steps = False
 
-    def __init__(self, catalogue: Catalogue, shadows: Mapping[str, tuple[str, ...]], horizon: int = 0) -> None:
+    def __init__(
+        self, shadows: Mapping[str, tuple[str, ...]], horizon: int = 0, catalogue: Catalogue = FRAMEWORK
+    ) -> None:
         self.wants: frozenset[tuple[str, str]] | None = frozenset(
             (role, port)
             for role in shadows
@@ -130,7 +132,7 @@ class ShadowWatch:
                 shadows[table.role] = (*shadows.get(table.role, ()), table.instance)
         delays = [part.table.latency for part in system.parts.values()]
         horizon = math.ceil(round(max(delays, default=0.0) / period, 6))
-        return cls(system.catalogue, shadows, horizon) if shadows else None
+        return cls(shadows, horizon, system.catalogue) if shadows else None
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """An answer: keep it until all others of its tick are there, or can no longer come."""

@@ -1,0 +1,112 @@
+"""Loads entry points into one pluggy manager. What one of them does, or fails to do, harms no other."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import EntryPoint
+from pathlib import PurePath
+from typing import Any
+
+import pluggy
+
+from navloom.entry_kinds import GROUP, TRACE_HOOKS
+from navloom.plugins.blame import raised_in
+from navloom.plugins.hooks import HookSpecs
+from navloom.plugins.registry import PluginError, Registry
+from navloom.roles import ROLES
+
+__all__ = ["Loader", "module_of", "owner_of"]
+
+
+class _Hooked:
+    """The hook implementations of one entry point. Its module may stand behind other entry points as well."""
+
+    def __init__(self, point: EntryPoint, hooks: Mapping[str, Any]) -> None:
+        self.__dict__.update(hooks)
+        self.__dict__["_point"] = point
+
+
+class Loader:
+    """The one plugin manager of a discovery: it holds an entry point once its name was needed.
+
+    Args:
+        blocked: Names of entry points that are never loaded.
+    """
+
+    def __init__(self, blocked: Iterable[str]) -> None:
+        self._manager = pluggy.PluginManager(GROUP)
+        self._manager.add_hookspecs(HookSpecs)
+        for name in blocked:
+            self._manager.set_blocked(name)
+        if os.environ.get(TRACE_HOOKS):
+            self._manager.add_hookcall_monitoring(_tell_call, _tell_outcome)
+
+    def is_blocked(self, name: str) -> bool:
+        """Whether an entry point of this name counts as not installed."""
+        return bool(self._manager.is_blocked(name))
+
+    def register(self, name: str, point: EntryPoint) -> Registry:
+        """Import an entry point's module, and let it register, alone, into a registry of its own.
+
+        Raises:
+            PluginError: It fails; it is then not held, and loaded again when its name is needed again.
+        """
+        if point.name.partition(".")[0] in ROLES:  # it may bring kernels
+            from navloom.kernel_cache import harden_kernel_cache
+
+            harden_kernel_cache()
+        registry = Registry()
+        try:
+            self._manager.register(_Hooked(point, self._implemented(point.load())), name)
+            self._manager.check_pending()
+            self.call(name, "navloom_register", registry=registry)
+        except BaseException as error:
+            self._manager.unregister(name=name)
+            if isinstance(error, PluginError):
+                raise PluginError(f"plugin {point.name!r} from {point.value}: {error}") from error
+            if not isinstance(error, (Exception, SystemExit)):
+                raise
+            cause = " ".join(raised_in(error, module_of(point)).split())
+            if isinstance(error, pluggy.PluginValidationError):
+                cause += "; the hooks are those of navloom.HookSpecs, as `navloom_register(registry)`"
+            raise PluginError(
+                f"plugin {point.name!r} from {point.value} fails on import: {cause}; "
+                f"repair it, or block it if it is not needed"
+            ) from error
+        return registry
+
+    def call(self, name: str, hook: str, **given: Any) -> Sequence[Any]:
+        """Call a hook in one entry point that was registered; what it raises goes through."""
+        others = [held for other, held in self._manager.list_name_plugin() if held is not None and other != name]
+        answers: Sequence[Any] = self._manager.subset_hook_caller(hook, others)(**given)
+        return answers
+
+    def _implemented(self, target: Any) -> dict[str, Any]:
+        """Hook implementations of a module, or of whatever else an entry point leads to."""
+        names = [name for name in dir(target) if self._manager.parse_hookimpl_opts(target, name) is not None]
+        return {name: getattr(target, name) for name in names}
+
+
+def owner_of(point: EntryPoint) -> str:
+    """Name of the distribution that an entry point is of, or its module where that is not known."""
+    return str(point.dist.name) if point.dist else point.value
+
+
+def module_of(point: EntryPoint) -> str:
+    """Name of the module that an entry point leads to, whatever its text is."""
+    return point.value.partition(":")[0].strip()
+
+
+def _tell_call(hook: str, called: Sequence[Any], given: Mapping[str, Any]) -> None:
+    for one in called:
+        code, point = one.function.__code__, one.plugin._point
+        place = f"{PurePath(code.co_filename).name}:{code.co_firstlineno}"
+        print(f"navloom: hook {hook}: {point.name} of {owner_of(point)} ({place})", file=sys.stderr)
+
+
+def _tell_outcome(outcome: pluggy.Result[Any], hook: str, called: Sequence[Any], given: Mapping[str, Any]) -> None:
+    if outcome.exception is not None:
+        error = outcome.exception
+        print(f"navloom: hook {hook}: raised {type(error).__name__}: {error}", file=sys.stderr)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from dist_rig import put_on_path
+from navloom import Extra
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
 from navloom.engine.catalogue import FRAMEWORK
@@ -139,7 +143,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
     people: Path, tmp_path: Path, typed: Typed
 ) -> None:
     recording = tmp_path / "run.mcap"
-    print(typed("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json"))
+    typed("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json")
     code, out, err = typed("replay", str(recording), "--check")
     assert code == 0 and "bit for bit" in out, out + err
     steps = next(line.split() for line in out.splitlines() if line.startswith("people people_tracker"))
@@ -154,3 +158,122 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
 def test_the_kinds_of_sensors_are_listed_with_messages_and_settings(people: Path, typed: Typed) -> None:
     code, out, _ = typed("plugins", "platform.beacon_robot")
     assert code == 0 and "beacons" in out and "Beacons" in out and "reach" in out
+
+
+WATCHER = """
+from navloom import {names}, GateStatus, Latest, Message, NodePlugin, Publishes, Stamp, Tick, hookimpl, message
+
+@message
+class Seen(Message):
+    stamp_ns: Stamp
+
+class Watcher(NodePlugin):
+    name = "watcher"
+    {more}
+    seen = Publishes(Seen)
+
+    def step(self, tick):
+        self.seen.put({put})
+
+@hookimpl
+def navloom_register(registry):
+    registry.node(Watcher)
+"""
+
+
+def watcher(
+    folder: Path, patch: pytest.MonkeyPatch, more: str, names: str = "Command", put: str = "Seen(tick.time_ns)"
+) -> None:
+    """A distribution with one node is installed."""
+    project = folder / "watcher"
+    project.mkdir()
+    module = f"fake_watcher_{abs(hash(more + put))}"
+    (project / f"{module}.py").write_text(WATCHER.format(names=names, more=more, put=put), "utf-8")
+    text = '[project]\nname = "fake-watcher"\nversion = "1"\n[project.entry-points.navloom]\n"node.watcher" = '
+    (project / "pyproject.toml").write_text(f'{text}"{module}"\n', "utf-8")
+    put_on_path(project, folder / "site", patch)
+
+
+WATCHED = ('node=[{ name = "eyes", plugin = "watcher" }]', *SHORT)
+
+
+@pytest.mark.parametrize(
+    ("more", "names", "said"),
+    [
+        ("truth = Latest(Truth, triggers=True)", "Truth", "watcher reads Truth: the truth reaches no plugin"),
+        (
+            "command = Latest(Command, triggers=True)",
+            "Command",
+            "there are operator.command, avoider.command, recovery.command, gate.command: name one, as in "
+            'inputs = { command = "operator.command" }',
+        ),
+        ("scan = Latest(RangeScan, triggers=True)", "RangeScan", "and no [[node]] or [[sensor]] publishes it"),
+        ("", "Command", "Watcher never steps: set ticks = True, or triggers=True on one of its inputs"),
+    ],
+)
+def test_a_node_that_cannot_be_wired_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: str, names: str, said: str
+) -> None:
+    watcher(tmp_path, monkeypatch, more, names)
+    changes = ("sensor=[]",) if "RangeScan" in more else ()
+    with pytest.raises((ConfigError, PluginError)) as caught:
+        assemble(load_config("paper", (*WATCHED, *changes)))
+    assert said in str(caught.value)
+
+
+def test_a_cycle_of_nodes_is_printed(people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    watcher(tmp_path, monkeypatch, "gate = Latest(GateStatus, triggers=True)")
+    import navloom_people
+
+    class Watching(navloom_people.Polite):
+        name = "polite"
+        seen = Extra(Message)
+
+    monkeypatch.setattr(navloom_people, "Polite", Watching)
+    nodes = 'node=[{ name = "eyes", plugin = "watcher" }, { name = "people", plugin = "people_tracker" }]'
+    said = refused(people, nodes, 'avoider.inputs={ seen = "eyes.seen" }')
+    assert "cycle without a ~ edge" in said and "avoider reads eyes.seen" in said and "eyes reads gate.status" in said
+
+
+def test_a_wrong_message_is_blamed_on_the_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    watcher(tmp_path, monkeypatch, "ticks = True", put="tick")
+    episode = run_episode(load_config("paper", WATCHED))
+    (fault,) = episode.log.faults
+    assert fault.startswith("eyes watcher failed: TypeError: seen carries Seen, got Tick") and "fake_watcher" in fault
+
+
+def test_a_node_that_is_not_installed_is_not_checked_and_the_rest_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, typed: Typed
+) -> None:
+    recording = tmp_path / "run.mcap"
+    with monkeypatch.context() as patch:
+        watcher(tmp_path, patch, "ticks = True")
+        typed("run", "paper", *(word for change in WATCHED for word in ("--set", change)), "--record", str(recording))
+    code, out, err = typed("replay", str(recording), "--check")
+    assert code == 0 and "bit for bit" in out, out + err
+    assert "eyes watcher: not checked: no plugin 'node.watcher' is installed" in out
+
+
+TYPED = """
+from navloom import Avoider, AvoiderInput, Avoidance, Extra, GateStatus, Path
+
+class Mine(Avoider):
+    name = "mine"
+    gate = Extra(GateStatus)
+    maybe = Extra(GateStatus, optional=True)
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        path: Path = given.extra[self.gate]
+        reason: str = given.extra[self.maybe].reason
+        return Avoidance(given.desired, given.extra[self.gate].reason)
+"""
+
+
+def test_the_class_of_an_extra_input_is_known_to_mypy(tmp_path: Path) -> None:
+    source = tmp_path / "typed.py"
+    source.write_text(TYPED, "utf-8")
+    checked = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", str(source)], capture_output=True, text=True
+    )
+    assert 'has type "GateStatus", variable has type "Path"' in checked.stdout, checked
+    assert 'Item "None" of "GateStatus | None" has no attribute "reason"' in checked.stdout

@@ -103,15 +103,14 @@ def tell_reading(recording: Any) -> None:
 def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.written import tell_out
-    from navloom.engine.build import assemble
-    from navloom.recording.check import check, unchecked
+    from navloom.recording.check import check, installed_part
     from navloom.recording.replaying import Replayer
     from navloom.study.results import OutFolder
 
     with OutFolder(out, ("result.json",)) as folder:
         with stage(as_json) as (say, progress):
-            installed, missing = unchecked(loaded)
-            found = [*check(Replayer(recording, assemble(installed), None, say), progress), *missing]
+            system, missing = installed_part(loaded)
+            found = [*check(Replayer(recording, system, None, say), progress), *missing]
         differing = [one.first for one in found if one.differing and one.first is not None]
         first = min(differing, key=lambda one: one.tick, default=None)
         compared = sum(one.messages for one in found)

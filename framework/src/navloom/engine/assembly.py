@@ -75,7 +75,8 @@ def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
 
 
 def _selected(system: System) -> dict[str, str]:
-    return {role: system.config.role_table(role).instance for role in system.config.roles if role != "platform"}
+    active = {role: system.config.role_table(role).instance for role in system.config.roles if role != "platform"}
+    return {**active, **system.absent}
 
 
 def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_live: bool = False) -> Node | None:

@@ -59,6 +59,7 @@ class System:
         parts: By (role, instance): active ones first.
         sensors: As configured.
         scans_on_request: The active mapper lives on sweeps that must be asked for.
+        absent: Of a replay: active instances by name of nodes that the robot had and that are not installed here.
     """
 
     loaded: Loaded
@@ -74,6 +75,7 @@ class System:
     sensors: tuple[SensorSpec, ...]
     scans_on_request: bool
     map: OccupancyGrid | None = field(default=None)
+    absent: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def time_limit(self) -> float:

@@ -35,8 +35,8 @@ from navloom.messages import Message
 from navloom.roles import Role
 
 __all__ = ["AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts", "Latest", "LocalizerPorts", "MapperPorts",
-           "New", "NodePlugin", "OperatorPorts", "PlannerPorts", "PlatformPorts", "Publishes", "Quality", "RecoveryPorts",
-           "ReferencePorts", "Sensors", "Tick", "Track"]  # fmt: skip
+           "New", "NodePlugin", "OperatorPorts", "PlannerPorts", "PlatformPorts", "Publishes", "Quality",
+           "RecoveryPorts", "ReferencePorts", "Sensors", "Tick", "Track"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 
@@ -62,8 +62,8 @@ class NodePlugin(Role, Node):
     """Base of whole nodes of other distributions. A table `[[node]]` of a config uses one under a name of its own.
 
     A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message
-    class) and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock or
-    socket.
+    class) and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock
+    or socket.
 
     Class attributes, beside those of a role's plugin:
         ticks: It steps in every tick; else an input must have `triggers=True`.

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from navloom.engine.catalogue import FRAMEWORK
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.messages.generic import GenericMessage
@@ -315,7 +316,7 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
 def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
     """The last message of a stream whose publisher keeps it, so that who looks need not wait for the next."""
     role, name, port = stream.split("/", 2)
-    if is_retained(role, port):
+    if is_retained(role, port) or role not in FRAMEWORK.nodes:
         for answer in client.bus.ask(client.keys.port(role, name, port), timeout=1.0):
             with contextlib.suppress(CodecError):
                 if not answer.refusal:

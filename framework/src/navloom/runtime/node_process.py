@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 from navloom.engine.assembly import own_node
 from navloom.engine.build import System, configure, make_plugins, role_nodes
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.messages import Parameters
-from navloom.roles import is_patient
 from navloom.runtime.barrier import BarrierEnded
 from navloom.runtime.barrier_runner import BarrierRunner
 from navloom.runtime.cell import Source
@@ -290,7 +290,8 @@ class NodeProcess:
             went_on_ns = stops.look()
             for source, runner in self.runners.items():
                 stepper = runner.cell.stepper
-                since_ns, allowed = stepper.busy_since_ns, longest_step(source[0], limit)
+                since_ns = stepper.busy_since_ns
+                allowed = longest_step(source[0], limit, self.system.catalogue)
                 if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
                     continue
                 if time.monotonic_ns() - max(since_ns, went_on_ns) > allowed * 1e9:
@@ -302,9 +303,9 @@ class NodeProcess:
             alive()
 
 
-def longest_step(role: str, hang_timeout: float) -> float:
+def longest_step(role: str, hang_timeout: float, catalogue: Catalogue = FRAMEWORK) -> float:
     """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
-    return max(hang_timeout, LONG) if is_patient(role) else hang_timeout
+    return max(hang_timeout, LONG) if catalogue.is_patient(role) else hang_timeout
 
 
 def longest_seizure(sources: Sequence[Source], hang_timeout: float) -> float:

@@ -77,9 +77,7 @@ def test_the_envelope_is_there_field_by_field() -> None:
 
 def test_every_port_is_there_with_messages_that_exist() -> None:
     sensors = {"platform": [sensor_port("a sensor's name", RangeScan)]}
-    ports = [
-        (role, port.name) for role, node in FRAMEWORK.nodes.items() for port in node.ports(Wired(role, sensors))
-    ]
+    ports = [(role, port.name) for role, node in FRAMEWORK.nodes.items() for port in node.ports(Wired(role, sensors))]
     table = rows("Keys")
     assert [(role, port) for role, port, _ in table] == ports
     names = {cls.__name__ for cls in CLASSES}

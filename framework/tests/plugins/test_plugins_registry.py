@@ -133,7 +133,9 @@ def test_nodes_and_messages_are_kept_by_their_names() -> None:
 
 
 def test_a_node_of_another_version_and_one_without_a_step_are_refused() -> None:
-    with pytest.raises(PluginError, match=r"node\.old is built for version 7 of nodes, this framework speaks version 1"):
+    with pytest.raises(
+        PluginError, match=r"node\.old is built for version 7 of nodes, this framework speaks version 1"
+    ):
         Registry().node(type("Old", (Ticking,), {"name": "old", "api": 7}))
     with pytest.raises(PluginError, match=r"node\.lazy does not implement step"):
         Registry().node(type("Lazy", (NodePlugin,), {"name": "lazy", "ticks": True}))

@@ -351,6 +351,8 @@ class RecoveryNode(RoleNode[Recovery]):
 
 def in_order(sensors: Mapping[str, News[Any]]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
     """What a node's sensors brought, in order of time and then of port, and the name of the sensor of each."""
+    if not sensors:
+        return (), ()
     if len(sensors) == 1:
         ((name, news),) = sensors.items()
         values = news.values

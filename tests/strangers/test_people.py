@@ -94,6 +94,8 @@ def test_two_nodes_of_one_plugin_need_a_word_on_which_is_read(people: Path) -> N
         ("node.people.sensors=['laser']", "'laser' gives Sweep, people_tracker takes Beacons and RangeScan"),
         ("node.people.speed=1", "node.0.speed: unknown key"),
         ("node.people.rate_hz=7", "node.0.rate_hz: 7 does not divide the tick rate of 20 Hz"),
+        ('live.hosts={ a = ["robot", "think", "drive", "safe"] }', "no host starts the process nodes of people"),
+        ('live.processes.robot=["platform", "localizer", "peple"]', 'process robot names "peple", expected a role'),
         ("alternative.improved_vfh.role=peple", "expected a role or the name of a [[node]]; did you mean 'people'?"),
         (
             'event=[{ at = 1.0, do = "swap", role = "people", name = "x" }]',
@@ -233,6 +235,14 @@ def test_a_cycle_of_nodes_is_printed(people: Path, tmp_path: Path, monkeypatch: 
     nodes = 'node=[{ name = "eyes", plugin = "watcher" }, { name = "people", plugin = "people_tracker" }]'
     said = refused(people, nodes, 'avoider.inputs={ seen = "eyes.seen" }')
     assert "cycle without a ~ edge" in said and "avoider reads eyes.seen" in said and "eyes reads gate.status" in said
+
+
+def test_an_alternative_of_a_node_publishes_the_same_streams(
+    people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watcher(tmp_path, monkeypatch, "ticks = True; same = 1")
+    said = refused(people, 'alternative=[{ role = "people", plugin = "watcher" }]')
+    assert "watcher publishes seen (Seen), expected the streams of people_tracker, which is active in people" in said
 
 
 def test_a_wrong_message_is_blamed_on_the_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

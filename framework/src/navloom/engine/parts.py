@@ -82,8 +82,8 @@ def _check_streams(part: Part, active: type[NodePlugin]) -> None:
     ours, theirs = [{port.name: port.carries for port in cls.ports(Wired(part.role))} for cls in (part.cls, active)]
     if ours != theirs:
         raise ConfigError(
-            f"{part.place}.plugin: {part.cls.name} publishes {_listed(ours)}, expected what {active.name} does, which "
-            f"is {part.role}: {_listed(theirs)}"
+            f"{part.place}.plugin: {part.cls.name} publishes {_listed(ours)}, expected the streams of {active.name}, "
+            f"which is active in {part.role}: {_listed(theirs)}"
         )
 
 

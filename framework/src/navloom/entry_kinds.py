@@ -41,8 +41,9 @@ def is_any_of(kind: str) -> bool:
             if name.endswith((".dist-info", ".egg-info")) or name == "EGG-INFO":
                 try:
                     with open(os.path.join(folder, name, "entry_points.txt"), "rb") as file:
-                        if f"{kind}.".encode() in file.read():
-                            return True
+                        text = file.read()
+                    if b"[navloom]" in text and f"{kind}.".encode() in text:
+                        return True
                 except OSError:
                     continue
     return False

@@ -18,7 +18,7 @@ from navloom.plugins.observing import Onlooker, Onlookers
 from navloom.runtime.mailbox import Inlet, Mailbox
 from navloom.runtime.switchboard import Switchboard
 from navloom.study.episode import run_episode
-from navloom.study.observed import LiveShow
+from navloom.study.live_show import LiveShow
 from toys import discovery, toy_config
 
 Install = Callable[..., None]
@@ -263,6 +263,11 @@ def test_the_help_reads_no_metadata_where_no_distribution_adds_a_command() -> No
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "navloom.cli" in imported
     assert imported.isdisjoint({"importlib.metadata", "numpy", "pydantic", "zenoh", "navloom.plugins", "pluggy"})
+
+
+def test_observers_bring_no_network_into_a_run_in_lockstep() -> None:
+    code = "import sys, navloom.study.episode, navloom.plugins.observing; sys.exit('zenoh' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
 
 # --- live -----------------------------------------------------------------------------------------------------------

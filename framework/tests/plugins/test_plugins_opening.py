@@ -156,6 +156,7 @@ def nested(depth: int) -> list[Any]:
         (header_of({}, [["<f8", [1 << 40], 0]]), "expected it to lie at a multiple of 64"),
         (header_of({}, [["|O", [1], 0]]), "expected dtype, shape and offset"),
         (header_of({"a": nested(40)}), "nested deeper than 16"),
+        (header_of({str(n): [0] * 4000 for n in range(10)}), "fields holds more than 32768 values"),
         (header_of({"a": [0] * 5000}), "not MessagePack of a message"),
         (header_of({str(n): 0 for n in range(300)}), "not MessagePack of a message"),
         (header_of({"a": b"raw"}), "not MessagePack of a message"),

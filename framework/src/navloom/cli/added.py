@@ -43,8 +43,7 @@ class AddedCommand(TyperCommand):
     """The one that this process runs."""
 
     def __init__(self, name: str, point: EntryPoint) -> None:
-        summary = point.dist.metadata["Summary"] if point.dist is not None else None
-        super().__init__(name, help=summary or f"Of {point.value}.")
+        super().__init__(name, help=_summary(point) or f"Of {point.value}.")
         self._point = point
 
     def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
@@ -68,6 +67,15 @@ class AddedCommand(TyperCommand):
                 f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
             ) from error
         return made.commands[name].make_context(info_name, args, parent=parent, **extra)
+
+
+def _summary(point: EntryPoint) -> str:
+    """What the distribution says of itself in one line; empty where its metadata is damaged."""
+    try:
+        found = None if point.dist is None else point.dist.metadata["Summary"]
+    except Exception:  # of many kinds, by version of Python
+        return ""
+    return str(found or "")
 
 
 def blamed(error: Exception) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from contextlib import redirect_stdout
 from typing import Annotated, Any
@@ -52,6 +51,8 @@ def as_toml(value: Any) -> str:
         return f"{value:.12g}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(as_toml, value))}]"
+    import json
+
     return json.dumps(value, ensure_ascii=False)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -68,6 +67,8 @@ def map_recording(
 
 
 def _files(mapped: Any, result: dict[str, Any]) -> dict[str, bytes]:
+    import json
+
     from navloom.study.picture import draw_map_update
 
     picture = io.BytesIO()

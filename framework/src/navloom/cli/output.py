@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,11 +16,15 @@ WIDE = 1000
 
 def print_json(value: Any) -> None:
     """One JSON value on standard output; numbers that JSON lacks become null."""
+    import json
+
     print(json.dumps(_plain(value), indent=2, ensure_ascii=False))
 
 
 def json_line(value: Any) -> str:
     """One JSON value on one line; numbers that JSON lacks become null."""
+    import json
+
     return json.dumps(_plain(value), ensure_ascii=False)
 
 

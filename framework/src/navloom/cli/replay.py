@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -53,6 +52,8 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Replay a recording: step each node on what it was given and compare, or try another plugin on the same inputs."""
+    from tempfile import TemporaryDirectory
+
     from navloom.config import ConfigError
     from navloom.recording.reader import Recording
     from navloom.recording.worldfiles import with_world
@@ -82,7 +83,7 @@ def replay(
         return
     if map_ is not None or start is not None:
         raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
-    with tempfile.TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder:
         loaded = with_world(recording, recording.header.loaded(), Path(folder))
         if stand_ins:
             _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)

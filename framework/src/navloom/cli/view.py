@@ -115,7 +115,6 @@ def _live(
 ) -> Any:
     from navloom.cli.interrupts import ending
     from navloom.messages.generic import GenericMessage
-    from navloom.plugins.opening import OPENER
     from navloom.recording.live_recorder import ask_header
     from navloom.runtime.joining import join
     from navloom.viewer.order import NICE
@@ -125,8 +124,6 @@ def _live(
     os.nice(NICE)  # before the network's threads are there: each has a priority of its own
     with ending() as event, join(robot, connect, keys, VIEWER, insecure) as client:
         header = ask_header(client)
-        if header.config is not None:
-            OPENER.block(header.loaded().config.plugins.blocked)
         facts = facts_of_header(header, header.prefix)
         limit = None if seconds is None else time.monotonic() + seconds
         identity = f"{header.prefix}-{time.time_ns()}"

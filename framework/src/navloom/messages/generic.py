@@ -20,6 +20,8 @@ MOST_NAMES = 256
 """Most entries of a map in such a header."""
 DEEPEST = 16
 """Most lists and maps round a value in such a header."""
+MOST_VALUES = 1 << 15
+"""Most values in such a header, at all depths."""
 
 
 class GenericMessage(Message):
@@ -68,7 +70,7 @@ def decode_generic(data: bytes | memoryview, label: str, why: str = "") -> tuple
             )
         except Exception as error:
             raise CodecError(f"the header is not MessagePack of a message: {str(error)[:80]}") from None
-        fields = _plain(header.get("fields"), 0)
+        fields = _plain(header.get("fields"), 0, [MOST_VALUES])
         if not isinstance(fields, dict):
             raise CodecError(f"fields is {type(fields).__name__}, expected a map")
         arrays = _arrays(header.get("arrays"), data if isinstance(data, bytes) else view, end + -end % ALIGNMENT)
@@ -77,14 +79,16 @@ def decode_generic(data: bytes | memoryview, label: str, why: str = "") -> tuple
         raise CodecError(f"{label}: {error}") from None
 
 
-def _plain(value: Any, depth: int) -> Any:
-    """A value of a header, with tuples for lists."""
-    if depth > DEEPEST:
-        raise CodecError(f"fields is nested deeper than {DEEPEST}")
+def _plain(value: Any, depth: int, left: list[int]) -> Any:
+    """A value of a header, with tuples for lists; `left` holds how many values it may have."""
+    left[0] -= 1
+    if depth > DEEPEST or left[0] < 0:
+        what = f"is nested deeper than {DEEPEST}" if depth > DEEPEST else f"holds more than {MOST_VALUES} values"
+        raise CodecError(f"fields {what}")
     if isinstance(value, list):
-        return tuple([_plain(entry, depth + 1) for entry in value])
+        return tuple([_plain(entry, depth + 1, left) for entry in value])
     if isinstance(value, dict):
         if not all(isinstance(name, str) for name in value):
             raise CodecError("fields holds a map whose keys are no names")
-        return {name: _plain(entry, depth + 1) for name, entry in value.items()}
+        return {name: _plain(entry, depth + 1, left) for name, entry in value.items()}
     return value

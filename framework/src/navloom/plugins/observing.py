@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
 from copy import deepcopy
 from dataclasses import replace
 from types import TracebackType
@@ -66,7 +68,8 @@ class Onlookers:
         if name not in self._running:
             return []
         try:
-            return list(self._discovery.call(KIND, name, hook, run=self._running[name], **given))
+            with redirect_stdout(sys.stderr):  # standard output is the result's
+                return list(self._discovery.call(KIND, name, hook, run=self._running[name], **given))
         except (Exception, SystemExit) as error:
             self._drop(name, hook, error)
             return []

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from navloom.config import Loaded
 from navloom.engine.catalogue import catalogue_of
 from navloom.messages.codec import CodecError, read_envelope
+from navloom.plugins.opening import OPENER
 from navloom.recording.counting import Counts
 from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
@@ -42,14 +43,20 @@ class _Waiting(NamedTuple):
 
 
 def ask_header(client: Client) -> RecordingHeader:
-    """What the robot says of itself. Raises ClientError where no process of it answers."""
+    """What the robot says of itself; what its config blocks is blocked here too.
+
+    Raises:
+        ClientError: No process of it answers.
+    """
     limit = time.monotonic() + ASK
     while True:
         for answer in client.bus.ask(client.keys.process("*", "config"), timeout=1.0):
             if not answer.refusal:
                 given = json.loads(answer.data)
                 kind: Kind = "barrier" if given["barrier"] else "live"
-                header = header_of(Loaded.from_json(given["loaded"]), kind, given["distributions"])
+                loaded = Loaded.from_json(given["loaded"])
+                OPENER.block(loaded.config.plugins.blocked)
+                header = header_of(loaded, kind, given["distributions"])
                 return replace(header, realm=client.keys.realm, robot=client.keys.robot)
         if time.monotonic() > limit:
             raise ClientError(

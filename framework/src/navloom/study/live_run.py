@@ -41,7 +41,8 @@ from navloom.runtime.placing import spread
 from navloom.runtime.robot import Robot
 from navloom.runtime.switchboard import Switchboard
 from navloom.study.episode import Episode
-from navloom.study.observed import LiveShow, run_info
+from navloom.study.live_show import LiveShow
+from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
 
 __all__ = ["LiveRun", "run_barrier"]

@@ -1,25 +1,13 @@
-"""What observers are told of a run, and a thread of their own that shows them a live robot's messages."""
+"""What observers are told of a run."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Sequence
 from typing import Literal
 
 from navloom.config import Loaded
-from navloom.engine.build import System
 from navloom.plugins import RunInfo
-from navloom.plugins.observing import Onlooker
-from navloom.runtime.cells import all_sources
-from navloom.runtime.mailbox import Inlet, Mailbox
-from navloom.runtime.switchboard import Switchboard
 
-__all__ = ["LiveShow", "run_info"]
-
-WAITING = 1024
-"""Messages of one stream that may wait for observers; beyond that the oldest are left out."""
-ENDS = 2.0
-"""Longest wait for an observer that is still looking at a message when the run has ended, s."""
+__all__ = ["run_info"]
 
 
 def run_info(loaded: Loaded, kind: Literal["lockstep", "barrier", "live"]) -> RunInfo:
@@ -29,49 +17,3 @@ def run_info(loaded: Loaded, kind: Literal["lockstep", "barrier", "live"]) -> Ru
         kind, loaded.name, config.model_dump(mode="json"), loaded.sha256(), config.robot.realm, config.robot.name,
         config.run.seed,
     )  # fmt: skip
-
-
-class LiveShow:
-    """Shows observers the messages of a live robot: one that is slow, or hangs, keeps nobody else waiting.
-
-    Args:
-        system: The robot.
-        board: Streams of this process; connect it afterwards.
-        onlookers: The observers' objects.
-        is_active: Whether an instance is the active one of its role.
-    """
-
-    def __init__(
-        self, system: System, board: Switchboard, onlookers: Sequence[Onlooker], is_active: Callable[[str, str], bool]
-    ) -> None:
-        self._is_active, self._ends = is_active, False
-        self._mailbox = Mailbox()
-        self._streams: list[tuple[str, str, str, Inlet, list[Onlooker]]] = []
-        ports = {spec.role: spec.outputs for spec in system.specs}
-        for role, name in all_sources(system):
-            for port in ports[role]:
-                shown = [one for one in onlookers if one.wants is None or (role, port) in one.wants]
-                if shown:
-                    inlet = board.inlet((role, name), port, self._mailbox, WAITING)
-                    self._streams.append((role, name, port, inlet, shown))
-        self._thread = threading.Thread(target=self._run, name="observers", daemon=True)
-        if self._streams:
-            self._thread.start()
-
-    def close(self) -> None:
-        """Show what has come so far, and end."""
-        self._ends = True
-        self._mailbox.ring()
-        if self._streams:
-            self._thread.join(ENDS)
-
-    def _run(self) -> None:
-        seen, is_last = 0, False
-        while not is_last:
-            is_last = self._ends
-            for role, name, port, inlet, shown in self._streams:
-                for message, envelope in inlet.take():
-                    for onlooker in shown:
-                        onlooker.on_message(role, name, self._is_active(role, name), port, message, envelope)
-            if not is_last:
-                seen = self._mailbox.wait(seen, None)

@@ -22,6 +22,7 @@ from navloom.study.episode import run_episode
 
 Typed = Callable[..., tuple[int, str, str]]
 SHORT = ("run.stop_after=8.0",)
+NODES = ("platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "goal", "reference", "gate")
 
 
 class Heard:
@@ -95,7 +96,10 @@ def test_two_nodes_of_one_plugin_need_a_word_on_which_is_read(people: Path) -> N
         ("node.people.speed=1", "node.0.speed: unknown key"),
         ("node.people.rate_hz=7", "node.0.rate_hz: 7 does not divide the tick rate of 20 Hz"),
         ('live.hosts={ a = ["robot", "think", "drive", "safe"] }', "no host starts the process nodes of people"),
-        ('live.processes.robot=["platform", "localizer", "peple"]', 'process robot names "peple", expected a role'),
+        (
+            f"live.processes={{ all = {[*NODES, 'peple']} }}",
+            'process all names "peple", expected a role',
+        ),
         ("alternative.improved_vfh.role=peple", "expected a role or the name of a [[node]]; did you mean 'people'?"),
         (
             'event=[{ at = 1.0, do = "swap", role = "people", name = "x" }]',

@@ -59,14 +59,20 @@ def where(node: Node) -> str:
     return f"{node['process']} on {node['host']}"
 
 
+def _is_patient(node: Node) -> bool:
+    """Its step may take long: no motor waits for it."""
+    said: bool = node.get("is_patient", is_patient(node["role"]))
+    return said
+
+
 def is_slow(node: Node) -> bool:
     """Its usual step takes longer than its period. A mapper or a planner may: nothing waits for it in each tick."""
-    return not is_patient(node["role"]) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
+    return not _is_patient(node) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
 
 
 def is_stuck(node: Node) -> bool:
     """It has been in one step for longer than its role may take."""
-    return (node["busy_s"] or 0.0) > (BUSY_LONG if is_patient(node["role"]) else BUSY)
+    return (node["busy_s"] or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
 
 
 def failing(nodes: Sequence[Node]) -> list[Finding]:

@@ -16,9 +16,11 @@ from navloom.engine.build import assemble
 from navloom.engine.catalogue import FRAMEWORK
 from navloom.messages import GateStatus, Message
 from navloom.messages.envelope import Envelope, StepRecord
-from navloom.plugins import PluginError
+from navloom.plugins import Discovery, PluginError
 from navloom.recording.reader import Recording
 from navloom.study.episode import run_episode
+from navloom.study.methods import methods_of
+from navloom.study.openloop import open_loop_of
 
 Typed = Callable[..., tuple[int, str, str]]
 SHORT = ("run.stop_after=8.0",)
@@ -90,6 +92,8 @@ def test_two_nodes_of_one_plugin_need_a_word_on_which_is_read(people: Path) -> N
         ("node=[]", "avoider.inputs.tracks: polite reads Tracks, and no [[node]] or [[sensor]] publishes it"),
         ('avoider.inputs.trakcs="people.tracks"', "polite has no such input; did you mean 'tracks'?"),
         ('avoider.inputs.tracks="people.tarcks"', "expected a stream of Tracks; there are people.tracks"),
+        ("node.peple.rate_hz=10", "there is no node.peple; did you mean 'people'?"),
+        ("event.0.at=1.0", "there is no event.0; the config has no [[event]]"),
         ("node.people.name=gate", '"gate" is a name of the framework; choose another'),
         ("node.people.plugin=tracker", "no plugin 'node.tracker' is installed"),
         ("node.people.sensors=['laser']", "'laser' gives Sweep, people_tracker takes Beacons and RangeScan"),
@@ -159,6 +163,25 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
     assert {one.key.rsplit("/", 2)[0] for one in Recording(recording).messages(["people/*/tracks"])} == {
         "lab/r1/people"
     }
+
+
+def test_trackers_and_avoiders_are_compared(people: Path, typed: Typed) -> None:
+    vary = ("--vary", "avoider=polite,improved_vfh", "--vary", "node.people.plugin=people_tracker,nearest_tracker")
+    few = ("--set", "run.stop_after=3", "--seeds", "0:1", "--jobs", "1")
+    code, out, err = typed("compare", str(people), *vary, *few)
+    assert code == 0 and "4 methods x 1 worlds x 1 seeds: 4 episodes" in out, out + err
+    assert "polite+nearest_tracker" in out and "improved_vfh+people_tracker" in out
+
+
+def test_a_tracker_runs_in_shadow_of_the_one_that_is_compared_with_it(people: Path) -> None:
+    methods = methods_of(str(people), ["node.people.plugin=people_tracker,nearest_tracker"], (), Discovery())
+    found = open_loop_of(methods, "people_tracker")
+    (table,) = [table for table in found.loaded.config.alternative if table.role == "people"]
+    assert (table.plugin, table.shadow, found.shadows) == (
+        "nearest_tracker",
+        True,
+        {"nearest_tracker": "nearest_tracker"},
+    )
 
 
 def test_the_kinds_of_sensors_are_listed_with_messages_and_settings(people: Path, typed: Typed) -> None:
@@ -291,3 +314,9 @@ def test_the_class_of_an_extra_input_is_known_to_mypy(tmp_path: Path) -> None:
     )
     assert 'has type "GateStatus", variable has type "Path"' in checked.stdout, checked
     assert 'Item "None" of "GateStatus | None" has no attribute "reason"' in checked.stdout
+
+
+def test_what_holds_names_the_node_and_the_streams_it_reads(people: Path, typed: Typed) -> None:
+    rows = {line.split()[0]: line.split()[1] for line in typed("config", "show", str(people))[1].splitlines()}
+    assert rows["node.0.name"] == '"people"' and rows["node.0.inputs.pose"] == '"localizer.pose"'
+    assert rows["avoider.inputs.tracks"] == '"people.tracks"'

@@ -26,6 +26,8 @@ from navloom.roles.base import RESERVED_KEYS
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
 
+ARRAYS = ("sensor", "node", "alternative", "event")
+"""Places of arrays of tables."""
 SHOWN = 50
 """Most problems that an error lists."""
 
@@ -226,8 +228,9 @@ def _enter(table: Any, key: str, place: str, change: str) -> Any:
             if key in (str(number), entry.get("name"), entry.get("plugin")):
                 return entry
         known = [str(entry.get("name", number)) for number, entry in enumerate(table)]
-        raise ConfigError(f"--set {change}: there is no {place}{nearest(key, known)}")
-    inner = table.setdefault(key, {})
+        hint = nearest(key, known) if known else f"; the config has no [[{place.partition('.')[0]}]]"
+        raise ConfigError(f"--set {change}: there is no {place}{hint}")
+    inner = table.setdefault(key, [] if place in ARRAYS else {})
     if not isinstance(inner, (dict, list)):
         raise ConfigError(f"--set {change}: {place} is the value {inner!r}, not a table")
     return inner

@@ -214,8 +214,9 @@ def _full(system: System) -> dict[str, Any]:
     for _, role, table in system.config.role_tables():
         part = system.parts[(role, table.instance)]
         if table is system.config.role_table(role):
-            given = tree if role in ROLE_TABLES else tree["node"]
-            given[role] = {**given[role], **part.params.model_dump(mode="json"), "name": part.table.instance}
+            is_role = role in ROLE_TABLES
+            given, name = (tree, table.instance) if is_role else (tree["node"], role)
+            given[role] = {**given[role], **part.params.model_dump(mode="json"), "name": name}
     del tree["live"]
     return dict(_of_methods(leaves(tree)))
 

@@ -115,9 +115,13 @@ def test_toml_blocks_parse(page: Path) -> None:
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    controller, observer, command = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
+    controller, node, avoider, observer, command = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
+    for source in (node, avoider):
+        executed(source, "my_node")["navloom_register"](registry)
+    del SCHEMAS["my_node.Echoes"]
+    assert list(registry.nodes) == ["listener"] and ("avoider", "shy") in registry.roles
     scopes[0]["navloom_register"](registry)
     scopes[2]["navloom_register"](registry)
     assert ("controller", "proportional") in registry.roles and list(registry.commands) == ["greet"]

@@ -6,11 +6,11 @@ import json
 import re
 import subprocess
 import sys
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from dist_rig import put_on_path
 from live_rig import up
 from navloom import Envelope, GateStatus, Message, StepRecord
 from navloom.cli import main
@@ -42,16 +42,7 @@ def script(name: str, *arguments: str, timeout: float = 120.0) -> list[str]:
 @pytest.fixture
 def turtle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The distribution of examples/turtle is installed, as by an editable install from its pyproject.toml."""
-    project = tomllib.loads((EXAMPLES / "turtle" / "pyproject.toml").read_text("utf-8"))["project"]
-    folder = tmp_path / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
-    folder.mkdir()
-    points = [f"{name} = {module}" for name, module in project["entry-points"]["navloom"].items()]
-    (folder / "entry_points.txt").write_text("\n".join(["[navloom]", *points]), "utf-8")
-    metadata = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    (folder / "METADATA").write_text(metadata, "utf-8")
-    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{EXAMPLES / 'turtle'}")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.syspath_prepend(str(EXAMPLES / "turtle"))
+    put_on_path(EXAMPLES / "turtle", tmp_path / "site", monkeypatch)
 
 
 def test_every_file_is_run() -> None:
@@ -153,3 +144,10 @@ def test_a_study_by_script_prints_a_row_a_method_and_world() -> None:
         for method in ("lyapunov_tracker", "pure_pursuit")
         for world in ("doorway", "crossing_person")
     ]
+
+
+@runs("people/navloom_people.py", "people/pyproject.toml", "people/people.toml")
+def test_an_avoider_minds_people_that_another_node_tracks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put_on_path(EXAMPLES / "people", tmp_path / "site", monkeypatch)
+    episode = run_episode(load_config(str(EXAMPLES / "people" / "people.toml")))
+    assert episode.result.outcome == "succeeded" and len(episode.log.spent_ns["people", "people_tracker"]) > 100

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
-from navloom.engine.catalogue import specs_of
+from navloom.engine.catalogue import FRAMEWORK
 from navloom.engine.graph import GraphError, order
-from navloom.engine.ports import Input, NodeSpec, Port
+from navloom.engine.ports import Input, NodeSpec, Port, Wired
 from navloom.engine.random_streams import stream_source
 from navloom.engine.streams import PLAIN, sensor_port
 from navloom.messages import Command, Message, PoseEstimate, RangeScan
@@ -17,6 +19,11 @@ def port(role: str, name: str, kind: type[Message] = Command) -> Port[Message]:
     made: Port[Message] = Port(kind, PLAIN)
     made.role, made.name = role, name
     return made
+
+
+def specs_of(sensors: dict[str, list[Port[Any]]]) -> list[NodeSpec]:
+    """Every node of the framework, with these sensors by role."""
+    return [node.spec(Wired(role, sensors)) for role, node in FRAMEWORK.nodes.items()]
 
 
 A, B = port("a", "out"), port("b", "out")

@@ -7,28 +7,26 @@ import sys
 from pathlib import Path
 
 import pytest
-from navloom.engine.catalogue import NODES, answer_ports, node_class, required_roles, warming_ports
+from navloom.engine.catalogue import FRAMEWORK, NODES
 from navloom.engine.node import Node, Tick
-from navloom.engine.ports import Latest, Output, Port, known_ports
+from navloom.engine.ports import Latest, Output, Wired
 from navloom.engine.role_nodes import PlannerNode
 from navloom.engine.streams import ControllerPorts, LocalizerPorts, PlannerPorts
-from navloom.messages import PoseEstimate
-
-WIRED: dict[str, list[Port[PoseEstimate]]] = {}
 
 
 def test_what_a_class_declares_is_its_wiring() -> None:
-    spec = PlannerNode.spec(WIRED)
+    spec = PlannerNode.spec(Wired("planner"))
     assert [str(given) for given in spec.inputs] == ["goal.plan", "mapper.map"]
     assert spec.outputs == ("path", "failure") and spec.cause == "plan" and not spec.ticks
 
 
 def test_facts_of_roles_are_read_off_the_ports() -> None:
-    assert set(required_roles()) == {"platform", "localizer", "reference", "controller", "avoider", "goal"}
-    assert answer_ports("planner") == ("path", "failure") and answer_ports("recovery") == ("command",)
-    assert warming_ports("recovery") == () and warming_ports("mapper") == ("map",)
-    assert node_class("mapper").patience > node_class("controller").patience
-    assert {port.role for port in known_ports()} == {node.role for node in NODES}
+    known = FRAMEWORK
+    assert set(known.required_roles()) == {"platform", "localizer", "reference", "controller", "avoider", "goal"}
+    assert known.answer_ports("planner") == ("path", "failure") and known.answer_ports("recovery") == ("command",)
+    assert known.warming_ports("recovery") == () and known.warming_ports("mapper") == ("map",)
+    assert known.nodes["mapper"].patience > known.nodes["controller"].patience
+    assert {port.role for port in known.ports()} == {node.role for node in NODES}
 
 
 def test_a_node_publishes_only_on_ports_of_its_own_role() -> None:

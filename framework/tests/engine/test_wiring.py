@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from navloom.engine.node import Node, Tick
-from navloom.engine.ports import Latest, Offers
+from navloom.engine.ports import Latest, Offers, Wired
 from navloom.engine.stepper import Stepper
 from navloom.engine.streams import AvoiderPorts, LocalizerPorts
 from navloom.engine.wiring import Slot, make_wire
@@ -59,7 +59,7 @@ def test_inputs_that_are_led_to_another_instance_read_it() -> None:
     old, new, pose = Slot("old", "old"), Slot("new", "new"), Slot("pose", "pose")
     old.put(command(0.1), 1, (3, 150, 150, 0), 3)
     new.put(command(0.2), 5, (3, 150, 140, 1), 3)
-    node, spec = Reader(), Reader.spec({})
+    node, spec = Reader(), Reader.spec(Wired("reader"))
     stepper = Stepper(spec, node, "main", {})
     stepper.connect([make_wire(given, pose if given.name == "unread" else old) for given in spec.inputs])
     assert (node.plain.value, node.dated.when) == (command(0.1), (3, 150, 150, 0))

@@ -230,7 +230,10 @@ def test_worlds_come_by_name_by_scheme_and_by_toml_file(module: Write) -> None:
 
 
 def test_a_node_comes_by_name(module: Write) -> None:
-    text = "from navloom import hookimpl\nclass Tracker:\n    name = 'tracker'\n"
+    text = (
+        "from navloom import NodePlugin, hookimpl\nclass Tracker(NodePlugin):\n    name = 'tracker'\n    ticks = True\n"
+    )
+    text += "    def step(self, tick): ...\n"
     text += "@hookimpl\ndef navloom_register(registry):\n    registry.node(Tracker)\n"
     found = Discovery(found=[point("node.tracker", module("fake_node", text)), point("node.other", "fake_node")])
     assert found.names("node") == ["other", "tracker"]

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from navloom.config.schema import AlternativeTable
+from navloom.config.schema import AlternativeTable, NodeTable
+from navloom.engine.node_plugin import NodePlugin, Tick
 from navloom.geometry.world import World
 from navloom.messages import Message, PlanFailure, Point2D
 from navloom.plugins import PluginError, Registry
@@ -111,19 +112,40 @@ def test_worlds_and_schemes_of_one_name_are_refused() -> None:
     assert (registry.worlds, registry.schemes) == ({"hall": make}, {"file": load})
 
 
+class Ticking(NodePlugin):
+    """A node that does nothing."""
+
+    name = "ticking"
+    ticks = True
+
+    def step(self, tick: Tick) -> None:
+        """Nothing is published."""
+
+
 def test_nodes_and_messages_are_kept_by_their_names() -> None:
     registry = Registry()
-    registry.node(Nowhere)
+    registry.node(Ticking)
     registry.message(Point2D)
     registry.message(Point2D)
-    assert (registry.nodes, registry.messages) == ({"nowhere": Nowhere}, {"Point2D": Point2D})
-    with pytest.raises(PluginError, match="node 'nowhere' is registered twice"):
-        registry.node(type("Other", (), {"name": "nowhere"}))
+    assert (registry.nodes, registry.messages) == ({"ticking": Ticking}, {"Point2D": Point2D})
+    with pytest.raises(PluginError, match="node 'ticking' is registered twice"):
+        registry.node(type("Other", (Ticking,), {"name": "ticking"}))
+
+
+def test_a_node_of_another_version_and_one_without_a_step_are_refused() -> None:
+    with pytest.raises(
+        PluginError, match=r"node\.old is built for version 7 of nodes, this framework speaks version 1"
+    ):
+        Registry().node(type("Old", (Ticking,), {"name": "old", "api": 7}))
+    with pytest.raises(PluginError, match=r"node\.lazy does not implement step"):
+        Registry().node(type("Lazy", (NodePlugin,), {"name": "lazy", "ticks": True}))
+    with pytest.raises(TypeError, match="Idle never steps: set ticks = True, or triggers=True on one of its inputs"):
+        type("Idle", (NodePlugin,), {"name": "idle"})
 
 
 @pytest.mark.parametrize("given", [Nowhere.plan, "Nowhere", nameless, object])
 def test_what_is_not_the_class_of_a_node_is_refused(given: Any) -> None:
-    with pytest.raises(PluginError, match="expected the class of a node"):
+    with pytest.raises(PluginError, match=r"expected a subclass of navloom\.NodePlugin with a `name`"):
         Registry().node(given)
 
 
@@ -155,4 +177,4 @@ def test_a_parameter_that_no_config_could_set_is_refused(name: str) -> None:
 
 
 def test_the_reserved_keys_are_those_of_the_roles_tables() -> None:
-    assert set(RESERVED_KEYS) == set(AlternativeTable.model_fields)
+    assert set(RESERVED_KEYS) == {*AlternativeTable.model_fields, *NodeTable.model_fields}

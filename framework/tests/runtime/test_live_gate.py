@@ -50,13 +50,7 @@ class Gate:
         assert isinstance(node, GateNode)
         self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
         self.runner = LiveGate(
-            self.hosted,
-            self.clock,
-            PERIOD,
-            lambda: False,
-            0.1,
-            lambda source: source in self.alive,
-            all_sources(SYSTEM),
+            self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive, SYSTEM
         )
         self.node = node
 

@@ -53,6 +53,8 @@ def state(node: Mapping[str, Any]) -> str:
     if not node["answers"]:
         return "does not answer"
     words = "in charge" if node["active"] else "shadow" if node["enabled"] else "waiting"
+    if waits_for := node.get("waits_for"):
+        words += f", waits for {' and '.join(waits_for)}"
     if node["faulted"]:
         words += f", failed {node['faulted']} times in a row"
     if (node["busy_s"] or 0.0) > LONG:

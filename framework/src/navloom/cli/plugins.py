@@ -17,7 +17,9 @@ def plugins(
 ) -> None:
     """List the installed plugins without importing them, or show the parameters of one."""
     from navloom.cli.output import print_json, print_table
+    from navloom.engine.parts import streams_of
     from navloom.plugins.discovery import Discovery
+    from navloom.plugins.registry import NODE
 
     discovery = Discovery()
     if name is None:
@@ -34,15 +36,40 @@ def plugins(
             )
         return
     role, _, plugin = name.partition(".")
-    cls = discovery.role(role, plugin)
+    cls = discovery.node(plugin) if role == NODE else discovery.role(role, plugin)
     schema = cls.Params.model_json_schema()
+    kinds = _kinds(cls)
     if as_json:
-        print_json({"role": role, "name": plugin, "api": cls.api, "params": schema})
+        print_json({"role": role, "name": plugin, "api": cls.api, "params": schema, **streams_of(cls), **kinds})
         return
     summary = (cls.__doc__ or "").strip().splitlines()
     typer.echo(f"{role}.{plugin}: {summary[0] if summary else ''}")
-    rows = [_row(key, field, schema) for key, field in schema.get("properties", {}).items()]
-    print_table(("parameter", "default", "allowed", "meaning"), rows)
+    for what, streams in streams_of(cls).items():
+        typer.echo(f"{what} {', '.join(f'{name} ({carries})' for name, carries in streams.items()) or 'nothing'}")
+    print_table(("parameter", "default", "allowed", "meaning"), _rows(schema))
+    for kind, one in kinds.get("sensor_kinds", {}).items():
+        typer.echo(f"sensor of kind {kind} gives {one['message']}")
+        if one["settings"] is not None:
+            print_table(("setting", "default", "allowed", "meaning"), _rows(one["settings"]))
+
+
+def _kinds(cls: Any) -> dict[str, Any]:
+    """The kinds of sensor that a platform provides: the message class of each, and what its table may hold."""
+    from navloom.roles import Platform
+
+    if not issubclass(cls, Platform):
+        return {}
+    settings = {kind: model.model_json_schema() for kind, model in cls.sensor_settings.items()}
+    return {
+        "sensor_kinds": {
+            kind: {"message": carries.__name__, "settings": settings.get(kind)}
+            for kind, carries in cls.sensor_kinds.items()
+        }
+    }
+
+
+def _rows(schema: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    return [_row(key, field, schema) for key, field in schema.get("properties", {}).items()]
 
 
 def _row(key: str, field: dict[str, Any], schema: dict[str, Any]) -> tuple[str, str, str, str]:

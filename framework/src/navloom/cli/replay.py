@@ -24,6 +24,10 @@ def replay(
     planner: Plugin = None,
     mapper: Plugin = None,
     localizer: Plugin = None,
+    node: Annotated[
+        list[str] | None,
+        typer.Option("--node", metavar="NODE=NAME", help="Another plugin in a [[node]] of the config; repeats."),
+    ] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
@@ -56,6 +60,11 @@ def replay(
 
     given = {"avoider": avoider, "controller": controller, "planner": planner, "mapper": mapper, "localizer": localizer}
     stand_ins = {role: name for role, name in given.items() if name is not None}
+    for text in node or ():
+        owner, equals, name = text.partition("=")
+        if not equals or not owner or not name:
+            raise ConfigError(f"--node {text}: expected NODE=NAME, as in --node people=nearest_tracker")
+        stand_ins[owner] = name
     if sum((bool(stand_ins), live, check)) > 1:
         raise ConfigError("--check, --live and another plugin are three ways to replay: choose one")
     for change in set_ or ():
@@ -95,14 +104,14 @@ def tell_reading(recording: Any) -> None:
 def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.written import tell_out
-    from navloom.engine.build import assemble
-    from navloom.recording.check import check
+    from navloom.recording.check import check, installed_part
     from navloom.recording.replaying import Replayer
     from navloom.study.results import OutFolder
 
     with OutFolder(out, ("result.json",)) as folder:
         with stage(as_json) as (say, progress):
-            found = check(Replayer(recording, assemble(loaded), None, say), progress)
+            system, missing = installed_part(loaded)
+            found = [*check(Replayer(recording, system, None, say), progress), *missing]
         differing = [one.first for one in found if one.differing and one.first is not None]
         first = min(differing, key=lambda one: one.tick, default=None)
         compared = sum(one.messages for one in found)

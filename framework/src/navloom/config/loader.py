@@ -26,6 +26,8 @@ from navloom.roles.base import RESERVED_KEYS
 
 __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_configs"]
 
+ARRAYS = ("sensor", "node", "alternative", "event")
+"""Places of arrays of tables."""
 SHOWN = 50
 """Most problems that an error lists."""
 LONGEST_KEY = 1000
@@ -145,22 +147,31 @@ def _problems_of_params(tree: dict[str, Any]) -> list[str]:
     """What does not fit in the plugins' parameters of a file that does not fit itself, so that all is said at once."""
     found = []
     tables: list[tuple[str, Any, Any]] = [(role, role, tree.get(role, {})) for role in ROLE_TABLES]
-    alternatives = tree.get("alternative", [])
-    for number, table in enumerate(alternatives if isinstance(alternatives, list) else ()):
-        tables.append((f"alternative.{number}", table.get("role") if isinstance(table, dict) else None, table))
+    nodes = [table for table in _tables(tree, "node") if isinstance(table.get("name"), str)]
+    tables += [(f"node.{number}", table["name"], table) for number, table in enumerate(nodes)]
+    tables += [
+        (f"alternative.{number}", table.get("role"), table) for number, table in enumerate(_tables(tree, "alternative"))
+    ]
+    roles = {*ROLE_TABLES, *(table["name"] for table in nodes)}
     discovery = Discovery()
     for place, role, table in tables:
         plugin = table.get("plugin", DEFAULT_PLUGINS.get(place)) if isinstance(table, dict) else None
-        if not isinstance(plugin, str) or role not in ROLE_TABLES:
+        if not isinstance(plugin, str) or role not in roles:
             continue
         try:
             params = {key: value for key, value in table.items() if key not in RESERVED_KEYS}
-            check_params(discovery.role(role, plugin).Params, params, place)
+            check_params(discovery.plugin(role, plugin).Params, params, place)
         except PluginError as error:
             found.append(f"{place}.plugin: {error}")
         except ConfigError as error:
             found.extend(error.problems)
     return found
+
+
+def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """The tables of an array; nothing where it is none."""
+    tables = tree.get(name)
+    return tables if isinstance(tables, list) and all(isinstance(table, dict) for table in tables) else []
 
 
 def _read(reference: str) -> tuple[str, Path]:
@@ -198,7 +209,8 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
     if not isinstance(table, dict):
         raise ConfigError(f"--set {_brief(change)}: {'.'.join(keys[:-1])} is a list; name one of its tables")
     where = ".".join(_numbered(tree, keys))
-    names_plugin = keys[-1] == "plugin" and ((len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] == "alternative")
+    of_instance = (len(keys) == 2 and keys[0] in ROLE_TABLES) or keys[0] in ("alternative", "node")
+    names_plugin = keys[-1] == "plugin" and of_instance
     if names_plugin and table.get("plugin") != value:
         for old in [key for key in table if key not in RESERVED_KEYS]:
             dropped.append(f"{where.removesuffix('.plugin')}.{old}")
@@ -218,8 +230,9 @@ def _enter(table: Any, key: str, place: str, change: str) -> Any:
             if key in (str(number), entry.get("name"), entry.get("plugin")):
                 return entry
         known = [str(entry.get("name", number)) for number, entry in enumerate(table)]
-        raise ConfigError(f"--set {_brief(change)}: there is no {_brief(place)}{nearest(key, known)}")
-    inner = table.setdefault(key, {})
+        hint = nearest(key, known) if known else f"; the config has no [[{place.partition('.')[0]}]]"
+        raise ConfigError(f"--set {_brief(change)}: there is no {_brief(place)}{hint}")
+    inner = table.setdefault(key, [] if place in ARRAYS else {})
     if not isinstance(inner, (dict, list)):
         raise ConfigError(f"--set {_brief(change)}: {_brief(place)} is the value {shortened(inner)}, not a table")
     return inner

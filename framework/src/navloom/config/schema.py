@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal, cast
+from collections.abc import Collection, Iterator, Mapping
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, model_validator
-from pydantic.fields import FieldInfo
 
+from navloom.plugins.registry import nearest
 from navloom.roles import ROLES
 from navloom.roles.base import StrictModel
 
 __all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "FootprintTable", "GateTable", "LiveTable",
-           "MapTable", "NavigationTable", "PlaceTable", "PluginsTable", "PointTable", "RobotTable", "RoleTable",
-           "RunTable", "SensorTable", "WorldTable"]  # fmt: skip
+           "MapTable", "NavigationTable", "NodeTable", "PlaceTable", "Placed", "PluginsTable", "PointTable",
+           "RobotTable", "RoleTable", "RunTable", "SensorTable", "WorldTable"]  # fmt: skip
 
 Positive = Annotated[float, Field(gt=0.0)]
-RoleName = Literal["platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery"]
 ROLE_TABLES = ROLES.keys()
-"""Roles, each with a table of its name: those of the framework have one in every config, others where it is given."""
+"""Roles, each with a table of its name in every config."""
 OWN_NODES = ("goal", "reference", "gate")
+TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
+"""Names below a robot's key that no table [[node]] can have."""
+OWN_PROCESS = "nodes"
+"""Process of the tables [[node]] that no process names: apart from what drives the robot."""
 LONGEST_NAME = 48
 """Characters of a name: a key is made of five, and has 255 bytes at most."""
 
@@ -125,6 +128,9 @@ class RoleTable(OpenTable):
         default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
     )
     sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
+    inputs: dict[str, str] | None = Field(
+        default=None, description="by name of an input, the stream it reads, as people.tracks; default the only one"
+    )
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
     latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
     diagnostics_rate_hz: float | None = Field(
@@ -137,11 +143,33 @@ class RoleTable(OpenTable):
         return self.name or self.plugin
 
 
-class AlternativeTable(RoleTable):
-    """A further instance of a role, in shadow or waiting to be swapped in."""
+class NodeTable(RoleTable):
+    """A whole node of another distribution's plugin."""
 
-    role: RoleName
+    name: str = Field(
+        max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="takes a role's place in keys and lists"
+    )
+    required: bool = Field(default=False, description="the gate stops the robot when it is gone")
+
+    @property
+    def instance(self) -> str:
+        """Name of the instance: the plugin's, since `name` is the node's."""
+        return self.plugin
+
+
+class AlternativeTable(RoleTable):
+    """A further instance of a role or node, in shadow or waiting to be swapped in."""
+
+    role: str = Field(min_length=1, description="a role, or the name of a [[node]]")
     shadow: bool = True
+
+
+class Placed(NamedTuple):
+    """A table of an instance: its place in the file, and the role or node it is of."""
+
+    place: str
+    role: str
+    table: RoleTable
 
 
 class SensorTable(OpenTable):
@@ -216,7 +244,7 @@ class EventTable(Table):
     x: float | None = None
     y: float | None = None
     heading_deg: float | None = None
-    role: RoleName | None = None
+    role: str | None = None
     name: str | None = Field(default=None, description="instance, for swap and set")
     values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
 
@@ -274,10 +302,6 @@ class LiveTable(Table):
             if not re.fullmatch(r"[A-Za-z0-9_-]+", process):
                 raise ValueError(f'process "{process}": expected letters, digits, _ and -')
             for node in nodes:
-                role, _, name = node.partition(".")
-                if role not in (*ROLE_TABLES, *OWN_NODES) or (name and role not in ROLE_TABLES):
-                    raise ValueError(f'process {process} names "{node}", expected a role or role.instance of '
-                                     f"{', '.join((*ROLE_TABLES, *OWN_NODES))}")  # fmt: skip
                 if node in placed:
                     raise ValueError(f'"{node}" is in the processes {placed[node]} and {process}')
                 placed[node] = process
@@ -328,6 +352,7 @@ class Config(Table):
     avoider: RoleTable
     recovery: RoleTable
     sensor: list[SensorTable] = Field(default_factory=list)
+    node: list[NodeTable] = Field(default_factory=list)
     alternative: list[AlternativeTable] = Field(default_factory=list)
     navigation: NavigationTable = NavigationTable()
     gate: GateTable = GateTable()
@@ -347,19 +372,60 @@ class Config(Table):
         }
         return {**given, **filled}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _nodes_have_processes(cls, given: Any) -> Any:
+        """A node of another distribution that no process names gets one apart from those that drive the robot."""
+        tables, live = (given.get("node"), given.get("live", {})) if isinstance(given, dict) else (None, None)
+        if not isinstance(tables, list) or not isinstance(live, dict):
+            return given
+        processes = live.get("processes", LiveTable().processes)
+        if not isinstance(processes, dict) or not all(isinstance(nodes, list) for nodes in processes.values()):
+            return given
+        names = [table.get("name") for table in tables if isinstance(table, dict)]
+        placed = {node for nodes in processes.values() for node in nodes}
+        left = [name for name in names if isinstance(name, str) and name not in placed and name not in TAKEN]
+        if not left:
+            return given
+        spread = {**processes, OWN_PROCESS: [*processes.get(OWN_PROCESS, []), *left]}
+        return {**given, "live": {**live, "processes": spread}}
+
     @model_validator(mode="after")
     def _names_fit(self) -> Config:
-        problems = [*self._wrong_sensors(), *self._wrong_instances(), *self._wrong_events()]
+        problems = [
+            *self._wrong_nodes(),
+            *self._wrong_roles(),
+            *self._wrong_sensors(),
+            *self._wrong_instances(),
+            *self._wrong_places(),
+            *self._wrong_events(),
+        ]
         if problems:
             raise ValueError("\n".join(problems))
         return self
+
+    def _wrong_nodes(self) -> Iterator[str]:
+        names = [table.name for table in self.node]
+        for number, name in enumerate(names):
+            if name in TAKEN:
+                yield f'node.{number}.name: "{name}" is a name of the framework; choose another'
+            if name in names[:number]:
+                yield f'node.{number}.name: two tables [[node]] are named "{name}"'
+
+    def _wrong_roles(self) -> Iterator[str]:
+        tables = [(f"alternative.{number}", table.role) for number, table in enumerate(self.alternative)]
+        tables += [(f"event.{number}", event.role) for number, event in enumerate(self.event) if event.role]
+        for place, role in tables:
+            if role not in self.roles:
+                hint = nearest(role, self.roles)
+                yield f'{place}.role: got "{role}", expected a role or the name of a [[node]]{hint}'
 
     def _wrong_sensors(self) -> Iterator[str]:
         sensors = [sensor.name for sensor in self.sensor]
         for number, sensor in enumerate(sensors):
             if sensor in sensors[:number]:
                 yield f'sensor.{number}.name: two tables [[sensor]] are named "{sensor}"'
-        for place, table in self.role_tables():
+        for place, _, table in self.role_tables():
             for name in table.sensors or ():
                 if name not in sensors:
                     yield f'{place}.sensors: names "{name}"; sensors are {", ".join(sensors) or "none"}'
@@ -378,11 +444,21 @@ class Config(Table):
                 yield f'alternative.{number}: two instances of {table.role} are named "{table.instance}": ' \
                       "give one a `name`"  # fmt: skip
             taken.add((table.role, table.instance))
+
+    def _wrong_places(self) -> Iterator[str]:
+        taken, known = self._instances(), (*self.roles, *OWN_NODES)
         for process, nodes in self.live.processes.items():
             for node in nodes:
                 role, dot, name = node.partition(".")
-                if dot and (role, name) not in taken:
+                if role not in known or (dot and role in OWN_NODES):
+                    yield f'live: process {process} names "{node}", expected a role or role.instance of ' \
+                          f"{', '.join(known)}"  # fmt: skip
+                elif dot and (role, name) not in taken:
                     yield f'live.processes.{process}: names "{node}"; of {role} there are {_names_of(role, taken)}'
+        hosted = [process for processes in self.live.hosts.values() for process in processes]
+        if hosted and OWN_PROCESS not in hosted and (left := self.live.processes.get(OWN_PROCESS)):
+            yield f"live.hosts: no host starts the process {OWN_PROCESS} of {', '.join(left)}: name it under one, or " \
+                  "name its nodes in another process"  # fmt: skip
 
     def _wrong_events(self) -> Iterator[str]:
         taken = self._instances()
@@ -395,26 +471,37 @@ class Config(Table):
 
     @property
     def roles(self) -> list[str]:
-        """Roles that the robot has."""
-        return [role for role in ROLE_TABLES if getattr(self, role, None) is not None]
+        """Roles, and the names of the nodes of other distributions."""
+        return [*ROLE_TABLES, *(table.name for table in self.node)]
 
     def role_table(self, role: str) -> RoleTable:
-        """The table of a role's active instance."""
-        table = getattr(self, role)
+        """The table of the active instance of a role or node."""
+        table = next((table for table in self.node if table.name == role), None) or getattr(self, role)
         assert isinstance(table, RoleTable)
         return table
 
-    def role_tables(self) -> list[tuple[str, RoleTable]]:
-        """Each role table and alternative with its place in the file."""
-        return [(role, self.role_table(role)) for role in self.roles] + [
-            (f"alternative.{number}", table) for number, table in enumerate(self.alternative)
+    def role_tables(self) -> list[Placed]:
+        """The table of every instance, those that are active at first before the others."""
+        return [
+            *(Placed(role, role, self.role_table(role)) for role in ROLE_TABLES),
+            *(Placed(f"node.{number}", table.name, table) for number, table in enumerate(self.node)),
+            *(Placed(f"alternative.{number}", table.role, table) for number, table in enumerate(self.alternative)),
         ]
 
-
-def add_role_table(role: str) -> None:
-    """Let configs have a table of a role that is none of the framework's."""
-    Config.model_fields[role] = FieldInfo(annotation=cast("Any", RoleTable | None), default=None)
-    Config.model_rebuild(force=True)
+    def without(self, nodes: Collection[str]) -> Config:
+        """The same without some nodes of other distributions and all that names them."""
+        tree = self.model_dump(mode="json", exclude_unset=True)
+        tree["node"] = [table for table in tree.get("node", []) if table["name"] not in nodes]
+        for tables in ("alternative", "event"):
+            tree[tables] = [table for table in tree.get(tables, []) if table.get("role") not in nodes]
+        if "processes" in tree.get("live", {}):
+            spread: Mapping[str, list[str]] = tree["live"]["processes"]
+            left = {
+                process: [node for node in placed if node.partition(".")[0] not in nodes]
+                for process, placed in spread.items()
+            }
+            tree["live"]["processes"] = left
+        return Config.model_validate(tree)
 
 
 def _names_of(role: str | None, instances: set[tuple[str, str]]) -> str:

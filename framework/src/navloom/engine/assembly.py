@@ -11,7 +11,6 @@ from navloom.engine.events import schedule
 from navloom.engine.lockstep import Lockstep, Observer
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
-from navloom.engine.ports import NodeSpec
 from navloom.engine.reference import ReferenceNode
 from navloom.engine.stepper import Stepper
 from navloom.engine.trace import TraceWriter
@@ -35,10 +34,11 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         return executor.is_warm(role, name)
 
     nodes = role_nodes(system)
-    steppers = [one for spec in system.specs for one in _steppers(system, spec, nodes, is_warm)]
+    steppers = [one for spec in system.specs for one in _steppers(system, spec.role, nodes, is_warm)]
     for stepper, wires in zip(steppers, _plan(steppers), strict=True):
         stepper.connect(wires)
     executor = Lockstep(
+        system.catalogue,
         steppers,
         system.config.run.period,
         schedule(system.config, system.goal),
@@ -46,6 +46,10 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
         observers,
         trace,
     )
+    may_wait = system.may_wait
+    if may_wait:
+        gate = executor.gate
+        gate.find_waiting = lambda: executor.waiting(may_wait)
     return executor
 
 
@@ -71,7 +75,8 @@ def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
 
 
 def _selected(system: System) -> dict[str, str]:
-    return {role: system.config.role_table(role).instance for role in system.config.roles if role != "platform"}
+    active = {role: system.config.role_table(role).instance for role in system.config.roles if role != "platform"}
+    return {**active, **system.absent}
 
 
 def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_live: bool = False) -> Node | None:
@@ -79,7 +84,7 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     if role == "operator":
         return OperatorNode()
     if role == "goal":
-        return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)))
+        return GoalNode(GoalMachine(replace(goal_rules(system), is_live=is_live)), system.catalogue.optional)
     if role == "reference":
         return ReferenceNode.of(system.config, system.robot)
     if role == "gate":
@@ -87,9 +92,9 @@ def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_
     return None
 
 
-def make_stepper(system: System, spec: NodeSpec, name: str, node: Node) -> Stepper:
-    """One node, not wired yet."""
-    robot = system.config.robot
+def make_stepper(system: System, role: str, name: str, node: Node) -> Stepper:
+    """One instance of a node, not wired yet."""
+    robot, spec = system.config.robot, system.wiring[role, name]
     prefix = f"{robot.realm}/{robot.name}/{spec.role}"
     slots = {port: Slot(f"{prefix}/{name}/{port}", f"{spec.role} {name} {port}") for port in spec.outputs}
     part = system.parts.get((spec.role, name))
@@ -110,13 +115,13 @@ def make_stepper(system: System, spec: NodeSpec, name: str, node: Node) -> Stepp
 
 
 def _steppers(
-    system: System, spec: NodeSpec, nodes: dict[tuple[str, str], Node], is_warm: Callable[[str, str], bool]
+    system: System, role: str, nodes: dict[tuple[str, str], Node], is_warm: Callable[[str, str], bool]
 ) -> list[Stepper]:
     """Instances of one node, the active one first."""
-    own = own_node(system, spec.role, is_warm)
+    own = own_node(system, role, is_warm)
     if own is not None:
-        return [make_stepper(system, spec, "main", own)]
-    made = [make_stepper(system, spec, name, nodes[(role, name)]) for role, name in system.parts if role == spec.role]
+        return [make_stepper(system, role, "main", own)]
+    made = [make_stepper(system, role, name, nodes[(role, name)]) for owner, name in system.parts if owner == role]
     return sorted(made, key=lambda one: not one.active)
 
 

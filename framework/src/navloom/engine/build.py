@@ -15,10 +15,10 @@ from pydantic import ValidationError
 
 from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.problems import Gathered, problems_of
-from navloom.config.schema import ROLE_TABLES, Config, EventTable, PlaceTable, RoleTable
-from navloom.engine.catalogue import role_node, specs_of
-from navloom.engine.graph import order
-from navloom.engine.ports import NodeSpec
+from navloom.config.schema import Config, EventTable, PlaceTable, RoleTable
+from navloom.engine.catalogue import Catalogue, role_node
+from navloom.engine.parts import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
+from navloom.engine.ports import NodeSpec, Port
 from navloom.engine.random_streams import stream_source
 from navloom.engine.stepper import fault_text
 from navloom.engine.streams import sensor_port
@@ -32,7 +32,7 @@ from navloom.navigation import blocking, handover, monitor, projection, trajecto
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
-from navloom.roles import Context, Platform, RobotSpec, Role, SensorSpec
+from navloom.roles import ROLES, Context, Platform, RobotSpec, Role, SensorSpec
 
 __all__ = ["System", "assemble", "make_plugins", "robot_spec", "try_plugins"]
 
@@ -41,19 +41,6 @@ YOUNG_OBJECTS = 10_000
 """Objects made between two looks of the garbage collector at the newest; Python's default, 700, is a dozen ticks."""
 DIAGNOSTICS_RATE_HZ = 2.0
 """How often an avoider says why, unless its table says otherwise, Hz."""
-
-
-@dataclass(eq=False)
-class Part:
-    """One plugin of a run: where it stands in the config, its class, parameters, and the object."""
-
-    place: str
-    role: str
-    table: RoleTable
-    cls: type[Role]
-    params: Any
-    sensors: tuple[str, ...] = ()
-    plugin: Role | None = None
 
 
 @dataclass(eq=False)
@@ -67,10 +54,13 @@ class System:
         start: Pose in the map.
         goal: Where to go, or None.
         goal_tolerance: m.
-        specs: Nodes in the order they step.
+        catalogue: Its nodes, and what is known of their streams.
+        specs: Nodes in the order they step, each with the inputs of all its instances.
+        wiring: Of each instance, by role and name.
         parts: By (role, instance): active ones first.
         sensors: As configured.
         scans_on_request: The active mapper lives on sweeps that must be asked for.
+        absent: Of a replay: active instances by name of nodes that the robot had and that are not installed here.
     """
 
     loaded: Loaded
@@ -79,11 +69,14 @@ class System:
     start: Pose2D
     goal: PlaceTable | None
     goal_tolerance: float
+    catalogue: Catalogue
     specs: list[NodeSpec]
+    wiring: dict[tuple[str, str], NodeSpec]
     parts: dict[tuple[str, str], Part]
     sensors: tuple[SensorSpec, ...]
     scans_on_request: bool
     map: OccupancyGrid | None = field(default=None)
+    absent: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def time_limit(self) -> float:
@@ -106,6 +99,17 @@ class System:
     def config(self) -> Config:
         """What holds."""
         return self.loaded.config
+
+    @property
+    def may_wait(self) -> list[tuple[str, str]]:
+        """Instances of roles, stepped before the gate, that may have to wait for the first message of an input."""
+        order = [spec.role for spec in self.specs]
+        return [
+            (role, name)
+            for role in order[: order.index("gate")]
+            for owner, name in self.parts
+            if owner == role in ROLES and any(given.is_needed for given in self.wiring[role, name].inputs)
+        ]
 
     def plugin(self, role: str, instance: str) -> Role:
         """The object behind an instance."""
@@ -149,24 +153,34 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     """
     config, problems = loaded.config, Gathered()
     discovery = discovery or Discovery(config.plugins.blocked)
-    parts, world, robot = _find_parts(config, discovery, problems), None, None
+    parts, world, robot = find_parts(config, discovery, problems), None, None
+    catalogue = catalogue_of_parts(config, parts, problems)
     with problems.gather():
         world = _world(loaded, discovery)
     with problems.gather():
         robot = robot_spec(config)
     platform_part = parts.get(("platform", config.platform.instance))
     sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
-    for place, table in config.role_tables():
+    for place, role, table in config.role_tables():
         with problems.gather():
             _stride(table, config.run.period, place)
-            _explains(table, place)
+            _explains(table, place, role)
+    ports: dict[str, Port[Any]] = {}
     if platform_part is not None and len(sensors) == len(config.sensor):
+        assert issubclass(platform_part.cls, Platform)
+        ports = {one.name: sensor_port(one.name, platform_part.cls.sensor_kinds[one.kind]) for one in sensors}
         for part in parts.values():
             with problems.gather():
-                part.sensors = _wired(part, platform_part.cls, sensors)
+                part.sensors = sensors_of(part, platform_part.cls, sensors)
+    if len(parts) == len(config.role_tables()):
+        for part in parts.values():
+            with problems.gather():
+                part.streams = find_streams(part, [*catalogue.ports(), *ports.values()])
     problems.refuse(loaded.error)
     assert robot is not None and platform_part is not None
-    system = _system(loaded, robot, world, parts, sensors)
+    with problems.gather():
+        system = _system(loaded, robot, world, parts, sensors, catalogue, ports)
+    problems.refuse(loaded.error)
     with problems.gather():
         if config.map is not None or any(part.cls.needs_map for part in parts.values()):
             system.map = _known_map(loaded, discovery, world)
@@ -181,24 +195,19 @@ def _system(
     world: World | None,
     parts: dict[tuple[str, str], Part],
     sensors: tuple[SensorSpec, ...],
+    catalogue: Catalogue,
+    ports: Mapping[str, Port[Any]],
 ) -> System:
     """A system of parts that fit."""
     config = loaded.config
     platform = parts[("platform", config.platform.instance)].cls
     assert issubclass(platform, Platform)
-    wired = {role: parts[(role, config.role_table(role).instance)].sensors for role in config.roles}
-    for part in parts.values():
-        extra = [name for name in part.sensors if name not in wired[part.role]]
-        wired[part.role] = (*wired[part.role], *extra)
-    if config.gate.monitor:
-        wired["gate"] = tuple(s.name for s in sensors if issubclass(platform.sensor_kinds[s.kind], RangeScan))
-    ports = {s.name: sensor_port(s.name, platform.sensor_kinds[s.kind]) for s in sensors}
-    wired["platform"] = tuple(ports)
-    specs = order(specs_of({role: [ports[name] for name in names] for role, names in wired.items()}, config.roles))
+    ranging = [name for name, port in ports.items() if issubclass(port.carries, RangeScan)]
+    specs, wiring = connect(catalogue, parts, ports, ranging if config.gate.monitor else ())
     start, goal, tolerance = _task(config, world)
     mapper = set(parts[("mapper", config.mapper.instance)].sensors)
     asks = any(sensor.name in mapper and platform.scans_on_request(sensor) for sensor in sensors)
-    return System(loaded, robot, world, start, goal, tolerance, specs, parts, sensors, asks)
+    return System(loaded, robot, world, start, goal, tolerance, catalogue, specs, wiring, parts, sensors, asks)
 
 
 def make_plugins(
@@ -346,20 +355,6 @@ def stride_of(table: RoleTable, period: float) -> int:
     return 1 if table.rate_hz is None else round(1.0 / (table.rate_hz * period))
 
 
-def _find_parts(config: Config, discovery: Discovery, problems: Gathered) -> dict[tuple[str, str], Part]:
-    parts: dict[tuple[str, str], Part] = {}
-    for place, table in config.role_tables():
-        role = place if place in ROLE_TABLES else getattr(table, "role")  # noqa: B009
-        with problems.gather():
-            try:
-                cls = discovery.role(role, table.plugin)
-            except PluginError as error:
-                raise PluginError(f"{place}.plugin: {error}") from None
-            params = check_params(cls.Params, table.params, place)
-            parts[(role, table.instance)] = Part(place, role, table, cls, params)
-    return parts
-
-
 def _world(loaded: Loaded, discovery: Discovery) -> World | None:
     if loaded.config.world is None:
         return None
@@ -413,21 +408,6 @@ def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[
     return tuple(specs)
 
 
-def _wired(part: Part, platform: type[Role], sensors: tuple[SensorSpec, ...]) -> tuple[str, ...]:
-    """Sensors an instance gets: those its table names, or all whose messages it accepts."""
-    assert issubclass(platform, Platform)
-    gives: Mapping[str, Any] = {sensor.name: platform.sensor_kinds[sensor.kind] for sensor in sensors}
-    if part.table.sensors is None:
-        return tuple(name for name, message in gives.items() if issubclass(message, part.cls.accepts))
-    for name in part.table.sensors:
-        if not issubclass(gives[name], part.cls.accepts):
-            takes = " and ".join(message.__name__ for message in part.cls.accepts) or "no sensor"
-            raise ConfigError(
-                f"{part.place}.sensors: {name!r} gives {gives[name].__name__}, {part.cls.name} takes {takes}"
-            )
-    return tuple(part.table.sensors)
-
-
 def _stride(table: RoleTable, period: float, place: str) -> None:
     if table.rate_hz is not None:
         ratio = 1.0 / (table.rate_hz * period)
@@ -440,8 +420,7 @@ def _stride(table: RoleTable, period: float, place: str) -> None:
             )
 
 
-def _explains(table: RoleTable, place: str) -> None:
-    role = getattr(table, "role", place)
+def _explains(table: RoleTable, place: str, role: str) -> None:
     if table.diagnostics_rate_hz is not None and role != "avoider":
         raise ConfigError(f"{place}.diagnostics_rate_hz: only an avoider gives diagnostics, this is a {role}")
 

@@ -1,14 +1,16 @@
-"""Every node there is, in the order they are listed; what others need to know of roles is read off these classes."""
+"""The nodes of a robot, in the order they are listed; what others need to know of roles is read off their classes."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import Any
 
-from navloom.config.schema import add_role_table
+from navloom.config.schema import Config
 from navloom.engine.node import Node
+from navloom.engine.node_plugin import NodePlugin
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
-from navloom.engine.ports import NodeSpec, Port, known_ports
+from navloom.engine.ports import Port, Wired
 from navloom.engine.reference import ReferenceNode
 from navloom.engine.role_nodes import (
     AvoiderNode,
@@ -19,13 +21,14 @@ from navloom.engine.role_nodes import (
     PlatformNode,
     RecoveryNode,
 )
+from navloom.messages import Message
 from navloom.navigation.handover import HandOverRule
-from navloom.roles import ROLE_API, ROLES, Avoider, Planner, Role
+from navloom.plugins import Discovery, PluginError
+from navloom.roles import ROLES, Avoider, Planner, Role
 
-__all__ = ["NODES", "add_role", "answer_ports", "node_class", "required_roles", "role_node", "specs_of",
-           "warming_ports"]  # fmt: skip
+__all__ = ["FRAMEWORK", "NODES", "Catalogue", "catalogue_of", "role_node"]
 
-NODES: list[type[Node]] = [
+NODES: tuple[type[Node], ...] = (
     OperatorNode,
     PlatformNode,
     LocalizerNode,
@@ -37,23 +40,82 @@ NODES: list[type[Node]] = [
     AvoiderNode,
     RecoveryNode,
     GateNode,
-]
+)
 """The nodes of every robot; of two that do not read each other the first steps first."""
 
 
-def specs_of(wired: Mapping[str, Sequence[Port[Any]]], roles: Collection[str] = ROLES) -> list[NodeSpec]:
-    """Every node with its wiring.
+class Catalogue:
+    """The nodes of one robot by name: those of every robot, and those of other distributions that its config names.
 
     Args:
-        wired: By role, the ports of the sensors it gets; those of the platform are all.
-        roles: Those that the robot has; the framework's own nodes are always there.
+        strangers: Classes of the config's tables `[[node]]`, by name.
+        required: Those of them without which the robot does not drive.
+
+    Attributes:
+        nodes: Class of each node, in the order they are listed.
+        optional: Nodes whose failure ends no goal.
     """
-    return [node.spec(wired) for node in NODES if node.role in roles or node.role not in ROLES]
+
+    def __init__(
+        self, strangers: Mapping[str, type[NodePlugin]] = MappingProxyType({}), required: Collection[str] = ()
+    ) -> None:
+        self.strangers = dict(strangers)
+        self.nodes: dict[str, type[Node]] = {**{node.role: node for node in NODES}, **strangers}
+        self.optional = frozenset(strangers).difference(required)
+        self._ports = {(role, port.name): port for role, node in self.nodes.items() for port in node.ports(Wired(role))}
+        self._required = (*(port.role for port in self._ports.values() if port.required), *required)
+
+    def port(self, role: str, name: str) -> Port[Any] | None:
+        """A declared port; None for a platform's sensors, which a config names, and for what is not declared."""
+        return self._ports.get((role, name))
+
+    def ports(self, role: str = "") -> list[Port[Any]]:
+        """Every declared port, or those of one node. Sensors, which a config names, are not among them."""
+        return [port for port in self._ports.values() if role in ("", port.role)]
+
+    def required_roles(self) -> tuple[str, ...]:
+        """Nodes without which the robot does not drive by itself."""
+        return tuple(dict.fromkeys(self._required))
+
+    def answer_ports(self, role: str) -> tuple[str, ...]:
+        """Ports of a node that are what it is for."""
+        return tuple(port.name for port in self.ports(role) if port.answers)
+
+    def warming_ports(self, role: str) -> tuple[str, ...]:
+        """Ports of which a message shows that an instance can take over; none for a role that can at once."""
+        return () if self.nodes[role].answers_when_asked else self.answer_ports(role)
+
+    def is_patient(self, role: str) -> bool:
+        """Whether a step of a node may take long: no motor waits for it. The framework's own are not patient."""
+        plugin = ROLES.get(role) or self.strangers.get(role)
+        return plugin is not None and plugin.is_patient
 
 
-def node_class(role: str) -> type[Node]:
-    """The class of a role's nodes."""
-    return next(node for node in NODES if node.role == role)
+FRAMEWORK = Catalogue()
+"""The nodes of every robot."""
+
+
+def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Catalogue, dict[str, str]]:
+    """The catalogue of a config's robot, and by name why a node is not in it: its plugin is not installed or broken."""
+    if not config.node:
+        return FRAMEWORK, {}
+    discovery = discovery or Discovery(config.plugins.blocked)
+    found: dict[str, type[NodePlugin]] = {}
+    missing: dict[str, str] = {}
+    for table in config.node:
+        try:
+            found[table.name] = node_plugin(discovery, table.plugin)
+        except PluginError as error:
+            missing[table.name] = str(error)
+    return Catalogue(found, [table.name for table in config.node if table.required and table.name in found]), missing
+
+
+def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
+    """The class of a node of another distribution. Raises PluginError."""
+    cls = discovery.node(name)
+    if not issubclass(cls, NodePlugin):
+        raise PluginError(f"node.{name}: {cls.__name__} is no subclass of navloom.NodePlugin")
+    return cls
 
 
 def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0, tolerance: float = 0.0) -> Node:
@@ -64,41 +126,16 @@ def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float 
         rule, look_ahead: For an avoider: who drives, and how far that looks along the robot's own way, m.
         tolerance: For a planner: how near to its goal the robot must come, m.
     """
+    if isinstance(plugin, NodePlugin):
+        return plugin
     if isinstance(plugin, Planner):
         return PlannerNode(plugin, tolerance)
     if isinstance(plugin, Avoider):
         assert rule is not None
         return AvoiderNode(plugin, rule, look_ahead)
-    return node_class(plugin.role)(plugin)
+    return FRAMEWORK.nodes[plugin.role](plugin)
 
 
-def required_roles() -> tuple[str, ...]:
-    """Roles without which the robot does not drive by itself."""
-    return tuple(dict.fromkeys(port.role for port in known_ports() if port.required))
-
-
-def answer_ports(role: str) -> tuple[str, ...]:
-    """Ports of a role that are what it is for."""
-    return tuple(port.name for port in known_ports(role) if port.answers)
-
-
-def warming_ports(role: str) -> tuple[str, ...]:
-    """Ports of which a message shows that an instance can take over; none for a role that can at once."""
-    return () if node_class(role).answers_when_asked else answer_ports(role)
-
-
-def add_role(role: type[Role], node: type[Node]) -> None:
-    """Give the framework one role more: config tables, the graph, every executor, quality and swaps follow.
-
-    Args:
-        role: The ABC that its plugins implement, with `role` as its name.
-        node: Its node, with its ports declared.
-
-    Raises:
-        ValueError: There is a role of that name, or the node is of another.
-    """
-    if role.role in ROLES or node.role != role.role:
-        raise ValueError(f"role {role.role!r} with {node.__name__} of {node.role!r}: expected a new role, and its node")
-    ROLES[role.role], ROLE_API[role.role] = role, role.api
-    NODES.append(node)
-    add_role_table(role.role)
+def carries_truth(kind: type[Message]) -> bool:
+    """Whether messages of a class tell the ground truth, which no plugin may read."""
+    return any(port.carries is kind for port in FRAMEWORK.ports("platform") if port.name == "truth")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +27,18 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.navigation.blocking import OCCUPIED_FROM
+from navloom.roles import ROLES
 
 __all__ = ["TOLERANCES", "UNITS", "differences", "is_differing"]
 
 UNITS = {
     "vx": "m/s", "vy": "m/s", "wz": "rad/s", "found": "1", "length": "m", "hausdorff": "m", "cells": "1",
-    "occupied": "1", "distance": "m", "angle": "rad",
+    "occupied": "1", "distance": "m", "angle": "rad", "unequal": "1",
 }  # fmt: skip
 """Of every difference by name."""
 TOLERANCES = {
     "vx": 0.01, "vy": 0.01, "wz": 0.01, "found": 0.5, "length": 0.05, "hausdorff": 0.10, "cells": 0.001,
-    "occupied": 0.01, "distance": 0.01, "angle": 0.01,
+    "occupied": 0.01, "distance": 0.01, "angle": 0.01, "unequal": 0.5,
 }  # fmt: skip
 """What counts as the same, in the unit of each difference: less than a robot shows, more than arithmetic does."""
 
@@ -57,7 +59,8 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
         maps: `cells`, the share of our cells that theirs calls something else of free, occupied and unknown, and
         `occupied`, that share of the cells that either calls occupied (what theirs has beyond our grid is not looked
         at, what it lacks is unknown);
-        poses (localizer, platform): `distance`, m, and `angle`, rad, both ≥ 0.
+        poses (localizer, platform): `distance`, m, and `angle`, rad, both ≥ 0;
+        other messages of nodes that are no role's: `unequal`, 1 where any field but the stamp is not the same.
         Nothing for messages that are not compared.
 
     Raises:
@@ -77,7 +80,7 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
     if our_pose is not None and their_pose is not None:
         turned = abs(float(wrap(np.asarray(their_pose.heading - our_pose.heading))))
         return {"distance": math.hypot(their_pose.x - our_pose.x, their_pose.y - our_pose.y), "angle": turned}
-    return {}
+    return {} if role in ROLES else {"unequal": float(not _is_same(ours, theirs))}
 
 
 def is_differing(found: dict[str, float]) -> bool:
@@ -95,6 +98,16 @@ def _pose(message: Message) -> Pose2D | None:
     if isinstance(message, Pose2D):
         return message
     return message.pose if isinstance(message, (PoseEstimate, Odometry)) else None
+
+
+def _is_same(ours: Any, theirs: Any) -> bool:
+    """Whether two values of fields are equal, stamps aside."""
+    if isinstance(ours, Message) and type(ours) is type(theirs):
+        names = (name for name in type(ours).kinds if name != "stamp_ns")
+        return all(_is_same(getattr(ours, name), getattr(theirs, name)) for name in names)
+    if isinstance(ours, tuple) and isinstance(theirs, tuple):
+        return len(ours) == len(theirs) and all(map(_is_same, ours, theirs))
+    return bool(np.array_equal(ours, theirs))
 
 
 def _of_answers(ours: Path | PlanFailure, theirs: Path | PlanFailure) -> dict[str, float]:

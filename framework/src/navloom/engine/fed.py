@@ -70,4 +70,6 @@ class FedNode:
         """
         for name, wire in self._wires.items():
             wire.hand(given.get(name))
+        if any(wire.value is None for wire in self._wires.values() if wire.input.is_needed):
+            return []
         return [(out.name, message) for out, message in self._stepper.run(tick, act or self.node.step)]

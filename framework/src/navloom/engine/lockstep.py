@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
-from navloom.engine.catalogue import warming_ports
+from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.engine.ports import When
-from navloom.engine.stepper import Read, Stepper
+from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Envelope, GateStatus, GoalResult, Message, OperatorRequest, Selection, StepRecord
+from navloom.navigation.gate import is_at_rest
 
 __all__ = ["Lockstep", "Observer", "RunLog"]
 
@@ -78,7 +79,7 @@ class RunLog:
 
     def hear_gate(self, status: GateStatus) -> None:
         """Count what a status of the gate says beyond the one before."""
-        stopped_for = status.reason if status.stopped and status.reason not in ("no_trajectory", "ending") else ""
+        stopped_for = status.reason if status.stopped and not is_at_rest(status.reason) else ""
         self.gate_stops += bool(stopped_for) and stopped_for != self._stopped_for
         limited_by = "" if status.limit == "overridden" else status.limit
         self.gate_limits += bool(limited_by) and not self._limited_by
@@ -89,6 +90,7 @@ class Lockstep:
     """Steps the nodes of a graph in order, tick by tick.
 
     Args:
+        catalogue: What is known of the nodes.
         steppers: In the order they step; of a role the active one first.
         period: s.
         requests: Operators' requests by tick.
@@ -99,6 +101,7 @@ class Lockstep:
 
     def __init__(
         self,
+        catalogue: Catalogue,
         steppers: Sequence[Stepper],
         period: float,
         requests: Mapping[int, Sequence[OperatorRequest]],
@@ -106,6 +109,7 @@ class Lockstep:
         observers: Sequence[Observer] = (),
         trace: TraceWriter | None = None,
     ) -> None:
+        self.catalogue = catalogue
         self.steppers = list(steppers)
         self.period = period
         self.requests = dict(requests)
@@ -123,7 +127,7 @@ class Lockstep:
         self._step_observers = [o for o in observers if o.wants_steps]
         self._operator = self._node("operator", OperatorNode)
         self._goal = self._node("goal", GoalNode)
-        self._gate = self._node("gate", GateNode)
+        self.gate = self._node("gate", GateNode)
         self._watch(observers)
         self._make_plan()
 
@@ -142,8 +146,13 @@ class Lockstep:
 
     def is_warm(self, role: str, name: str) -> bool:
         """An instance has published what its role is for since it was enabled."""
-        stepper, ports = self._by_name[(role, name)], warming_ports(role)
+        stepper, ports = self._by_name[(role, name)], self.catalogue.warming_ports(role)
         return stepper.enabled and (not ports or any(stepper.slots[port].tick >= 0 for port in ports))
+
+    def waiting(self, may_wait: Sequence[tuple[str, str]]) -> str:
+        """Which active one of these instances waits for a stream, and which; empty for none."""
+        found = [one for source in may_wait if (one := self._by_name[source]).active and one.lacks]
+        return waiting_words(found[0].role, found[0].name, found[0].lacks) if found else ""
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
         """Run until the last goal has ended, but no more than this many ticks. `progress` gets the newest tick."""
@@ -218,7 +227,7 @@ class Lockstep:
         self.log.faults.append(text)
         stepper.enabled = False
         self._make_plan()
-        if stepper.active:
+        if stepper.active and stepper.role not in self._goal.optional:
             self._goal.fault = text
 
     def _record(self, stepper: Stepper, tick: Tick, trigger: str, read: Read) -> None:

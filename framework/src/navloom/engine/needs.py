@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from navloom.engine.build import Part, System
+from navloom.engine.build import System
+from navloom.engine.parts import Part
 from navloom.plugins import Discovery, PluginError
-from navloom.roles import Platform, Role
+from navloom.plugins.registry import NODE
+from navloom.roles import ROLES, Platform, Role
 
 __all__ = ["needed_sensors"]
 
@@ -45,9 +47,9 @@ def _others(system: System, part: Part) -> list[str]:
     assert issubclass(platform, Platform)
     given = [platform.sensor_kinds[sensor.kind] for sensor in system.sensors]
     discovery, found = Discovery(system.config.plugins.blocked), []
-    for name in discovery.names(part.role):
+    for name in discovery.names(part.role if part.role in ROLES else NODE):
         try:
-            cls: type[Role] = discovery.role(part.role, name)
+            cls: type[Role] = discovery.plugin(part.role, name)
         except PluginError:
             continue
         if not (cls.needs_sensor and cls.accepts) or any(issubclass(message, cls.accepts) for message in given):

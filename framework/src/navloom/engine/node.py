@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
-from navloom.engine.ports import Declared, NodeSpec, Out, Output, Port, SensorGroup, SensorOutputs
+from navloom.engine.ports import Declared, Group, NodeSpec, Out, Output, Port, SensorOutputs, Wired
 from navloom.messages import Message
 
 __all__ = ["Node", "Outputs", "Tick"]
@@ -49,19 +49,20 @@ class Node(ABC):
     hears: ClassVar[Literal["", "rivals", "faults"]] = ""
     answers_when_asked: ClassVar[bool] = False
     patience: ClassVar[float] = PATIENCE
-    declared_inputs: ClassVar[tuple[Declared[Any, Any] | SensorGroup[Any], ...]] = ()
+    declared_inputs: ClassVar[tuple[Declared[Any, Any] | Group[Any], ...]] = ()
     declared_outputs: ClassVar[tuple[Output[Any] | SensorOutputs, ...]] = ()
     made: Outputs
     told: str = ""
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         declared = {
             name: one for base in reversed(cls.__mro__) for name, one in vars(base).items() if name != "cause"
         }.values()
-        cls.declared_inputs = tuple(one for one in declared if isinstance(one, (Declared, SensorGroup)))
+        cls.declared_inputs = tuple(one for one in declared if isinstance(one, (Declared, Group)))
         cls.declared_outputs = tuple(one for one in declared if isinstance(one, (Output, SensorOutputs)))
         for one in cls.declared_outputs:
-            if isinstance(one, Output) and one.port.role != cls.role:
+            if isinstance(one, Output) and one.port.role not in ("", cls.role):
                 raise TypeError(f"{cls.__name__}.{one.name} is the port {one.port}, expected one of {cls.role!r}")
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
@@ -73,18 +74,22 @@ class Node(ABC):
         return node
 
     @classmethod
-    def spec(cls, wired: Mapping[str, Sequence[Port[Any]]]) -> NodeSpec:
-        """Its wiring for a config.
-
-        Args:
-            wired: By role, the ports of the sensors it gets; those of the platform are all.
-        """
+    def ports(cls, wired: Wired) -> list[Port[Any]]:
+        """What it publishes on."""
         ports: list[Port[Any]] = []
         for one in cls.declared_outputs:
-            ports += [one.port] if isinstance(one, Output) else wired.get(cls.role, ())
-        inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired, cls.role))
+            if isinstance(one, Output):
+                ports.append(one.port if one.port.role else one.port.of(wired.role))
+            else:
+                ports += wired.sensors.get(wired.role, ())
+        return ports
+
+    @classmethod
+    def spec(cls, wired: Wired) -> NodeSpec:
+        """Its wiring for a config."""
+        inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired))
         cause = "" if cls.cause is None else cls.cause.name
-        return NodeSpec(cls.role, inputs, tuple(ports), cause, cls.ticks)
+        return NodeSpec(wired.role, inputs, tuple(cls.ports(wired)), cause, cls.ticks)
 
     def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
         """Lead its inputs, by name, to where they are read, and open the ports of its sensors."""
@@ -92,11 +97,11 @@ class Node(ABC):
             if isinstance(one, Declared):
                 wires[one.name].bind(self.__dict__, one.name)
             else:
-                names = [given.name for given in spec.inputs if given.name.startswith(f"{one.prefix}.")]
                 group: dict[str, Any] = {}
                 self.__dict__[one.name] = group
-                for name in names:
-                    wires[name].bind(group, name.partition(".")[2])
+                for given in spec.inputs:
+                    if one.has(given):
+                        wires[given.name].bind(group, given.name.partition(".")[2])
         fixed = {one.port.name for one in self.declared_outputs if isinstance(one, Output)}
         for other in self.declared_outputs:
             if isinstance(other, SensorOutputs):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from navloom.engine.node import Node, Tick
@@ -23,9 +23,11 @@ from navloom.engine.streams import (
 from navloom.engine.told import GateTold, GoalTold, Obeyed
 from navloom.messages import (
     GateStatus,
+    Message,
     OperatorRequest,
     Path,
     PlanFailure,
+    RangeScan,
     Selection,
     TrackingCommand,
     Twist2D,
@@ -57,6 +59,10 @@ class OperatorNode(Node):
 
 class GoalNode(Node):
     """The goal's state machine on its ports.
+
+    Args:
+        machine: The goal's.
+        optional: Nodes whose failure ends no goal.
 
     Attributes:
         fault: What broke, for which the goal ends; empty for nothing.
@@ -90,8 +96,8 @@ class GoalNode(Node):
     result = Output(GoalPorts.result)
     cause = pose
 
-    def __init__(self, machine: GoalMachine) -> None:
-        self.machine = machine
+    def __init__(self, machine: GoalMachine, optional: Collection[str] = ()) -> None:
+        self.machine, self.optional = machine, optional
         self.fault = ""
         self.is_lost = False
         self.restarted: set[str] = set()
@@ -174,6 +180,7 @@ class GateNode(Node):
         lead: Ticks between the word of a selection and the first in which it holds; live more, for it has to get there.
         now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
         is_silent, gone: Live: see `Sensed`.
+        find_waiting: The executor's: a node of a role that waits for a stream, and which; empty for none.
         obeyed: Live: requests that came by a service since the last step.
     """
 
@@ -183,8 +190,8 @@ class GateNode(Node):
     request = New(OperatorPorts.request)
     odometry = Offers(PlatformPorts.odometry)
     contact = Latest(PlatformPorts.contact)
-    required = SensorOffers(of="avoider")
-    scans = Sensors()
+    required = SensorOffers(Message, of="avoider")
+    scans = Sensors(RangeScan)
     operator = Offers(OperatorPorts.command)
     drive = Latest(GoalPorts.drive)
     recovering = Latest(GoalPorts.recovery, delayed=True)
@@ -206,8 +213,10 @@ class GateNode(Node):
         self.now_ns: int | None = None
         self.is_silent = False
         self.gone = ""
+        self.find_waiting: Callable[[], str] = lambda: ""
         self.obeyed: list[Obeyed] = []
         self._warm: list[str] = []
+        self._waiting = ""
         self._pending: dict[str, str] = {}
         self._status: GateStatus | None = None
         self._released: object = None
@@ -297,11 +306,11 @@ class GateNode(Node):
         return bool(warm)
 
     def _note(self, has_contact: bool) -> None:
-        if self.now_ns is None and not self._warm:
+        if self.now_ns is None and not self._warm and not self._waiting:
             self.told = ""
             return
         self.told = GateTold(
-            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm)
+            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm), self._waiting
         ).text
         self.obeyed, self._warm = [], []
 
@@ -335,7 +344,9 @@ class GateNode(Node):
         if self.now_ns is not None:
             newest = max(newest, self.now_ns)
         stamps = {name: _stamp_ns(one) for name, one in self.required.items()}
-        return Sensed(newest, contact is not None and contact.touching, stamps, self.is_silent, self.gone)
+        is_touching = contact is not None and contact.touching
+        self._waiting = self.find_waiting()
+        return Sensed(newest, is_touching, stamps, self.is_silent, self.gone, self._waiting)
 
     def _offers(self, epoch: int) -> dict[str, Offer | None]:
         drive, recovering, operator = self.drive.value, self.recovering.value, self.operator.value

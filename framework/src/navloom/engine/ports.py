@@ -8,14 +8,15 @@ steps, wire quality, what late joiners are given, what driving requires: all is 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar, overload
 
 from navloom.messages import Message
+from navloom.roles.extra import Extra
 
-__all__ = ["Dated", "Declared", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offers", "Out", "Output", "Port",
-           "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers", "SensorOutputs", "Sensors", "Track",
-           "When", "known_ports"]  # fmt: skip
+__all__ = ["Dated", "Declared", "ExtraInputs", "Group", "Held", "Input", "Latest", "New", "News", "NodeSpec", "Offers",
+           "OtherSensors", "Out", "Output", "Port", "Ports", "Quality", "Reading", "SensorGroup", "SensorOffers",
+           "SensorOutputs", "Sensors", "Track", "When", "Wired"]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 B = TypeVar("B")
@@ -80,24 +81,23 @@ class Port(Generic[M]):
     def __str__(self) -> str:
         return f"{self.role}.{self.name}"
 
+    def of(self, role: str) -> Port[M]:
+        """The same port of a node that a config names."""
+        made = Port(self.carries, self.quality, retained=self.retained, required=self.required, answers=self.answers)
+        made.role, made.name = role, self.name
+        return made
+
 
 class Ports:
     """Base of a role's ports: `class PlannerPorts(Ports, role="planner")`."""
 
     role: ClassVar[str]
-    known: ClassVar[dict[tuple[str, str], Port[Any]]] = {}
 
     def __init_subclass__(cls, role: str) -> None:
         cls.role = role
         for name, port in vars(cls).items():
             if isinstance(port, Port):
                 port.role, port.name = role, name
-                Ports.known[role, name] = port
-
-
-def known_ports(role: str = "") -> list[Port[Any]]:
-    """Every declared port, or those of one role. Sensors, which a config names, are not among them."""
-    return [port for port in Ports.known.values() if role in ("", port.role)]
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,7 @@ class Input:
         reading: How.
         delayed: `~`: as published up to the end of the previous tick.
         triggers: A new message makes the node step.
+        is_needed: The node does not step before its first message.
     """
 
     name: str
@@ -117,6 +118,7 @@ class Input:
     reading: Reading = "latest"
     delayed: bool = False
     triggers: bool = False
+    is_needed: bool = False
 
     @property
     def role(self) -> str:
@@ -154,6 +156,23 @@ class NodeSpec:
     def outputs(self) -> tuple[str, ...]:
         """Names of its ports."""
         return tuple([port.name for port in self.ports])
+
+
+@dataclass(frozen=True)
+class Wired:
+    """What a node's declarations are wired to by a config.
+
+    Attributes:
+        role: Name of the node.
+        sensors: By role, the ports of the sensors it gets; those of the platform are all.
+        streams: By input, the port that was found for one that names a message class alone.
+        extras: Extra inputs of its plugin, by name.
+    """
+
+    role: str
+    sensors: Mapping[str, Sequence[Port[Any]]] = field(default_factory=dict)
+    streams: Mapping[str, Port[Any]] = field(default_factory=dict)
+    extras: Mapping[str, Extra[Any]] = field(default_factory=dict)
 
 
 class Held(Protocol[M_co]):
@@ -202,16 +221,29 @@ class _Attribute(Generic[B]):
 
 
 class Declared(_Attribute[B], Generic[M, B]):
-    """Base of what a node's class reads: a class attribute, whose name is the input's."""
+    """Base of what a node's class reads: a class attribute, whose name is the input's.
+
+    Args:
+        source: The port; or the message class, where the config is to say which port of that class is meant.
+        delayed: It is read as published up to the end of the previous tick.
+        triggers: A new message makes the node step.
+
+    Attributes:
+        port: The port; None where only the message class is named.
+        carries: The message class.
+    """
 
     reading: ClassVar[Reading]
 
-    def __init__(self, port: Port[M], *, delayed: bool = False, triggers: bool = False) -> None:
-        self.port, self.delayed, self.triggers = port, delayed, triggers
+    def __init__(self, source: Port[M] | type[M], *, delayed: bool = False, triggers: bool = False) -> None:
+        self.port = source if isinstance(source, Port) else None
+        self.carries: type[M] = source.carries if isinstance(source, Port) else source
+        self.delayed, self.triggers = delayed, triggers
 
-    def inputs(self, wired: Mapping[str, Sequence[Port[Any]]], role: str) -> Iterator[Input]:
-        """What it comes to for these sensors, by role."""
-        yield Input(self.name, self.port, self.reading, self.delayed, self.triggers)
+    def inputs(self, wired: Wired) -> Iterator[Input]:
+        """What it comes to for a config."""
+        port = wired.streams[self.name] if self.port is None else self.port
+        yield Input(self.name, port, self.reading, self.delayed, self.triggers)
 
 
 class Latest(Declared[M, Held[M]]):
@@ -238,40 +270,89 @@ class Offers(Declared[M, Dated[M]]):
     reading = "offers"
 
 
-class SensorGroup(_Attribute[B]):
-    """Base of what a class reads of sensors, whose number the config gives: inputs `prefix.sensor`."""
+class Group(_Attribute[Mapping[str, B]]):
+    """Base of what a class reads in a number that the config gives: inputs `prefix.name`, found by that name."""
 
-    reading: ClassVar[Reading]
     prefix: ClassVar[str]
 
-    def __init__(self, *, triggers: bool = False, of: str = "", otherwise: Port[Any] | None = None) -> None:
+    def inputs(self, wired: Wired) -> Iterator[Input]:
+        """What it comes to for a config."""
+        raise NotImplementedError
+
+    def has(self, given: Input) -> bool:
+        """Whether an input is one of the group."""
+        return given.name.startswith(f"{self.prefix}.")
+
+
+class SensorGroup(Group[B], Generic[M, B]):
+    """Base of what a class reads of sensors.
+
+    Args:
+        carries: Message class of the sensors that are meant; default every sensor that the node is given.
+        triggers: Each message makes the node step.
+        of: Role whose sensors are meant, if not the node's own.
+        otherwise: Port that triggers the node where there is no sensor.
+    """
+
+    reading: ClassVar[Reading]
+
+    def __init__(
+        self,
+        carries: type[M] | tuple[type[M], ...] = (),
+        *,
+        triggers: bool = False,
+        of: str = "",
+        otherwise: Port[Any] | None = None,
+    ) -> None:
+        self.carries: tuple[type[M], ...] = carries if isinstance(carries, tuple) else (carries,)
         self.triggers, self.of, self.otherwise = triggers, of, otherwise
 
-    def inputs(self, wired: Mapping[str, Sequence[Port[Any]]], role: str) -> Iterator[Input]:
-        """One for each sensor that the role is given, or the port that stands for none at all."""
-        ports = wired.get(self.of or role, ())
+    def takes(self, carried: type[Message]) -> bool:
+        """Whether it reads a sensor whose messages are of a class."""
+        return not self.carries or issubclass(carried, self.carries)
+
+    def has(self, given: Input) -> bool:
+        return super().has(given) and self.takes(given.source.carries)
+
+    def inputs(self, wired: Wired) -> Iterator[Input]:
+        """One for each sensor, or the port that stands for none at all."""
+        ports = [port for port in wired.sensors.get(self.of or wired.role, ()) if self.takes(port.carries)]
         for port in ports:
             yield Input(f"{self.prefix}.{port.name}", port, self.reading, triggers=self.triggers)
         if not ports and self.otherwise is not None:
             yield Input(self.otherwise.name, self.otherwise, triggers=self.triggers)
 
 
-class Sensors(SensorGroup[Mapping[str, News[Any]]]):
-    """New messages of the sensors that a node is given, by the sensor's name.
-
-    Args:
-        triggers: Each makes the node step.
-        of: Role whose sensors are meant, if not the node's own.
-        otherwise: Port that triggers the node where there is no sensor.
-    """
+class Sensors(SensorGroup[M, News[M]]):
+    """New messages of the sensors that a node is given, by the sensor's name."""
 
     reading, prefix = "new", "scan"
 
 
-class SensorOffers(SensorGroup[Mapping[str, Dated[Any]]]):
+class OtherSensors(Sensors[Message]):
+    """The same of all sensors but those of some classes."""
+
+    prefix = "reading"
+
+    def takes(self, carried: type[Message]) -> bool:
+        return not super().takes(carried)
+
+
+class SensorOffers(SensorGroup[M, Dated[M]]):
     """The newest message of each sensor, with when it was made, by the sensor's name."""
 
     reading, prefix = "offers", "required"
+
+
+class ExtraInputs(Group[Held[Message]]):
+    """The newest message of each extra input that a node's plugin declares, by its name."""
+
+    prefix = "extra"
+
+    def inputs(self, wired: Wired) -> Iterator[Input]:
+        for name, extra in wired.extras.items():
+            port = wired.streams[name]
+            yield Input(f"{self.prefix}.{name}", port, delayed=extra.delayed, is_needed=not extra.optional)
 
 
 class Out(Generic[M]):

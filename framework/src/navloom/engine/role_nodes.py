@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any
+from operator import itemgetter
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from navloom.engine.door import LocalizerDoor, MapperDoor, PlannerDoor, PlatformDoor, TwistDoor
 from navloom.engine.node import Node, Tick
-from navloom.engine.ports import Latest, New, News, Output, SensorOutputs, Sensors, Track
+from navloom.engine.ports import ExtraInputs, Latest, New, News, OtherSensors, Output, SensorOutputs, Sensors, Track
 from navloom.engine.streams import (
     AvoiderPorts,
     ControllerPorts,
@@ -28,6 +30,7 @@ from navloom.messages import (
     Avoidance,
     AvoiderStatus,
     Command,
+    Message,
     Path,
     PoseEstimate,
     PoseTrack,
@@ -53,11 +56,19 @@ from navloom.roles import (
     PlatformInput,
     Recovery,
     RecoveryInput,
+    Role,
 )
+from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
+from navloom.roles.readings import NO_READINGS, Readings
 
 __all__ = ["AvoiderNode", "ControllerNode", "LocalizerNode", "MapperNode", "PlannerNode", "PlatformNode",
-           "RecoveryNode"]  # fmt: skip
+           "RecoveryNode", "in_order"]  # fmt: skip
 
+RANGES = (RangeScan, Sweep)
+"""What roles are given as scans and sweeps; messages of all other sensors are their readings."""
+
+M = TypeVar("M", bound=Message)
+P = TypeVar("P", bound=Role)
 STILL = Twist2D(0.0, 0.0, 0.0)
 BEFORE_DATA_NS = 500_000_000
 """How much more of a track a mapper is given than its data covers."""
@@ -98,13 +109,28 @@ class PlatformNode(Node):
             self.truth.put(got.truth)
 
 
-class LocalizerNode(Node):
+class RoleNode(Node, Generic[P]):
+    """Base of the nodes whose plugins may declare extra inputs."""
+
+    extras = ExtraInputs()
+    plugin: P
+
+    def extra(self) -> Extras:
+        """What the extra inputs hold."""
+        if not self.extras:
+            return NO_EXTRAS
+        declared = extras_of(type(self.plugin))
+        return Extras({declared[name]: held.value for name, held in self.extras.items()})
+
+
+class LocalizerNode(RoleNode[Localizer]):
     """Odometry and scans to a pose in the map."""
 
     role = "localizer"
     is_awaited = True
     odometry = Latest(PlatformPorts.odometry, triggers=True)
-    scans = Sensors()
+    scans = Sensors(RANGES)
+    readings = OtherSensors(RANGES)
     map = Latest(MapperPorts.map, delayed=True)
     pose = Output(LocalizerPorts.pose)
     cause = odometry
@@ -116,16 +142,18 @@ class LocalizerNode(Node):
     def step(self, tick: Tick) -> None:
         odometry = self.odometry.value
         assert odometry is not None
-        seen = LocalizerInput(odometry, in_order(self.scans), self.map.value)
+        scans, names = in_order(self.scans)
+        seen = LocalizerInput(odometry, scans, self.map.value, names, _read(self.readings), self.extra())
         self.pose.put(self.door.check(self.plugin.localize(seen), seen))
 
 
-class MapperNode(Node):
+class MapperNode(RoleNode[Mapper]):
     """Range data and the poses that cover it to a map."""
 
     role = "mapper"
     patience = 1.0  # no node waits for a map, and on a slow link the poses for a sweep can arrive after it
-    scans = Sensors(triggers=True, otherwise=PlatformPorts.odometry)
+    scans = Sensors(RANGES, triggers=True, otherwise=PlatformPorts.odometry)
+    readings = OtherSensors(RANGES, triggers=True)
     track = Track(LocalizerPorts.pose)
     clear = New(GoalPorts.clear, delayed=True, triggers=True)
     map = Output(MapperPorts.map)
@@ -136,17 +164,28 @@ class MapperNode(Node):
         self.door = MapperDoor(plugin)
 
     def step(self, tick: Tick) -> None:
-        data = in_order(self.scans)
-        sweeps = tuple(message for message in data if isinstance(message, Sweep))
-        scans = tuple(message for message in data if isinstance(message, RangeScan))
+        data, names = in_order(self.scans)
+        named = list(zip(data, names, strict=True))
+        sweeps, sweep_sensors = _of_kind(Sweep, named)
+        scans, sensors = _of_kind(RangeScan, named)
         track = _covering(self.track.values, min((message.stamp_ns for message in data), default=tick.time_ns))
-        seen = MapperInput(tick.time_ns, sweeps, scans, track, bool(self.clear.values))
+        seen = MapperInput(
+            tick.time_ns,
+            sweeps,
+            scans,
+            track,
+            bool(self.clear.values),
+            sensors,
+            sweep_sensors,
+            _read(self.readings),
+            self.extra(),
+        )
         update = self.door.check(self.plugin.update(seen), seen)
         if update is not None:
             self.map.put(update)
 
 
-class PlannerNode(Node):
+class PlannerNode(RoleNode[Planner]):
     """The newest request to a path, or why there is none. `tolerance` is the goal's, m."""
 
     role = "planner"
@@ -164,7 +203,7 @@ class PlannerNode(Node):
         known = self.map.value
         if known is None:
             return
-        seen = PlannerInput(self.plan.values[-1], known)
+        seen = PlannerInput(self.plan.values[-1], known, self.extra())
         answer = self.door.check(self.plugin.plan(seen), seen)
         if isinstance(answer, Path):
             self.path.put(answer)
@@ -172,7 +211,7 @@ class PlannerNode(Node):
             self.failure.put(answer)
 
 
-class ControllerNode(Node):
+class ControllerNode(RoleNode[Controller]):
     """The reference to a velocity."""
 
     role = "controller"
@@ -190,11 +229,11 @@ class ControllerNode(Node):
     def step(self, tick: Tick) -> None:
         trajectory, reference, pose = self.trajectory.value, self.reference.value, self.pose.value
         assert trajectory is not None and reference is not None and pose is not None
-        seen = ControllerInput(tick.time_ns, trajectory, reference, pose)
+        seen = ControllerInput(tick.time_ns, trajectory, reference, pose, self.extra())
         self.command.put(self.door.check(self.plugin.control(seen)))
 
 
-class AvoiderNode(Node):
+class AvoiderNode(RoleNode[Avoider]):
     """Scans and the target to a velocity, and whether it is this one that drives.
 
     Args:
@@ -206,7 +245,8 @@ class AvoiderNode(Node):
     role = "avoider"
     is_awaited = True
     desired = Latest(ControllerPorts.command, triggers=True)
-    scans = Sensors()
+    scans = Sensors(RANGES)
+    readings = OtherSensors(RANGES)
     pose = Latest(LocalizerPorts.pose)
     reference = Latest(ReferencePorts.reference)
     gate = Latest(GatePorts.status, delayed=True)
@@ -224,7 +264,7 @@ class AvoiderNode(Node):
     def step(self, tick: Tick) -> None:
         estimate, reference, wanted = self.pose.value, self.reference.value, self.desired.value
         assert estimate is not None and reference is not None and wanted is not None
-        scans = in_order(self.scans)
+        scans, names = in_order(self.scans)
         ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
         limit, desired = self.gate.value, wanted.twist
         seen = AvoiderInput(
@@ -236,6 +276,9 @@ class AvoiderNode(Node):
             desired,
             ahead,
             1.0 if limit is None else limit.share,
+            names,
+            _read(self.readings),
+            self.extra(),
         )
         answer = self.door.check(self.plugin.avoid(seen))
         own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
@@ -245,7 +288,7 @@ class AvoiderNode(Node):
         self.handover.put(handover)
 
 
-class RecoveryNode(Node):
+class RecoveryNode(RoleNode[Recovery]):
     """Called while the goal asks for it; one attempt ends with `done` or `failed`."""
 
     role = "recovery"
@@ -253,7 +296,8 @@ class RecoveryNode(Node):
     answers_when_asked = True
     is_awaited = True
     request = Latest(GoalPorts.recovery, delayed=True)
-    scans = Sensors()
+    scans = Sensors(RANGES)
+    readings = OtherSensors(RANGES)
     pose = Latest(LocalizerPorts.pose)
     command = Output(RecoveryPorts.command)
     status = Output(RecoveryPorts.status)
@@ -278,8 +322,19 @@ class RecoveryNode(Node):
             return
         trail = np.array(self._trail).reshape(-1, 3)
         trail.flags.writeable = False
-        scans = in_order(self.scans)
-        seen = RecoveryInput(tick.time_ns, scans, estimate, request.attempt, request.reason, starts, trail)
+        scans, names = in_order(self.scans)
+        seen = RecoveryInput(
+            tick.time_ns,
+            scans,
+            estimate,
+            request.attempt,
+            request.reason,
+            starts,
+            trail,
+            names,
+            _read(self.readings),
+            self.extra(),
+        )
         answer = self.door.check(self.plugin.recover(seen))
         self._is_over = answer.state != "running"
         self.command.put(Command(answer.twist))
@@ -294,16 +349,32 @@ class RecoveryNode(Node):
             self._trail.append((pose.x, pose.y, pose.heading))
 
 
-def in_order(sensors: Mapping[str, News[Any]]) -> tuple[Any, ...]:
-    """What a node's sensors brought, in order of time and then of port."""
+def in_order(sensors: Mapping[str, News[Any]]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
+    """What a node's sensors brought, in order of time and then of port, and the name of the sensor of each."""
+    if not sensors:
+        return (), ()
     if len(sensors) == 1:
-        return tuple(*(news.values for news in sensors.values()))
-    return tuple(sorted((one for news in sensors.values() for one in news.values), key=_stamp_ns))
+        ((name, news),) = sensors.items()
+        values = news.values
+        return tuple(values), (name,) * len(values)
+    found = sorted([(one.stamp_ns, one, name) for name, news in sensors.items() for one in news.values], key=_first)
+    return tuple([one for _, one, _ in found]), tuple([name for _, _, name in found])
 
 
-def _stamp_ns(message: Any) -> int:
-    stamp_ns: int = message.stamp_ns
-    return stamp_ns
+_first = itemgetter(0)
+
+
+def _of_kind(kind: type[M], named: Sequence[tuple[Any, str]]) -> tuple[tuple[M, ...], tuple[str, ...]]:
+    """Messages of one class with the names of their sensors."""
+    found = [(one, name) for one, name in named if isinstance(one, kind)]
+    return tuple([one for one, _ in found]), tuple([name for _, name in found])
+
+
+def _read(sensors: Mapping[str, News[Message]]) -> Readings:
+    """What sensors of other kinds brought."""
+    if not sensors:
+        return NO_READINGS
+    return MappingProxyType({name: tuple(news.values) for name, news in sensors.items() if news.values})
 
 
 def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:

@@ -5,7 +5,7 @@ Executors differ in who fills the slots and when a step is made; lockstep, live,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from time import monotonic_ns
 from typing import Any
 
@@ -14,7 +14,7 @@ from navloom.engine.ports import NodeSpec
 from navloom.engine.wiring import Slot, Wire
 from navloom.plugins.blame import raised_in
 
-__all__ = ["Read", "Stepper", "fault_text"]
+__all__ = ["Read", "Stepper", "fault_text", "waiting_words"]
 
 Read = tuple[tuple[str, tuple[int, ...]], ...]
 """Inputs by name, each with the sequence numbers of what a step read there."""
@@ -39,6 +39,7 @@ class Stepper:
         stepped: Tick of its last step.
         spent_ns, fault: Of its last step: time it took, and what was raised; empty for nothing.
         busy_since_ns: Monotonic clock at which the step under way began; None between two steps. For watchdogs.
+        lacks: Streams that it waits for: it does not step before the first message of each.
     """
 
     def __init__(
@@ -63,6 +64,8 @@ class Stepper:
         self.spent_ns = 0
         self.fault = ""
         self.busy_since_ns: int | None = None
+        self.lacks: tuple[str, ...] = ()
+        self._needed: list[Wire] = []
         self._ticks = spec.ticks
         self._read_ahead: list[Wire] = []
         self._due: dict[int, list[tuple[Outputs, Tick, int]]] = {}
@@ -73,12 +76,23 @@ class Stepper:
         self.triggers = [wire for wire in wires if wire.input.triggers]
         self.cause = next((wire for wire in wires if wire.input.name == self.spec.cause), None)
         self._read_ahead = [wire for wire in wires if wire.is_read_ahead]
+        self._needed = [wire for wire in wires if wire.input.is_needed]
         self.node.wire(self.spec, {wire.input.name: wire for wire in wires})
         for out in self.node.outs():
             out.slot = self.slots.get(out.name)
 
+    def is_short(self, number: int = -1) -> bool:
+        """Whether an input that it cannot do without has no message in a tick, or at all, yet; `lacks` says which."""
+        if not self._needed:
+            return False
+        self._needed = [wire for wire in self._needed if not wire.sequences(number, -1)]
+        self.lacks = tuple([str(wire.input.source) for wire in self._needed])
+        return bool(self._needed)
+
     def fired(self, number: int) -> str:
         """What makes it step in a tick: "tick", the input with news, or nothing."""
+        if self._needed and self.is_short(number):
+            return ""
         if self._ticks:
             return "tick"
         for wire in self.triggers:
@@ -131,6 +145,11 @@ class Stepper:
     def due(self, number: int) -> list[tuple[Outputs, Tick, int]]:
         """What was held back until this tick."""
         return self._due.pop(number, [])
+
+
+def waiting_words(role: str, name: str, lacks: Sequence[str]) -> str:
+    """Who waits for which streams."""
+    return f"{role} {name} for {' and '.join(lacks)}" if lacks else ""
 
 
 def fault_text(error: BaseException, source: Any) -> str:

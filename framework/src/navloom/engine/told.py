@@ -82,6 +82,7 @@ class GateTold:
         obeyed: Live: requests that came by a service since the step before.
         contact: A contact was latched between two steps.
         warm: "role instance" of those that were found able to take over.
+        waiting: Node that waits for a stream, and which; empty for none.
     """
 
     now_ns: int | None = None
@@ -90,11 +91,12 @@ class GateTold:
     obeyed: tuple[Obeyed, ...] = ()
     contact: bool = False
     warm: tuple[str, ...] = ()
+    waiting: str = ""
 
     @property
     def text(self) -> str:
         """As it stands in a step record: only what differs from nothing."""
-        if self.now_ns is None and not self.warm:
+        if self.now_ns is None and not self.warm and not self.waiting:
             return ""
         words = {name: value for name, value in vars(self).items() if value}
         if self.obeyed:

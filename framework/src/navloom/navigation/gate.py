@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from navloom.messages import GateStatus, Point2D, Twist2D
 from navloom.navigation.monitor import Monitor, Verdict
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "CommandGate", "Limits", "Offer", "Sensed"]
+__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "Limits", "Offer", "Sensed",
+           "is_at_rest"]  # fmt: skip
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
 OBSTACLE = "obstacle"
@@ -19,8 +20,15 @@ ENDING = "ending"
 """Reason of the last stop of a gate that ends in order."""
 LEFT = "stale: operator"
 """How the reason begins while an operator who drove is not heard: nobody else drives until `resume`."""
+WAITING = "waits: "
+"""How the reason begins while a node of the chain waits for the first message of an input."""
 HIDING = ("silent: platform", "silent: sensor")
 """How reasons begin that are told in place of an operator who is not heard."""
+
+
+def is_at_rest(reason: str) -> bool:
+    """Whether a gate that is stopped for a reason stops nothing: there is nothing to drive yet, or any more."""
+    return reason in ("no_trajectory", ENDING) or reason.startswith(WAITING)
 
 
 @dataclass(frozen=True)
@@ -64,6 +72,7 @@ class Sensed(NamedTuple):
         sensors_ns: Newest stamp of each required sensor.
         is_silent: Nothing came from the platform for as long as the stop deadline.
         gone: Required node that is not there any more, empty where all are; an operator may drive without.
+        waiting: Node that does not step yet, and the stream it waits for; empty where none does.
     """
 
     platform_ns: int
@@ -71,6 +80,7 @@ class Sensed(NamedTuple):
     sensors_ns: Mapping[str, int]
     is_silent: bool = False
     gone: str = ""
+    waiting: str = ""
 
 
 class CommandGate:
@@ -216,14 +226,14 @@ class CommandGate:
     ) -> str:
         """Why this offer is not driven: nothing to drive, a stale part of the chain, or an older selection."""
         if offer is None:
-            return "no_trajectory"
+            return f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory"
         if sensed.gone and source != "operator":
             return f"gone: {sensed.gone}"
         required = ("controller", "avoider") if source in ("controller", "avoider") else (source,)
         for role in required:
             part = offers.get(role)
             if part is None:
-                return f"silent: {role}"
+                return f"{WAITING}{sensed.waiting}" if sensed.waiting else f"silent: {role}"
             if abs(sensed.platform_ns - part.cause_ns) > self.limits.stop_deadline_ns:
                 return f"stale: {role} {part.instance}"
         if offer.epoch < epoch and source != "operator":

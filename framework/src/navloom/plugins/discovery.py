@@ -143,7 +143,15 @@ class Discovery:
         """
         return self._given("panel", name, self.load("panel", name).panels)
 
-    def node(self, name: str) -> type[Any]:
+    def plugin(self, role: str, name: str) -> type[Role]:
+        """The class of one plugin of a role, or, under any other name, of a node.
+
+        Raises:
+            PluginError: See `role` and `node`.
+        """
+        return self.role(role, name) if role in ROLES else self.node(name)
+
+    def node(self, name: str) -> type[Role]:
         """The class of a node that is no role's.
 
         Raises:

@@ -17,6 +17,9 @@ from navloom.roles.base import RESERVED_KEYS
 
 __all__ = ["Named", "PluginError", "Registry", "close_to", "nearest"]
 
+NODE, NODE_API = "node", 1
+"""What nodes that are no role's have in the place of its name, and the version of them that this framework speaks."""
+
 
 class Named(Protocol):
     """Something registered under its own name. What a metric or panel is besides is known only above."""
@@ -50,7 +53,7 @@ class Registry:
         self.schemes: dict[str, Callable[[str, Path], World]] = {}
         self.metrics: dict[str, Named] = {}
         self.panels: dict[str, Named] = {}
-        self.nodes: dict[str, type[Any]] = {}
+        self.nodes: dict[str, type[Role]] = {}
         self.messages: dict[str, type[Message]] = {}
         self.commands: dict[str, Callable[..., Any]] = {}
 
@@ -98,15 +101,26 @@ class Registry:
         """Add a viewer panel, a `navloom.Panel`."""
         _keep_named(self.panels, panel, "panel", "a navloom.Panel")
 
-    def node(self, cls: type[Any]) -> None:
-        """Add the class of a node that is no role's.
+    def node(self, plugin: type[Role]) -> None:
+        """Add a whole node, a subclass of `navloom.NodePlugin`.
 
         Raises:
-            PluginError: Not a class with a `name`, or named twice.
+            PluginError: Not such a class, without a name or a step, named twice, or built for another version.
         """
-        if not isinstance(cls, type):
-            raise PluginError(f"{cls!r}: expected the class of a node, with a `name`")
-        _keep_named(self.nodes, cls, "node", "the class of a node")
+        is_node = isinstance(plugin, type) and issubclass(plugin, Role) and plugin.role == NODE
+        if not (is_node and plugin.__dict__.get("name")):
+            raise PluginError(f"{plugin!r}: expected a subclass of navloom.NodePlugin with a `name`")
+        if plugin.api != NODE_API:
+            raise PluginError(
+                f"node.{plugin.name} is built for version {plugin.api} of nodes, this "
+                f"framework speaks version {NODE_API}; install a matching release of it"
+            )
+        if plugin.__abstractmethods__:
+            raise PluginError(f"node.{plugin.name} does not implement {', '.join(sorted(plugin.__abstractmethods__))}")
+        if wrong := _wrong_part(plugin):
+            raise PluginError(f"node.{plugin.name}: {wrong}")
+        if self.nodes.setdefault(plugin.name, plugin) is not plugin:
+            raise PluginError(f"node {plugin.name!r} is registered twice: rename one of them")
 
     def message(self, cls: type[Message]) -> None:
         """Add a class of messages, under its own name.

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from navloom.config import Loaded
+from navloom.engine.build import System, assemble
+from navloom.engine.catalogue import catalogue_of
 from navloom.messages import Message
 from navloom.recording.comparing import Difference, first_difference, is_same
 from navloom.recording.outcomes import Outcomes
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
 from navloom.recording.shelf import Entry, Shelf
 
-__all__ = ["NodeCheck", "check"]
+__all__ = ["NodeCheck", "check", "installed_part"]
 
 
 @dataclass
@@ -110,6 +113,17 @@ def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str
     if is_same(recorded, entry.raw.data, entry.raw.label, replayed):
         return None
     return first_difference(recorded.message, replayed) or ("", "other bytes", "the same values in other bytes")
+
+
+def installed_part(loaded: Loaded) -> tuple[System, list[NodeCheck]]:
+    """The robot of a recording without the nodes whose plugins are not here, and a line for each of these."""
+    config = loaded.config
+    missing = catalogue_of(config)[1]
+    if not missing:
+        return assemble(loaded), []
+    absent = {name: config.role_table(name).instance for name in missing}
+    lines = [NodeCheck(f"{name} {absent[name]}", notes=[f"not checked: {why}"]) for name, why in missing.items()]
+    return replace(assemble(replace(loaded, config=config.without(missing))), absent=absent), lines
 
 
 def check(replayer: Replayer, progress: Callable[[float, float], None] | None = None) -> list[NodeCheck]:

@@ -12,6 +12,7 @@ from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 from navloom.config import Loaded
+from navloom.engine.catalogue import catalogue_of
 from navloom.messages.codec import CodecError, read_envelope
 from navloom.plugins.opening import OPENER
 from navloom.recording.counting import Counts
@@ -95,7 +96,7 @@ class LiveRecorder:
         for stream in streams_of(self.writer.header.loaded().config):  # one by one: that is all a viewer may
             if not stream.endswith(f"/{FAULT}"):  # what comes by it comes by the step reports too
                 self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
-        for role, port in retained_ports():
+        for role, port in retained_ports(catalogue=catalogue_of(self.writer.header.loaded().config)[0]):
             self._fetch(role, port)
         self._fetch("*", "parameters")
         # Declared after what it reads, on the same links: who sees it can send to it.

@@ -23,11 +23,7 @@ class Outcomes:
         self._marks: dict[tuple[str, str], dict[str, int]] = {}
         self._published: defaultdict[tuple[str, str, str], int] = defaultdict(int)
         recorded = replayer.header.loaded().config
-        self._delayed = {
-            (getattr(table, "role", place), table.instance)
-            for place, table in recorded.role_tables()
-            if table.latency > 0.0
-        }
+        self._delayed = {(role, table.instance) for _, role, table in recorded.role_tables() if table.latency > 0.0}
 
     def numbers(self, stepped: Stepped, counts: dict[str, int]) -> dict[str, range]:
         """Sequence numbers by port of what a step published.

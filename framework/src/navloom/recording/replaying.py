@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from navloom.config import ConfigError
-from navloom.config.schema import ROLE_TABLES
 from navloom.engine.assembly import own_node
 from navloom.engine.build import System, configure, make_plugins, role_nodes
 from navloom.engine.events import schedule
@@ -186,7 +185,7 @@ class Replayer:
         elif self.stand_ins or step.role in SOURCES:
             return None
         if source not in self.nodes:
-            if source not in self._wanted and step.role in ROLE_TABLES:
+            if source not in self._wanted and source not in self.system.wiring:
                 self.silent.add(source)
                 return None
             self.nodes[source] = self._begin(source)
@@ -195,7 +194,7 @@ class Replayer:
     def _begin(self, source: Source) -> ReplayNode:
         """A node as it is at its process's start."""
         role, _ = source
-        spec = next(spec for spec in self.system.specs if spec.role == role)
+        spec = self.system.wiring[source]
         own = own_node(self.system, role, lambda role, name: False, is_live=self.is_live)
         node = own if own is not None else role_nodes(self.system, {source})[source]
         if isinstance(node, GateNode) and self.is_live:
@@ -239,6 +238,7 @@ class Replayer:
             return node.step
         told = GateTold.of(step.report.told)
         node.is_warm = lambda role, name: f"{role} {name}" in told.warm
+        node.find_waiting = lambda: told.waiting
         if self.is_live:
             node.now_ns, node.is_silent, node.gone = told.now_ns or 0, told.silent, told.gone
             for one in told.obeyed:

@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any
 
+from navloom.engine.catalogue import FRAMEWORK, catalogue_of
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.reader import Recorded, Recording
@@ -72,10 +73,12 @@ class _Player:
         self._last: dict[str, tuple[bytes, str]] = {}
         plugins = _plugins(recording)
         recorded = recording.keys()
+        given = recording.header.config
+        catalogue = FRAMEWORK if given is None else catalogue_of(recording.header.loaded().config)[0]
         for key in recorded:
             role, name, port = key.split("/", 2)[-1].split("/", 2)
             self.published[role, name][port] = 0
-            if is_retained(role, port):
+            if is_retained(role, port, catalogue):
                 own = self.keys.port(role, name, port)
                 bus.serve(own, lambda question, own=own: self._answer(question, own))  # type: ignore[misc]
         for source in recorded_instances(recording):
@@ -143,4 +146,4 @@ def _plugins(recording: Recording) -> dict[tuple[str, str], str]:
     if recording.header.config is None:
         return {}
     tables = recording.header.loaded().config.role_tables()
-    return {(getattr(table, "role", place), table.instance): table.plugin for place, table in tables}
+    return {(role, table.instance): table.plugin for _, role, table in tables}

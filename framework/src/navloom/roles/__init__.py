@@ -3,6 +3,7 @@
 from navloom.roles.avoider import Avoider, AvoiderInput
 from navloom.roles.base import Context, InputError, Params, RobotSpec, Role, SensorSpec
 from navloom.roles.controller import Controller, ControllerInput
+from navloom.roles.extra import Extra, Extras
 from navloom.roles.localizer import Localizer, LocalizerInput
 from navloom.roles.mapper import Mapper, MapperInput
 from navloom.roles.planner import Planner, PlannerInput
@@ -37,6 +38,8 @@ __all__ = [
     "Context",
     "Controller",
     "ControllerInput",
+    "Extra",
+    "Extras",
     "InputError",
     "Localizer",
     "LocalizerInput",

@@ -7,6 +7,8 @@ from abc import abstractmethod
 
 from navloom.messages import Avoidance, Point2D, PoseEstimate, RangeScan, Twist2D
 from navloom.roles.base import Role
+from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
 
 __all__ = ["Avoider", "AvoiderInput"]
@@ -25,6 +27,9 @@ class AvoiderInput:
         desired: What the controller asks for.
         remaining: Distance still to drive after the target, m; 0 where the target is the goal.
         share: Of the last command that the gate's monitor let through; 1 where it saw nothing in the way.
+        sensors: Name of the sensor that gave each scan.
+        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        extra: The plugin's own extra inputs, see `Extra`.
     """
 
     stamp_ns: int
@@ -35,6 +40,9 @@ class AvoiderInput:
     desired: Twist2D
     remaining: float
     share: float = 1.0
+    sensors: tuple[str, ...] = ()
+    readings: Readings = NO_READINGS
+    extra: Extras = NO_EXTRAS
 
 
 class Avoider(Role):

@@ -19,7 +19,8 @@ from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 
 __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
 
-RESERVED_KEYS = ("plugin", "name", "sensors", "rate_hz", "latency", "diagnostics_rate_hz", "role", "shadow")
+RESERVED_KEYS = ("plugin", "name", "sensors", "inputs", "rate_hz", "latency", "diagnostics_rate_hz", "role", "shadow",
+                 "required")  # fmt: skip
 """Keys of a role's table that the framework reads itself: no plugin can have a parameter of such a name."""
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from navloom.messages import Message, PoseEstimate, Reference, TrackingCommand, Trajectory
 from navloom.roles.base import Role
+from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.struct import struct
 
 __all__ = ["Controller", "ControllerInput"]
@@ -21,12 +22,14 @@ class ControllerInput:
         trajectory: All of what is followed.
         reference: Where on it the robot is now (progress, reference pose, speed and turn rate).
         estimate: Pose in the map and velocity in base.
+        extra: The plugin's own extra inputs, see `Extra`.
     """
 
     stamp_ns: int
     trajectory: Trajectory
     reference: Reference
     estimate: PoseEstimate
+    extra: Extras = NO_EXTRAS
 
 
 class Controller(Role):

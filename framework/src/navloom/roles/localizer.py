@@ -6,6 +6,8 @@ from abc import abstractmethod
 
 from navloom.messages import MapUpdate, Odometry, PoseEstimate, RangeScan
 from navloom.roles.base import Role
+from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
 
 __all__ = ["Localizer", "LocalizerInput"]
@@ -13,11 +15,23 @@ __all__ = ["Localizer", "LocalizerInput"]
 
 @struct
 class LocalizerInput:
-    """What a localizer sees: odometry, the scans of this tick, and the newest map."""
+    """What a localizer sees.
+
+    Attributes:
+        odometry: Newest dead reckoning.
+        scans: Of this tick.
+        map: The newest one; None before the first.
+        sensors: Name of the sensor that gave each scan.
+        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        extra: The plugin's own extra inputs, see `Extra`.
+    """
 
     odometry: Odometry
     scans: tuple[RangeScan, ...]
     map: MapUpdate | None
+    sensors: tuple[str, ...] = ()
+    readings: Readings = NO_READINGS
+    extra: Extras = NO_EXTRAS
 
 
 class Localizer(Role):

@@ -7,6 +7,8 @@ from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, PoseTrack, RangeScan, Sweep
 from navloom.roles.base import Role
+from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
 
 __all__ = ["Mapper", "MapperInput"]
@@ -22,6 +24,10 @@ class MapperInput:
         track: Poses in the map that cover them.
         clear: The map may be wrong. Forget what the newest data, or the next, can tell anew, not what is out of sight:
             the robot plans by what is left.
+        sensors: Name of the sensor that gave each scan.
+        sweep_sensors: Name of the sensor that gave each sweep.
+        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        extra: The plugin's own extra inputs, see `Extra`.
     """
 
     stamp_ns: int
@@ -29,6 +35,10 @@ class MapperInput:
     scans: tuple[RangeScan, ...]
     track: PoseTrack
     clear: bool = False
+    sensors: tuple[str, ...] = ()
+    sweep_sensors: tuple[str, ...] = ()
+    readings: Readings = NO_READINGS
+    extra: Extras = NO_EXTRAS
 
 
 class Mapper(Role):

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, Path, PlanFailure, PlanRequest
 from navloom.roles.base import Role
+from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.struct import struct
 
 __all__ = ["Planner", "PlannerInput"]
@@ -14,10 +15,17 @@ __all__ = ["Planner", "PlannerInput"]
 
 @struct
 class PlannerInput:
-    """What a planner sees: the request with start and goal, and the newest map."""
+    """What a planner sees.
+
+    Attributes:
+        request: With start and goal.
+        map: The newest one.
+        extra: The plugin's own extra inputs, see `Extra`.
+    """
 
     request: PlanRequest
     map: MapUpdate
+    extra: Extras = NO_EXTRAS
 
 
 class Planner(Role):

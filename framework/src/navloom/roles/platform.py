@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from navloom.messages import Contact, Message, Odometry, RangeScan, Sweep, SweepRequest, Truth, Twist2D
+from navloom.messages import Contact, Message, Odometry, SweepRequest, Truth, Twist2D
 from navloom.roles.base import Params, Role, SensorSpec
 from navloom.roles.struct import struct
 
@@ -34,13 +34,14 @@ class PlatformOutput:
 
     Attributes:
         odometry: Dead reckoning.
-        scans: By sensor name, what was completed since the last call; a sensor with nothing new is left out.
+        scans: By sensor name, what was completed since the last call, of the class that the sensor's kind declares; a
+            sensor with nothing new is left out.
         contact: Whether it touches something.
         truth: Ground truth; None on a real robot.
     """
 
     odometry: Odometry
-    scans: Mapping[str, RangeScan | Sweep]
+    scans: Mapping[str, Message]
     contact: Contact
     truth: Truth | None
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
 from navloom.roles.base import Role
+from navloom.roles.extra import NO_EXTRAS, Extras
+from navloom.roles.readings import NO_READINGS, Readings
 
 __all__ = ["Recovery", "RecoveryInput"]
 
@@ -26,6 +28,9 @@ class RecoveryInput:
         reason: Why the goal is stuck.
         starts: True in the first tick of an attempt.
         trail: (k, 3) x, y, m, heading, rad, map frame: where base has been in the last metres, oldest first.
+        sensors: Name of the sensor that gave each scan.
+        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        extra: The plugin's own extra inputs, see `Extra`.
     """
 
     stamp_ns: int
@@ -35,6 +40,9 @@ class RecoveryInput:
     reason: str
     starts: bool
     trail: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    sensors: tuple[str, ...] = ()
+    readings: Readings = NO_READINGS
+    extra: Extras = NO_EXTRAS
 
 
 class Recovery(Role):

@@ -26,12 +26,15 @@ class BarrierEnded(Exception):
 
 @dataclass
 class Progress:
-    """How far an instance is: the last tick it reported, the marks of its ports then, and its first fault."""
+    """How far an instance is: the last tick it reported, the marks of its ports then, what it waits for, and its first
+    fault.
+    """
 
     done: int = -1
     marks: dict[str, int] = field(default_factory=dict)
     enabled: bool = False
     duration_ns: int = 0
+    waiting: str = ""
     fault: tuple[int, str] | None = None
 
 
@@ -111,6 +114,7 @@ class Barrier:
             assert isinstance(message, StepReport)
             progress.done, progress.enabled = envelope.tick, message.enabled
             progress.duration_ns = message.duration_ns if message.trigger else 0
+            progress.waiting = "" if message.trigger else message.told
             progress.marks = {mark.port: mark.sequence for mark in message.published}
             if message.fault and progress.fault is None:
                 progress.fault = (envelope.tick, message.fault)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.engine.catalogue import warming_ports
+from navloom.engine.build import System
 from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.engine.wiring import QueueWire
@@ -25,8 +25,7 @@ class BarrierRunner:
     Args:
         cell: The node.
         requests, selection: What every node hears of the operator and of the gate.
-        roles: All roles in the order of the graph.
-        period: s.
+        system: The robot.
         configure: Changes the plugin's parameters.
         check: Raises BarrierEnded when the process ends.
     """
@@ -36,13 +35,13 @@ class BarrierRunner:
         cell: Cell,
         requests: Feed,
         selection: Feed,
-        roles: Sequence[str],
-        period: float,
+        system: System,
         configure: Callable[[tuple[str, ...]], None],
         check: Callable[[], None],
     ) -> None:
-        self.cell, self.requests, self.selection = cell, requests, selection
-        self.roles, self.period, self.configure = list(roles), period, configure
+        self.cell, self.requests, self.selection, self.catalogue = cell, requests, selection, system.catalogue
+        self.roles, self.period = [spec.role for spec in system.specs], system.config.run.period
+        self.configure, self._may_wait, self._number = configure, system.may_wait, 0
         feeds = [*cell.feeds, requests, selection]
         streams = {feed.inlet: (feed.source, feed.wire.input.port) for feed in feeds}
         self.barrier = Barrier(cell.mailbox, cell.reports, streams, check)
@@ -51,6 +50,7 @@ class BarrierRunner:
         self._watched: set[Source] = set()
         if isinstance(cell.node, GateNode):
             cell.node.is_warm = self._is_warm
+            cell.node.find_waiting = self._find_waiting
 
     def run(self) -> None:
         """Tick after tick, until the process ends."""
@@ -63,6 +63,7 @@ class BarrierRunner:
             return
 
     def _tick(self, number: int) -> None:
+        self._number = number
         self.barrier.await_report(OPERATOR, number)
         if number:
             self.barrier.await_report(GATE, number - 1)
@@ -120,7 +121,7 @@ class BarrierRunner:
         node, place = self.cell.node, self.roles.index(self.cell.source[0])
         if isinstance(node, GoalNode):
             for source in self.barrier.progress:
-                if self.cell.in_charge(source) and source != self.cell.source:
+                if self.cell.in_charge(source) and source != self.cell.source and source[0] not in node.optional:
                     tick = number if self.roles.index(source[0]) < place else number - 1
                     fault = self.barrier.await_report(source, tick).fault
                     if fault is not None and fault[0] <= tick:
@@ -128,6 +129,13 @@ class BarrierRunner:
         if isinstance(node, GateNode):
             for source in self._watched:
                 self.barrier.await_report(source, number)
+
+    def _find_waiting(self) -> str:
+        """Which of the instances that may wait for a stream does in this tick: all of them step before the gate."""
+        found = [
+            self.barrier.await_report(one, self._number).waiting for one in self._may_wait if self.cell.in_charge(one)
+        ]
+        return next(filter(None, found), "")
 
     def _step(self, number: int) -> None:
         cell, stepper = self.cell, self.cell.stepper
@@ -152,5 +160,5 @@ class BarrierRunner:
         cell.report(tick, trigger, read, stepper.spent_ns, stepper.fault)
 
     def _is_warm(self, role: str, name: str) -> bool:
-        progress, ports = self.barrier.progress[(role, name)], warming_ports(role)
+        progress, ports = self.barrier.progress[(role, name)], self.catalogue.warming_ports(role)
         return progress.enabled and (not ports or any(progress.marks.get(port, 0) for port in ports))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from navloom.engine.node import Node, Outputs, Tick
-from navloom.engine.stepper import Stepper
+from navloom.engine.stepper import Stepper, waiting_words
 from navloom.engine.wiring import Slot, Wire
 from navloom.messages import InputRead, PortMark, Selection, StepReport
 from navloom.runtime.keyspace import STEP
@@ -151,7 +151,8 @@ class Cell:
         self, tick: Tick, trigger: str, read: tuple[InputRead, ...], spent_ns: int, fault: str
     ) -> tuple[Outlet, Dated]:
         marks = tuple([PortMark(port, outlet.sequence) for port, outlet in self.outlets.items() if port != STEP])
-        enabled, told = self.stepper.enabled, self.node.told if trigger else ""
+        enabled = self.stepper.enabled
+        told = self.node.told if trigger else waiting_words(*self.source, self.stepper.lacks)
         message = StepReport(trigger, read, marks, enabled, self.versions, self.resets, spent_ns, fault, told)
         outlet = self.outlets[STEP]
         return outlet, outlet.hand_on(message, tick.number, tick.time_ns, tick.time_ns, tick.epoch)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
 from navloom.engine.build import System
-from navloom.engine.catalogue import answer_ports, node_class
+from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Node
 from navloom.engine.ports import Input
 from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
@@ -26,11 +26,16 @@ SELECTION = Input("gate.selection", GatePorts.selection, delayed=True)
 
 @dataclass(eq=False)
 class Hosted:
-    """A cell with what every node hears beside its own inputs: the operator's requests and the gate's selection."""
+    """A cell with what every node hears beside its own inputs: the operator's requests and the gate's selection.
+
+    Attributes:
+        awaited: Instances whose step of a tick is worth waiting for a moment before the node's own step of it.
+    """
 
     cell: Cell
     requests: Feed
     selection: Feed
+    awaited: set[Source]
 
 
 def all_sources(system: System) -> list[Source]:
@@ -45,18 +50,20 @@ def all_sources(system: System) -> list[Source]:
 def make_cell(system: System, source: Source, node: Node, board: Switchboard, mailbox: Mailbox | None = None) -> Hosted:
     """One node of this process with its feeds, not connected yet."""
     mailbox = mailbox or Mailbox()
-    spec = next(spec for spec in system.specs if spec.role == source[0])
     sources = all_sources(system)
-    stepper = make_stepper(system, spec, source[1], node)
+    stepper = make_stepper(system, *source, node)
+    spec = stepper.spec
     feeds: list[Feed] = []
     for given in spec.inputs:
         feeds += _feeds(system, given, sources, board, mailbox)
     stepper.connect([next(feed for feed in feeds if feed.wire.input is given).wire for given in spec.inputs])
+    waits_for = awaited(system.catalogue, source, feeds)
+    hears = _reporting(system, source, feeds, sources, board, waits_for)
     cell = Cell(
         stepper,
         mailbox,
         feeds,
-        {other: board.inlet(other, STEP, mailbox, FEW) for other in _reporting(source, feeds, sources, board)},
+        {other: board.inlet(other, STEP, mailbox, FEW) for other in hears},
         {port: board.outlet(source, port) for port in (*spec.outputs, STEP)},
         {role: system.config.role_table(role).instance for role in system.config.roles},
     )
@@ -67,35 +74,40 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
             (platform,) = [other for other in sources if other[0] == "platform"]
             cell.platform = board.inlet(platform, PlatformPorts.odometry.name, mailbox, FEW, rings=False)
     control = [_feeds(system, given, sources, board, mailbox)[0] for given in (REQUESTS, SELECTION)]
-    return Hosted(cell, *control)
+    return Hosted(cell, control[0], control[1], waits_for)
 
 
-def awaited(source: Source, feeds: Sequence[Feed]) -> set[Source]:
+def awaited(catalogue: Catalogue, source: Source, feeds: Sequence[Feed]) -> set[Source]:
     """Instances whose step of a tick is worth waiting for a moment before a node's own step of it."""
     return {
         feed.source
         for feed in feeds
-        if not feed.wire.delayed and node_class(feed.source[0]).is_awaited and feed.source != source
+        if not feed.wire.delayed and catalogue.nodes[feed.source[0]].is_awaited and feed.source != source
     }
 
 
 def _reporting(
-    source: Source, feeds: Sequence[Feed], sources: Sequence[Source], board: Switchboard
+    system: System,
+    source: Source,
+    feeds: Sequence[Feed],
+    sources: Sequence[Source],
+    board: Switchboard,
+    waits_for: set[Source],
 ) -> Iterable[Source]:
     """Instances whose step reports a node hears: none that it has no use for."""
     if board.lossless:
         return sources
     roles = [role for role, _ in sources]
-    if node_class(source[0]).hears == "rivals":
-        return [other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1]
-    silent = {feed.source for feed in feeds if not feed.wire.delayed and not _answers(feed)}
-    waits_for = awaited(source, feeds) & silent
-    return [other for other in sources if other in waits_for]
+    if system.catalogue.nodes[source[0]].hears == "rivals":
+        told = {other for other in sources if other[0] == "goal" or roles.count(other[0]) > 1} | set(system.may_wait)
+        return [other for other in sources if other in told]
+    silent = {feed.source for feed in feeds if not feed.wire.delayed and not _answers(system, feed)}
+    return [other for other in sources if other in waits_for & silent]
 
 
-def _answers(feed: Feed) -> bool:
+def _answers(system: System, feed: Feed) -> bool:
     """A message comes by this feed in every step of its instance, and tells as much as the report of the step."""
-    return feed.wire.input.port in answer_ports(feed.source[0])
+    return feed.wire.input.port in system.catalogue.answer_ports(feed.source[0])
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:

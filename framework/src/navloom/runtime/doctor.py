@@ -156,7 +156,7 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
 
 def _is_ill(node: Mapping[str, Any]) -> bool:
     """An active node with a finding for which others may not step."""
-    return node["active"] and bool(node["faulted"] or is_stuck(node))
+    return node["active"] and bool(node["faulted"] or is_stuck(node) or node.get("waits_for"))
 
 
 def _diagnosis(robot: str, nodes: int, found: Sequence[Finding]) -> Diagnosis:

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from navloom.roles import is_patient
+from navloom.roles import ROLES, is_patient
 from navloom.runtime import links
 from navloom.runtime.live_gate import held_rate
+from navloom.runtime.looking import waiting
 
 __all__ = ["Finding", "LoopRate", "differing", "failing", "flowing", "is_slow", "is_stuck", "lagging", "loop_rate",
            "sharing", "unheard"]  # fmt: skip
@@ -58,14 +59,20 @@ def where(node: Node) -> str:
     return f"{node['process']} on {node['host']}"
 
 
+def _is_patient(node: Node) -> bool:
+    """Its step may take long: no motor waits for it."""
+    said: bool = node.get("is_patient", is_patient(node["role"]))
+    return said
+
+
 def is_slow(node: Node) -> bool:
     """Its usual step takes longer than its period. A mapper or a planner may: nothing waits for it in each tick."""
-    return not is_patient(node["role"]) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
+    return not _is_patient(node) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
 
 
 def is_stuck(node: Node) -> bool:
     """It has been in one step for longer than its role may take."""
-    return (node["busy_s"] or 0.0) > (BUSY_LONG if is_patient(node["role"]) else BUSY)
+    return (node["busy_s"] or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
 
 
 def failing(nodes: Sequence[Node]) -> list[Finding]:
@@ -79,6 +86,8 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
             times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
             remedy = f"repair the plugin; {_instead(node, nodes)}"
             found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
+        if node["active"] and node.get("waits_for"):
+            found.append(Finding("problem", *waiting(named(node), " and ".join(node["waits_for"]))))
         for note in node.get("notes", ()):
             found.append(Finding("note", note, "check the units in its code and parameters: rad/s and m/s"))
         if is_stuck(node):
@@ -153,7 +162,8 @@ def _instead(node: Node, nodes: Sequence[Node]) -> str:
     others = [other["instance"] for other in nodes if other["role"] == role and not other["active"]]
     if others:
         return f"`navloom swap {role} {others[0]}` makes another active"
-    return f"the config has no other {role} to swap to: restart the robot with another plugin in [{role}]"
+    table = f"[{role}]" if role in ROLES else f"[[node]] {role}"
+    return f"the config has no other {role} to swap to: restart the robot with another plugin in {table}"
 
 
 def flowing(nodes: Sequence[Node]) -> list[Finding]:

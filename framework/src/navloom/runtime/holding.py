@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from navloom.config.loader import leaves
+from navloom.config.schema import NodeTable
 from navloom.engine.build import System
 from navloom.roles import Platform
 
@@ -18,7 +19,11 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
     tree: dict[str, Any] = loaded.config.model_dump(mode="json")
     for part in system.parts.values():
         table = _table(tree, part.place)
-        table.update(part.params.model_dump(mode="json"), name=part.table.instance)
+        table.update(part.params.model_dump(mode="json"))
+        if not isinstance(part.table, NodeTable):  # its name is the node's, not the instance's
+            table["name"] = part.table.instance
+        if part.streams:
+            table["inputs"] = {name: str(port) for name, port in part.streams.items()}
         if part.role != "platform":
             table["sensors"] = list(part.sensors)
     platform = system.parts[("platform", loaded.config.platform.instance)].cls

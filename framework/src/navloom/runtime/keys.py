@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from navloom.config.schema import ROLE_TABLES
+from navloom.config.schema import ROLE_TABLES, TAKEN
 from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.inputs.texts import json_of
 from navloom.runtime.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
@@ -238,10 +238,12 @@ def _check_identity(identity: Identity) -> None:
             raise KeysError(f"--instance {identity.instance}: only for --kind shadow")
         return
     role, _, instance = identity.instance.partition(".")
-    if role not in ROLE_TABLES or role == "platform" or not re.fullmatch(r"[A-Za-z0-9_-]+", instance):
+    shadowed = [role for role in ROLE_TABLES if role != "platform"]
+    is_node = re.fullmatch(r"[a-z][A-Za-z0-9_]*", role) and role not in TAKEN
+    if not (role in shadowed or is_node) or not re.fullmatch(r"[A-Za-z0-9_-]+", instance):
         raise KeysError(
             f"--instance {identity.instance or '(none)'}: a shadow is one instance, expected ROLE.NAME, as "
-            f"avoider.forces; roles are {', '.join(role for role in ROLE_TABLES if role != 'platform')}"
+            f"avoider.forces; roles are {', '.join(shadowed)}, and the names of a config's [[node]] tables"
         )
 
 

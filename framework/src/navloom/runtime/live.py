@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from navloom.engine.node import Outputs, Tick
 from navloom.messages import Envelope, InputRead, Selection, StepReport
 from navloom.runtime.cell import Feed, Source
-from navloom.runtime.cells import Hosted, awaited
+from navloom.runtime.cells import Hosted
 from navloom.runtime.mailbox import Inlet
 from navloom.runtime.run_clock import RunClock
 from navloom.runtime.step_times import StepTimes
@@ -18,6 +18,8 @@ __all__ = ["Change", "LiveRunner"]
 
 IDLE = 0.5
 """s between two looks where nothing comes in."""
+WAITING = 0.25
+"""s between two reports of a node that waits for the first message of an input."""
 BACKWARDS = 200
 """Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
 
@@ -41,11 +43,12 @@ class LiveRunner:
         self.stepper = hosted.cell.stepper
         self.faulted = 0
         self.fault = ""
+        self._said_waiting = 0.0
         self._changes: deque[Change] = deque()
         self._seen = 0
         self._waits_since: tuple[int, float] = (-1, 0.0)
         self._pace = self.stepper.cause
-        self._siblings = awaited(self.cell.source, self.cell.feeds)
+        self._siblings = hosted.awaited
         self.times = StepTimes()
         self._parts = {
             source: [feed for feed in self.cell.feeds if feed.source == source and not feed.wire.delayed]
@@ -160,6 +163,9 @@ class LiveRunner:
         stepper = self.stepper
         if not stepper.enabled:
             return None
+        if stepper.is_short():
+            self._say_waiting()
+            return None
         if stepper.spec.ticks:
             wire = self._pace
             if wire is None or wire.slot.tick <= stepper.stepped:
@@ -170,6 +176,14 @@ class LiveRunner:
             if wire.has_news(stepper.stepped, now) and now % stepper.stride == 0:
                 return wire.input.name, now if wire.delayed or wire.queue is not None else wire.slot.tick
         return None
+
+    def _say_waiting(self) -> None:
+        """Report now and then which streams are waited for."""
+        now = time.monotonic()
+        if now - self._said_waiting > WAITING and self.clock.is_known:
+            self._said_waiting = now
+            time_ns = max(0, self.clock.now_ns())
+            self.cell.report(Tick(max(0, self.clock.tick), time_ns * 1e-9, time_ns, self.cell.epoch))
 
     def _awaits_siblings(self, number: int) -> bool:
         """Give what belongs to the same tick a moment to come in; what comes after it is not waited for meanwhile."""

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
-from navloom.engine.catalogue import required_roles, warming_ports
+from navloom.engine.build import System
 from navloom.engine.node import Tick
 from navloom.engine.own_nodes import GateNode
 from navloom.engine.told import Obeyed
 from navloom.messages import Command, Envelope, OperatorRequest, StepReport
 from navloom.navigation.gate import ENDING
 from navloom.runtime.cell import Feed, Source
-from navloom.runtime.cells import Hosted
+from navloom.runtime.cells import Hosted, all_sources
 from navloom.runtime.live import LiveRunner
 from navloom.runtime.run_clock import RunClock
 
@@ -58,7 +58,7 @@ class LiveGate(LiveRunner):
         hosted, clock, period, ends: See `LiveRunner`.
         deadline: s without a platform stamp after which it is silent.
         is_alive: Whether an instance's liveliness token is there.
-        instances: Every instance of the robot, of a role the one in charge first.
+        system: The robot.
 
     Attributes:
         chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
@@ -72,7 +72,7 @@ class LiveGate(LiveRunner):
         ends: Callable[[], bool],
         deadline: float,
         is_alive: Callable[[Source], bool],
-        instances: Sequence[Source],
+        system: System,
     ) -> None:
         super().__init__(hosted, clock, period, ends)
         assert isinstance(self.cell.node, GateNode)
@@ -83,8 +83,11 @@ class LiveGate(LiveRunner):
         self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
         self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
         self._began_ns = time.monotonic_ns()
-        self._needed = [source for source in instances if source[0] in required_roles()]
+        self._catalogue, required = system.catalogue, system.catalogue.required_roles()
+        self._needed = [source for source in all_sources(system) if source[0] in required]
         self._looked_ns = 0
+        self._may_wait, self._waiting = system.may_wait, dict[Source, str]()
+        self.gate.find_waiting = self._find_waiting
         self.chains_s: deque[float] = deque(maxlen=CHAINS)
         self._chain: tuple[int, int] | None = None
 
@@ -210,6 +213,13 @@ class LiveGate(LiveRunner):
             elif feed.wire.input.name in (*CHAIN, "odometry"):
                 feed.inlet.rings = False
 
+    def _find_waiting(self) -> str:
+        """Which active instance waits for a stream, as far as its reports say."""
+        for source in self._may_wait:
+            self.hear(source)
+        found = [self._waiting.get(source, "") for source in self._may_wait if self.cell.in_charge(source)]
+        return next(filter(None, found), "")
+
     def _gone(self) -> str:
         goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
         if time.monotonic_ns() - max(self._began_ns, *goals) > GOAL_SILENCE * 1e9:
@@ -223,8 +233,9 @@ class LiveGate(LiveRunner):
         if (role, name) in self.cell.reports:
             self.hear((role, name))
         marks, is_enabled = self._marks.get((role, name), ({}, False))
-        ports = warming_ports(role)
+        ports = self._catalogue.warming_ports(role)
         return is_enabled and (not ports or any(marks.get(port, 0) for port in ports))
 
     def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
         self._marks[source] = {mark.port: mark.sequence for mark in report.published}, report.enabled
+        self._waiting[source] = "" if report.trigger else report.told

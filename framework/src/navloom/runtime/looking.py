@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from navloom.engine.catalogue import FRAMEWORK
 from navloom.errors import NavloomError
 from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, Parameters
 from navloom.messages.codec import CodecError, decode
 from navloom.messages.generic import GenericMessage
-from navloom.navigation.gate import OBSTACLE
+from navloom.navigation.gate import OBSTACLE, WAITING
 from navloom.plugins.opening import OPENER
 from navloom.runtime.client import OPEN, Client
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
@@ -226,9 +227,18 @@ def why_stopped(
     if status.reason in _STOPS:
         return _STOPS[status.reason]
     kind, _, who = status.reason.partition(": ")
+    if status.reason.startswith(WAITING):
+        node, _, streams = who.partition(" for ")
+        return waiting(node, streams)
     words, remedy = _KINDS.get(kind, ("", "`navloom echo gate/status` shows whether it passes"))
     who = "the operator" if who.startswith("operator") else who
     return (f"{who} {words}" if words else status.reason), remedy
+
+
+def waiting(node: str, streams: str) -> tuple[str, str]:
+    """That a node waits for the first message of streams, and what to do."""
+    first = streams.split(" and ")[0].replace(".", "/")
+    return f"{node} waits for {streams}", f"`navloom hz {first}` shows whether it comes, `navloom list` who is there"
 
 
 def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple[str, str]:
@@ -307,7 +317,7 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
 def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
     """The last message of a stream whose publisher keeps it, so that who looks need not wait for the next."""
     role, name, port = stream.split("/", 2)
-    if is_retained(role, port):
+    if is_retained(role, port) or role not in FRAMEWORK.nodes:
         for answer in client.bus.ask(client.keys.port(role, name, port), timeout=1.0):
             with contextlib.suppress(CodecError):
                 if not answer.refusal:

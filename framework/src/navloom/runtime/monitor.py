@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from navloom.config.schema import ROLE_TABLES
 from navloom.engine.build import System
 from navloom.messages import Odometry
 from navloom.runtime.mailbox import Inlet, Mailbox
@@ -44,7 +43,7 @@ class Monitor:
         streams = [(("gate", "main"), "selection"), (("gate", "main"), "status"), (("goal", "main"), "feedback")]
         if clock is not None:
             streams.append((("platform", system.config.platform.instance), "odometry"))
-        streams += [(source, "parameters") for source in system.parts if source[0] in ROLE_TABLES]
+        streams += [(source, "parameters") for source in system.parts]
         self._inlets: list[tuple[tuple[str, str], Inlet]] = [
             (source, _inlet(board, source, port, self._mailbox)) for source, port in streams
         ]

@@ -13,6 +13,7 @@ from navloom.config.loader import Loaded
 from navloom.engine.build import assemble
 from navloom.runtime.heartbeat import Heart
 from navloom.runtime.node_process import NodeProcess, Share, leave, longest_seizure
+from navloom.runtime.placing import goes_first
 from navloom.runtime.process import (
     die_with_parent,
     end_on_signal,
@@ -39,7 +40,7 @@ def main() -> int:
     die_with_parent(int(spec["parent"]))
     sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes
     roles = {role for role, _ in spec["share"]["sources"]}
-    if not roles & {"mapper", "planner"}:
+    if goes_first(roles):
         go_first()
     system, share = assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"])
     process = NodeProcess(system, share, known=spec["known"].encode())

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 from navloom.engine.assembly import own_node
 from navloom.engine.build import System, configure, make_plugins, role_nodes
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.messages import Parameters
-from navloom.roles import is_patient
 from navloom.runtime.barrier import BarrierEnded
 from navloom.runtime.barrier_runner import BarrierRunner
 from navloom.runtime.cell import Source
@@ -143,7 +143,8 @@ class NodeProcess:
         robot = self.system.config.robot
         keys = KeySpace(robot.realm, robot.name)
         clock, memory = RunClock(), Memory()
-        board = Switchboard(bus, keys, self.share.barrier, None if self.share.barrier else clock.age_s)
+        age = None if self.share.barrier else clock.age_s
+        board = Switchboard(bus, keys, self.share.barrier, age, self.system.catalogue)
         nodes = self._nodes()
         hosted = {source: make_cell(self.system, source, node, board) for source, node in nodes.items()}
         if self.share.barrier:
@@ -229,10 +230,8 @@ class NodeProcess:
                 raise BarrierEnded
 
         source = hosted.cell.source
-        roles = [spec.role for spec in self.system.specs]
-        period = self.system.config.run.period
         return BarrierRunner(
-            hosted.cell, hosted.requests, hosted.selection, roles, period,
+            hosted.cell, hosted.requests, hosted.selection, self.system,
             lambda values: self.configure(source, values), check,
         )  # fmt: skip
 
@@ -245,7 +244,7 @@ class NodeProcess:
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
             return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
-            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, all_sources(self.system))
+            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, self.system)
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:
@@ -302,7 +301,8 @@ class NodeProcess:
             went_on_ns = stops.look()
             for source, runner in self.runners.items():
                 stepper = runner.cell.stepper
-                since_ns, allowed = stepper.busy_since_ns, longest_step(source[0], limit)
+                since_ns = stepper.busy_since_ns
+                allowed = longest_step(source[0], limit, self.system.catalogue)
                 if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
                     continue
                 if time.monotonic_ns() - max(since_ns, went_on_ns) > allowed * 1e9:
@@ -314,9 +314,9 @@ class NodeProcess:
             alive()
 
 
-def longest_step(role: str, hang_timeout: float) -> float:
+def longest_step(role: str, hang_timeout: float, catalogue: Catalogue = FRAMEWORK) -> float:
     """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
-    return max(hang_timeout, LONG) if is_patient(role) else hang_timeout
+    return max(hang_timeout, LONG) if catalogue.is_patient(role) else hang_timeout
 
 
 def longest_seizure(sources: Sequence[Source], hang_timeout: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
 from navloom.runtime.mailbox import Inlet
-from navloom.runtime.quality import quality_of
+from navloom.runtime.quality import Quality, quality_of
 from navloom.runtime.questions import TOO_MANY, Allowance
 from navloom.runtime.zenoh_bus import Bus, Publication, Question
 
@@ -29,14 +29,15 @@ class Outlet:
         bus: The process's.
         lossless: Nothing may be dropped on the way: under a barrier, where each message is waited for.
         retained: Who joins later is given the last message.
+        quality: How it travels; default by what a message is.
     """
 
-    def __init__(self, key: str, bus: Bus, lossless: bool, retained: bool) -> None:
+    def __init__(self, key: str, bus: Bus, lossless: bool, retained: bool, quality: Quality | None = None) -> None:
         self.key = key
         self.readers: list[Inlet] = []
         self.sequence = 0
         self.last: Dated | None = None
-        self._bus, self._lossless = bus, lossless
+        self._bus, self._lossless, self._quality = bus, lossless, quality
         self._ways: dict[type[Message], tuple[Publication, str]] = {}
         self._kept: tuple[Dated | None, bytes] = (None, b"")
         self._allowance = Allowance(ANSWERED, AT_ONCE)
@@ -92,7 +93,7 @@ class Outlet:
         return next((label for _, label in self._ways.values()), "")
 
     def _open(self, kind: type[Message]) -> tuple[Publication, str]:
-        way = self._bus.publication(self.key, quality_of(kind), self._lossless), schema_label(kind)
+        way = self._bus.publication(self.key, self._quality or quality_of(kind), self._lossless), schema_label(kind)
         self._ways[kind] = way
         return way
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
-from navloom.config.schema import Config
+from navloom.config.schema import OWN_NODES, ROLE_TABLES, Config
 from navloom.runtime.cell import Source
 
-__all__ = ["spread"]
+__all__ = ["goes_first", "spread"]
+
+PLANNING = frozenset({"mapper", "planner"})
+"""Roles that only compute: their processes go last."""
+
+
+def goes_first(roles: Collection[str]) -> bool:
+    """Whether a process takes the processor from others: one that drives, and neither maps nor plans beside it."""
+    return PLANNING.isdisjoint(roles) and any(role in ROLE_TABLES or role in OWN_NODES for role in roles)
 
 
 def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from navloom.config.schema import ROLE_TABLES, Config
 from navloom.plugins import Discovery
+from navloom.plugins.registry import NODE
 
 __all__ = ["distributions"]
 
 
 def distributions(config: Config) -> dict[str, str]:
     """Version of each distribution that provides a plugin in use, by name; what is not installed is left out."""
-    used = {
-        (place if place in ROLE_TABLES else getattr(table, "role"), table.plugin)  # noqa: B009
-        for place, table in config.role_tables()
-    }
+    used = {(role if role in ROLE_TABLES else NODE, table.plugin) for _, role, table in config.role_tables()}
     infos = Discovery(config.plugins.blocked).infos()
     return {
         info.distribution: info.version

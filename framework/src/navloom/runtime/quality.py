@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from navloom.config.schema import Config
-from navloom.engine import catalogue  # noqa: F401  (declares the ports)
-from navloom.engine.ports import Ports, Quality, known_ports
+from navloom.engine.catalogue import FRAMEWORK, Catalogue, catalogue_of
+from navloom.engine.ports import Quality
 from navloom.engine.streams import STATE, WORD, sensor_quality
 from navloom.messages import Message, Parameters, StepReport
 from navloom.messages.bounds import size_limit
@@ -18,16 +18,16 @@ PARAMETERS = "parameters"
 _BY_TYPE: dict[type[Message], Quality] = {StepReport: STATE, Parameters: WORD}
 
 
-def kind_of(role: str, port: str) -> type[Message] | None:
+def kind_of(role: str, port: str, catalogue: Catalogue = FRAMEWORK) -> type[Message] | None:
     """What a stream carries: it is declared for that ahead of its first message, and nothing else is taken from it.
 
-    None for a platform's sensors, which a config names.
+    None for a platform's sensors, which a config names, and for nodes that the catalogue does not know.
     """
     if port == PARAMETERS:
         return Parameters
     if port in (STEP, FAULT):
         return StepReport
-    declared = Ports.known.get((role, port))
+    declared = catalogue.port(role, port)
     return None if declared is None else declared.carries
 
 
@@ -37,28 +37,28 @@ def most_of(kind: type[Message] | None) -> int:
     return LARGEST if limit is None else min(limit, LARGEST)
 
 
-def retained_ports(role: str = "") -> list[tuple[str, str]]:
+def retained_ports(role: str = "", catalogue: Catalogue = FRAMEWORK) -> list[tuple[str, str]]:
     """(role, port) whose publisher keeps the last message, so that who joins or comes back later is given it.
 
     A queryable of our own on the port's key rather than Zenoh's advanced publisher: that one needs time stamps of the
     hosts' clocks, and refuses messages from a host whose clock runs ahead.
     """
-    return sorted((port.role, port.name) for port in known_ports(role) if port.retained)
+    return sorted((port.role, port.name) for port in catalogue.ports(role) if port.retained)
 
 
-def is_retained(role: str, port: str) -> bool:
+def is_retained(role: str, port: str, catalogue: Catalogue = FRAMEWORK) -> bool:
     """Whether a stream's publisher keeps its last message; parameters that were changed are kept by every instance."""
-    declared = Ports.known.get((role, port))
+    declared = catalogue.port(role, port)
     return port == PARAMETERS or (declared is not None and declared.retained)
 
 
 def streams_of(config: Config) -> tuple[str, ...]:
-    """Every stream that a robot may have, as role/instance/port, in order."""
-    instances = [(role, config.role_table(role).instance) for role in config.roles]
-    instances += [(table.role, table.instance) for table in config.alternative]
-    instances += [(port.role, "main") for port in known_ports() if port.role not in config.roles]
+    """Every stream that a robot may have, as role/instance/port, in order. Nodes that are not installed have none."""
+    catalogue, _ = catalogue_of(config)
+    instances = [(role, table.instance) for _, role, table in config.role_tables()]
+    instances += [(port.role, "main") for port in catalogue.ports() if port.role not in config.roles]
     found = {f"{role}/{name}/{port}" for role, name in instances for port in (PARAMETERS, STEP, FAULT)}
-    found |= {f"{role}/{name}/{port.name}" for role, name in instances for port in known_ports(role)}
+    found |= {f"{role}/{name}/{port.name}" for role, name in instances for port in catalogue.ports(role)}
     found |= {f"platform/{config.platform.instance}/{sensor.name}" for sensor in config.sensor}
     return tuple(sorted(found))
 
@@ -66,6 +66,6 @@ def streams_of(config: Config) -> tuple[str, ...]:
 def quality_of(kind: type[Message]) -> Quality:
     """How messages of a type travel."""
     if kind not in _BY_TYPE:
-        declared = next((port for port in known_ports() if port.carries is kind), None)
+        declared = next((port for port in FRAMEWORK.ports() if port.carries is kind), None)
         _BY_TYPE[kind] = sensor_quality(kind) if declared is None else declared.quality
     return _BY_TYPE[kind]

@@ -172,6 +172,8 @@ class Services:
             "fault": runner.fault if runner is not None else "",
             "notes": notes_of(cell.node),
             "shares_memory": self._system.config.live.shared_memory,
+            "waits_for": list(cell.stepper.lacks),
+            "is_patient": self._system.catalogue.is_patient(source[0]),
             "shared_memory_mb": shared_memory_mb(),
             "published": {port: outlet.sequence for port, outlet in cell.outlets.items()},
             "carries": {port: outlet.carries for port, outlet in cell.outlets.items()},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.messages import Message
 from navloom.runtime.keyspace import KeySpace
 from navloom.runtime.mailbox import Inlet, Mailbox, Packet
@@ -28,12 +29,18 @@ class Switchboard:
         keys: Of the robot.
         lossless: No stream may drop a message.
         age: Age in s of what derives from a Platform stamp, where it is known.
+        catalogue: What is known of the robot's streams.
     """
 
     def __init__(
-        self, bus: Bus, keys: KeySpace, lossless: bool, age: Callable[[int], float | None] | None = None
+        self,
+        bus: Bus,
+        keys: KeySpace,
+        lossless: bool,
+        age: Callable[[int], float | None] | None = None,
+        catalogue: Catalogue = FRAMEWORK,
     ) -> None:
-        self.bus, self.keys, self.lossless = bus, keys, lossless
+        self.bus, self.keys, self.lossless, self.catalogue = bus, keys, lossless, catalogue
         self._age = age
         self._inlets: dict[str, list[Inlet]] = {}
         self._kinds: dict[str, type[Message] | None] = {}
@@ -48,7 +55,7 @@ class Switchboard:
             key, mailbox, None if is_lossless else limit, self._age, source[0] == "platform", rings or is_lossless
         )
         self._inlets.setdefault(key, []).append(inlet)
-        self._kinds[key] = kind_of(source[0], port)
+        self._kinds[key] = kind_of(source[0], port, self.catalogue)
         return inlet
 
     def outlet(self, source: tuple[str, str], port: str) -> Outlet:
@@ -56,8 +63,15 @@ class Switchboard:
         key = self.keys.port(*source, port)
         if key in self._outlets:
             return self._outlets[key]
-        outlet = self._outlets[key] = Outlet(key, self.bus, self.lossless, is_retained(source[0], port))
-        kind = kind_of(source[0], port)
+        declared = self.catalogue.port(source[0], port)
+        outlet = self._outlets[key] = Outlet(
+            key,
+            self.bus,
+            self.lossless,
+            is_retained(source[0], port, self.catalogue),
+            None if declared is None else declared.quality,
+        )
+        kind = kind_of(source[0], port, self.catalogue)
         if kind is not None:
             outlet.prepare(kind)
         return outlet
@@ -73,7 +87,7 @@ class Switchboard:
     def fetch(self, source: tuple[str, str]) -> None:
         """Ask an instance that came up for the last messages of what it keeps."""
         role, _ = source
-        for port in (PARAMETERS, *(port for _, port in retained_ports(role))):
+        for port in (PARAMETERS, *(port for _, port in retained_ports(role, self.catalogue))):
             key = self.keys.port(*source, port)
             if key in self._inlets and key not in self._outlets:
                 self._fetch(key)

@@ -17,7 +17,7 @@ from navloom.runtime.cells import all_sources
 from navloom.runtime.network import Network
 from navloom.runtime.node_main import CONTROL_PRIORITY
 from navloom.runtime.node_process import longest_step
-from navloom.runtime.placing import spread
+from navloom.runtime.placing import goes_first, spread
 
 __all__ = ["Command", "notify", "units"]
 
@@ -25,8 +25,6 @@ START, STOP = 180, 5
 """s a process may take to be ready, when kernels have to be compiled, and to end."""
 AGAIN = 0.5
 """s before a process is started again."""
-PLANNING = frozenset({"mapper", "planner"})
-"""Roles that only compute: their processes go last."""
 RUNTIME = "navloom"
 """Folder below /run that the processes of a host share."""
 
@@ -129,7 +127,7 @@ def _node(
 ) -> _Service:
     roles = dict.fromkeys(role for role, _ in sources)
     watchdog = max(longest_step(role, live.hang_timeout) for role in roles)
-    return _Service(f"{process} ({', '.join(roles)})", words, after, watchdog, PLANNING.isdisjoint(roles))
+    return _Service(f"{process} ({', '.join(roles)})", words, after, watchdog, goes_first(roles))
 
 
 def _text(service: _Service, robot: str, stem: str, command: Command, live: LiveTable) -> str:

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from navloom.config import ConfigError, Loaded, load_config
+from navloom.config.schema import ROLE_TABLES
 from navloom.engine.build import System, assemble
 from navloom.engine.checks import check_task
 from navloom.plugins import PluginError
-from navloom.plugins.registry import nearest
+from navloom.plugins.registry import NODE, nearest
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder
 from navloom.study.methods import Method, compared, methods_of, toml_value
@@ -264,7 +265,11 @@ def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[st
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in ("navloom", "numpy", "numba", "scipy"):
         found[name] = version(name)
-    used = {(role, s.config.role_table(role).plugin) for s in systems.values() for role in s.config.roles}
+    used = {
+        (role if role in ROLE_TABLES else NODE, system.config.role_table(role).plugin)
+        for system in systems.values()
+        for role in system.config.roles
+    }
     for key in sorted(used):
         if key in owners and owners[key].distribution:
             found[owners[key].distribution] = owners[key].version

@@ -177,8 +177,7 @@ class _Runner:
         wanted = {(role, self.config.role_table(role).instance) for role in used}
         make_plugins(self.system, say, wanted)
         nodes = role_nodes(self.system, wanted)
-        specs = {spec.role: spec for spec in self.system.specs}
-        self.nodes = {role: FedNode(specs[role], nodes[role, self.config.role_table(role).instance]) for role in used}
+        self.nodes = {role: FedNode(self.system.wiring[role, name], nodes[role, name]) for role, name in wanted}
         self.sensors = {
             spec.role: [one.name for one in spec.inputs if one.name.startswith("scan.")] for spec in self.system.specs
         }

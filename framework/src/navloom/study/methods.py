@@ -210,9 +210,13 @@ def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, d
 def _full(system: System) -> dict[str, Any]:
     """Every value that holds by dotted place, parameters of the plugins in charge with their defaults."""
     tree = system.config.model_dump(mode="json")
-    for role in system.config.roles:
-        part = system.parts[(role, system.config.role_table(role).instance)]
-        tree[role] = {**tree[role], **part.params.model_dump(mode="json"), "name": part.table.instance}
+    tree["node"] = {table["name"]: table for table in tree["node"]}
+    for _, role, table in system.config.role_tables():
+        part = system.parts[(role, table.instance)]
+        if table is system.config.role_table(role):
+            is_role = role in ROLE_TABLES
+            given, name = (tree, table.instance) if is_role else (tree["node"], role)
+            given[role] = {**given[role], **part.params.model_dump(mode="json"), "name": name}
     del tree["live"]
     return dict(_of_methods(leaves(tree)))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from navloom.config import ConfigError, Loaded
-from navloom.config.schema import ROLE_TABLES, Config
+from navloom.config.schema import Config
 from navloom.study.methods import Method
 
 __all__ = ["METHOD", "OpenLoop", "open_loop_of"]
@@ -53,15 +53,16 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
             continue
         differs = _differing(base.loaded.config, method.loaded.config)
         role = differs[0]
-        if len(differs) > 1 or role not in ROLE_TABLES or role == "platform":
+        if len(differs) > 1 or role not in base.loaded.config.roles or role == "platform":
             left_out[method.name] = (
-                f"differs in {', '.join(differs)}: only one role other than platform can be shadowed"
+                f"differs in {', '.join(differs)}: only one role other than platform, or one node, can be shadowed"
             )
             continue
         name = method.name if re.fullmatch(r"[A-Za-z0-9_-]+", method.name) else f"method_{number}"
-        if (role, name) in taken or name in shadows or name == tree[role].get("name", tree[role].get("plugin")):
+        if (role, name) in taken or name in shadows or name == base.loaded.config.role_table(role).instance:
             name = f"shadow_{number}"
         table = method.loaded.config.role_table(role).model_dump(mode="json", exclude_unset=True)
+        table.pop("required", None)
         tables.append({**table, "role": role, "name": name, "shadow": True})
         shadows[name] = method.name
     if not shadows:
@@ -74,8 +75,9 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
 
 
 def _differing(ours: Config, theirs: Config) -> list[str]:
-    """Tables in which two methods differ, alternatives aside."""
+    """Tables in which two methods differ, alternatives aside; a [[node]] counts by its name."""
     mine, other = ours.model_dump(mode="json"), theirs.model_dump(mode="json")
-    return [place for place in mine if place not in ("alternative", "live") and mine[place] != other[place]] or [
-        "nothing"
-    ]
+    for tree in (mine, other):
+        tree |= {table["name"]: table for table in tree.pop("node")}
+    places = [place for place in {**mine, **other} if place not in ("alternative", "live")]
+    return [place for place in places if mine.get(place) != other.get(place)] or ["nothing"]

@@ -27,6 +27,7 @@ from navloom.messages import (
     Trajectory,
     Truth,
 )
+from navloom.navigation.gate import is_at_rest
 
 __all__ = ["Recorder"]
 
@@ -139,7 +140,7 @@ class Recorder:
             self.engaged.append((time, handover.engaged))
 
     def _keep_gate(self, status: GateStatus, time: float) -> None:
-        stopped = status.stopped and status.reason not in ("no_trajectory", "ending")
+        stopped = status.stopped and not is_at_rest(status.reason)
         if not self.gate_stopped or self.gate_stopped[-1][1] != stopped:
             self.gate_stopped.append((time, stopped))
 

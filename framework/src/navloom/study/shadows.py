@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.engine.catalogue import answer_ports
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.engine.differences import differences, is_differing
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
@@ -104,15 +104,18 @@ class ShadowWatch:
     Args:
         shadows: By role, the instances that run beside the one in charge.
         horizon: Ticks after which an answer that has not come will not come: the longest `latency`.
+        catalogue: What is known of the nodes.
     """
 
     wants_steps = False
 
-    def __init__(self, shadows: Mapping[str, tuple[str, ...]], horizon: int = 0) -> None:
+    def __init__(
+        self, shadows: Mapping[str, tuple[str, ...]], horizon: int = 0, catalogue: Catalogue = FRAMEWORK
+    ) -> None:
         self.wants: frozenset[tuple[str, str]] | None = frozenset(
             (role, port)
             for role in shadows
-            for port in (*answer_ports(role), *(("handover",) if role == "avoider" else ()))
+            for port in (*catalogue.answer_ports(role), *(("handover",) if role == "avoider" else ()))
         )
         self.horizon = horizon
         self.found = {(role, name): Disagreement(role, name) for role, names in shadows.items() for name in names}
@@ -128,7 +131,8 @@ class ShadowWatch:
             if table.shadow:
                 shadows[table.role] = (*shadows.get(table.role, ()), table.instance)
         delays = [part.table.latency for part in system.parts.values()]
-        return cls(shadows, math.ceil(round(max(delays, default=0.0) / period, 6))) if shadows else None
+        horizon = math.ceil(round(max(delays, default=0.0) / period, 6))
+        return cls(shadows, horizon, system.catalogue) if shadows else None
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
         """An answer: keep it until all others of its tick are there, or can no longer come."""

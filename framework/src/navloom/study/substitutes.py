@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
-from navloom.config.schema import Config
+from navloom.config.schema import ROLE_TABLES, Config
 from navloom.engine.build import assemble
-from navloom.engine.catalogue import answer_ports
 from navloom.engine.differences import UNITS, differences
 from navloom.messages import MapUpdate, Message, PoseEstimate
+from navloom.plugins.registry import nearest
 from navloom.recording.outcomes import Outcomes
 from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
@@ -33,7 +33,7 @@ TICKS = 5
 """At most on an x axis: those of a robot that has run for days have many digits."""
 LARGE = 1e6
 """Numbers above it are shown as what they exceed a common one by."""
-RESERVED = ("rate_hz", "latency", "sensors")
+RESERVED = ("rate_hz", "latency", "sensors", "required")
 
 
 @dataclass(eq=False)
@@ -85,11 +85,16 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
     """
     tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
     tables = tree.pop("alternative", [])
+    nodes = {one["name"]: one for one in tree.get("node", [])}
+    if role not in (*ROLE_TABLES, *nodes):
+        raise ConfigError(
+            f"--node {role}={name}: the recording's config has no [[node]] {role!r}{nearest(role, list(nodes))}"
+        )
     chosen = next((one for one in tables if one["role"] == role and name in (one.get("name"), one["plugin"])), None)
     if chosen is not None:
         table = {key: value for key, value in chosen.items() if key not in ("role", "shadow")}
     else:
-        old = tree.get(role, {})
+        old = nodes.get(role) or tree.get(role, {})
         same = old.get("plugin") == name
         table = {**{key: value for key, value in old.items() if same or key in RESERVED}, "plugin": name}
         if not same:
@@ -100,12 +105,16 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
         owner, _, key = place.partition(".")
         if owner == role and key:
             table[key] = value
-    tree[role] = table
+    if role in nodes:
+        tree["node"] = [{**table, "name": role} if one is nodes[role] else one for one in nodes.values()]
+    else:
+        tree[role] = table
     tree["event"] = []
     try:
         return replace(loaded, config=Config.model_validate(tree))
     except ValueError as error:
-        raise ConfigError(f"--{role} {name}: {error}") from None
+        option = f"--{role} {name}" if role in ROLE_TABLES else f"--node {role}={name}"
+        raise ConfigError(f"{option}: {error}") from None
 
 
 def substitute(
@@ -125,7 +134,8 @@ def substitute(
     """
     name = loaded.config.role_table(role).instance
     replayer = Replayer(recording, assemble(loaded), {role: name}, say)
-    watch = _Watch(Substitute(Disagreement(role, name)), Outcomes(replayer))
+    ports = replayer.system.catalogue.answer_ports(role)
+    watch = _Watch(Substitute(Disagreement(role, name)), Outcomes(replayer), ports)
     replayer.run(watch.again, progress)
     watch.result.notes += [note for node in replayer.nodes.values() for note in node.notes]
     _add_way(watch.result, recording, replayer)
@@ -135,13 +145,13 @@ def substitute(
 class _Watch:
     """Compares each answer with the recorded one of the same step."""
 
-    def __init__(self, result: Substitute, outcomes: Outcomes) -> None:
-        self.result, self.outcomes = result, outcomes
+    def __init__(self, result: Substitute, outcomes: Outcomes, ports: tuple[str, ...]) -> None:
+        self.result, self.outcomes, self.ports = result, outcomes, ports
 
     def again(self, node: ReplayNode, stepped: Stepped, shelf: Shelf) -> None:
         """Take one step."""
         result, step = self.result, stepped.step
-        ports = answer_ports(step.role)
+        ports = self.ports
         given = [message for port, message in stepped.outputs if port in ports]
         numbers = self.outcomes.numbers(stepped, dict.fromkeys(ports, len(given[:1])))
         if not step.report.trigger:

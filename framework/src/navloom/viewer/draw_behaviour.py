@@ -18,6 +18,7 @@ from navloom.messages import (
     RecoveryRequest,
     Selection,
 )
+from navloom.navigation.gate import is_at_rest
 from navloom.viewer.colours import BLOCKED, FREE, VERMILION, faded
 from navloom.viewer.draw_sensing import BLENDED
 from navloom.viewer.panels import Change, Drawn, Seen
@@ -152,7 +153,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     name = seen.actor.name
     state: str = message.source if message.source != "none" else "stopped"
     if message.stopped:
-        state = "standing" if message.reason in ("no_trajectory", "ending") else "stopped"
+        state = "standing" if is_at_rest(message.reason) else "stopped"
     yield seen.lane("driver"), Change(state, rr.StateChange(state=state))
     why, remedy = why_stopped(message)
     key = message.reason if message.stopped else ""

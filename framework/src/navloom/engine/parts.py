@@ -1,0 +1,218 @@
+"""The instances of a robot by its config: their plugins, and which streams and sensors each of them reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from navloom.config import ConfigError, check_params
+from navloom.config.problems import Gathered
+from navloom.config.schema import Config, RoleTable
+from navloom.engine.catalogue import Catalogue, carries_truth, node_plugin
+from navloom.engine.graph import GraphError, order
+from navloom.engine.node_plugin import NodePlugin
+from navloom.engine.ports import Declared, NodeSpec, Port, SensorGroup, Wired
+from navloom.messages import Message
+from navloom.plugins import Discovery, PluginError
+from navloom.plugins.registry import nearest
+from navloom.roles import ROLES, Platform, Role, SensorSpec
+from navloom.roles.extra import extras_of
+
+__all__ = ["Part", "catalogue_of_parts", "connect", "find_parts", "find_streams", "sensors_of",
+           "streams_of"]  # fmt: skip
+
+
+@dataclass(eq=False)
+class Part:
+    """One plugin of a run: where it stands in the config, its class, parameters, and the object.
+
+    Attributes:
+        place: Of its table in the file.
+        role: Role, or name of the node.
+        table: Its table.
+        cls: Its class.
+        params: Its parameters, checked.
+        sensors: Names of the sensors it gets.
+        streams: By name, the port that each input reads which names a message class alone.
+        plugin: The object, once it is made.
+    """
+
+    place: str
+    role: str
+    table: RoleTable
+    cls: type[Role]
+    params: Any
+    sensors: tuple[str, ...] = ()
+    streams: Mapping[str, Port[Any]] = field(default_factory=dict)
+    plugin: Role | None = None
+
+
+def find_parts(config: Config, discovery: Discovery, problems: Gathered) -> dict[tuple[str, str], Part]:
+    """Every instance that the config names, by role and name."""
+    parts: dict[tuple[str, str], Part] = {}
+    for place, role, table in config.role_tables():
+        with problems.gather():
+            try:
+                found = discovery.role(role, table.plugin) if role in ROLES else node_plugin(discovery, table.plugin)
+            except PluginError as error:
+                raise PluginError(f"{place}.plugin: {error}") from None
+            params = check_params(found.Params, table.params, place)
+            parts[(role, table.instance)] = Part(place, role, table, found, params)
+    return parts
+
+
+def catalogue_of_parts(config: Config, parts: Mapping[tuple[str, str], Part], problems: Gathered) -> Catalogue:
+    """The nodes of the robot; an alternative of a node must publish what that does."""
+    strangers: dict[str, type[NodePlugin]] = {}
+    for table in config.node:
+        part = parts.get((table.name, table.instance))
+        if part is not None and issubclass(part.cls, NodePlugin):
+            strangers[table.name] = part.cls
+    for part in parts.values():
+        active = strangers.get(part.role)
+        if active is not None:
+            with problems.gather():
+                _check_streams(part, active)
+    return Catalogue(strangers, [table.name for table in config.node if table.required])
+
+
+def _check_streams(part: Part, active: type[NodePlugin]) -> None:
+    assert issubclass(part.cls, NodePlugin)
+    ours, theirs = [{port.name: port.carries for port in cls.ports(Wired(part.role))} for cls in (part.cls, active)]
+    if ours != theirs:
+        raise ConfigError(
+            f"{part.place}.plugin: {part.cls.name} publishes {_listed(ours)}, expected the streams of {active.name}, "
+            f"which is active in {part.role}: {_listed(theirs)}"
+        )
+
+
+def _listed(ports: Mapping[str, type[Message]]) -> str:
+    return ", ".join(f"{name} ({carries.__name__})" for name, carries in ports.items()) or "nothing"
+
+
+def sensors_of(part: Part, platform: type[Platform], sensors: tuple[SensorSpec, ...]) -> tuple[str, ...]:
+    """Sensors an instance gets: those its table names, or all whose messages it accepts."""
+    gives: Mapping[str, Any] = {sensor.name: platform.sensor_kinds[sensor.kind] for sensor in sensors}
+    if part.table.sensors is None:
+        return tuple(name for name, message in gives.items() if issubclass(message, part.cls.accepts))
+    for name in part.table.sensors:
+        if not issubclass(gives[name], part.cls.accepts):
+            takes = " and ".join(message.__name__ for message in part.cls.accepts) or "no sensor"
+            raise ConfigError(
+                f"{part.place}.sensors: {name!r} gives {gives[name].__name__}, {part.cls.name} takes {takes}"
+            )
+    return tuple(part.table.sensors)
+
+
+def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]:
+    """The port of each input of a plugin that names a message class alone.
+
+    Args:
+        part: The plugin.
+        ports: Everything that is published on the robot.
+
+    Raises:
+        ConfigError: No port of the class or several, or `inputs` of the table does not fit.
+    """
+    wanted = dict(_wanted(part.cls))
+    chosen = part.table.inputs or {}
+    for name in chosen:
+        if name not in wanted:
+            hint = nearest(name, list(wanted)) if wanted else "; it declares none"
+            raise ConfigError(f"{part.place}.inputs.{name}: {part.cls.name} has no such input{hint}")
+    if wanted and part.role == "platform":
+        raise ConfigError(f"{part.place}.plugin: {part.cls.name} declares extra inputs, which a platform cannot have")
+    return {name: _port_of(part, name, carries, chosen.get(name), ports) for name, carries in wanted.items()}
+
+
+def _wanted(cls: type[Role]) -> Iterator[tuple[str, type[Message]]]:
+    """Inputs that name a message class alone."""
+    for name, extra in extras_of(cls).items():
+        yield name, extra.carries
+    if issubclass(cls, NodePlugin):
+        for one in cls.declared_inputs:
+            if isinstance(one, Declared) and (one.port is None or carries_truth(one.carries)):
+                yield one.name, one.carries
+
+
+def _port_of(
+    part: Part, name: str, carries: type[Message], chosen: str | None, ports: Sequence[Port[Any]]
+) -> Port[Any]:
+    """The port that one input reads."""
+    if carries_truth(carries):
+        raise ConfigError(f"{part.place}.plugin: {part.cls.name} reads {carries.__name__}: the truth reaches no plugin")
+    found = {str(port): port for port in ports if issubclass(port.carries, carries) and port.role != part.role}
+    place, words = f"{part.place}.inputs.{name}", f"{part.cls.name} reads {carries.__name__}"
+    listed = ", ".join(found)
+    if chosen is not None:
+        if chosen not in found:
+            known = f"; there are {listed}" if found else ", and nothing does"
+            raise ConfigError(f'{place}: is "{chosen}", expected a stream of {carries.__name__}{known}')
+        return found[chosen]
+    if not found:
+        raise ConfigError(f"{place}: {words}, and no [[node]] or [[sensor]] publishes it: add one that does")
+    if len(found) > 1:
+        example = f'inputs = {{ {name} = "{next(iter(found))}" }}'
+        raise ConfigError(f"{place}: {words}, and there are {listed}: name one, as in {example}")
+    return next(iter(found.values()))
+
+
+def streams_of(cls: type[Role]) -> dict[str, dict[str, str]]:
+    """What a plugin reads beside what its role is given, and what a node publishes: message classes by name."""
+    reads = {name: extra.carries for name, extra in extras_of(cls).items()}
+    if not issubclass(cls, NodePlugin):
+        return {"reads": {name: carries.__name__ for name, carries in reads.items()}} if reads else {}
+    for one in cls.declared_inputs:
+        if isinstance(one, Declared):
+            reads[one.name] = one.carries
+        elif isinstance(one, SensorGroup):
+            reads |= {f"{one.name}, of sensors": kind for kind in one.carries or (Message,)}
+    publishes = {port.name: port.carries for port in cls.ports(Wired(cls.role))}
+    return {
+        what: {name: carries.__name__ for name, carries in streams.items()}
+        for what, streams in (("reads", reads), ("publishes", publishes))
+    }
+
+
+def connect(
+    catalogue: Catalogue, parts: Mapping[tuple[str, str], Part], sensors: Mapping[str, Port[Any]], seen: Sequence[str]
+) -> tuple[list[NodeSpec], dict[tuple[str, str], NodeSpec]]:
+    """The wiring of every node in the order they step, and of every instance.
+
+    A node's has the inputs of all its instances: alternatives may read different things.
+
+    Args:
+        catalogue: The nodes.
+        parts: The instances, of each role the active one first.
+        sensors: Ports of the platform's sensors, by name.
+        seen: Names of those that the gate looks at.
+
+    Raises:
+        ConfigError: A cycle without a delayed input, printed edge by edge.
+    """
+    given: dict[str, list[Port[Any]]] = {"gate": [sensors[name] for name in seen]}
+    for part in parts.values():
+        kept = given.setdefault(part.role, [])
+        kept += [sensors[name] for name in part.sensors if sensors[name] not in kept]
+    given["platform"] = list(sensors.values())
+    specs, wiring = [], {}
+    for role, node in catalogue.nodes.items():
+        instances: list[NodeSpec] = []
+        for part in parts.values():
+            if part.role == role:
+                own = given if role == "platform" else {**given, role: [sensors[name] for name in part.sensors]}
+                cls = part.cls if issubclass(part.cls, NodePlugin) else node
+                spec = cls.spec(Wired(role, own, part.streams, extras_of(part.cls)))
+                wiring[role, part.table.instance] = spec
+                instances.append(spec)
+        if not instances:
+            instances = [node.spec(Wired(role, given))]
+            wiring[role, "main"] = instances[0]
+        first = instances[0]
+        inputs = tuple(dict.fromkeys(one for spec in instances for one in spec.inputs))
+        specs.append(NodeSpec(role, inputs, first.ports, first.cause, first.ticks))
+    try:
+        return order(specs), wiring
+    except GraphError as error:
+        raise ConfigError(f"node: {error}") from None

@@ -1,0 +1,80 @@
+"""Extra inputs: what a plugin reads beside what every plugin of its role is given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Generic, Literal, TypeVar, overload
+
+from navloom.messages import Message
+
+__all__ = ["NO_EXTRAS", "Extra", "Extras", "extras_of"]
+
+M = TypeVar("M", bound=Message)
+V = TypeVar("V")
+"""What a plugin finds: a message, or also None where the input is optional."""
+
+
+class Extra(Generic[V]):
+    """A further input of a role's plugin, as a class attribute: `tracks = Extra(Tracks)`.
+
+    The plugin reads the newest message as `given.extra[self.tracks]`. It comes from the one node or sensor that
+    publishes this class, or from the one that `inputs` in the plugin's table names.
+
+    Args:
+        carries: The message class.
+        optional: The verb is called without it, and finds None, until there is a message; else the node waits for it.
+        delayed: It is read as published up to the end of the previous tick, which breaks a cycle.
+    """
+
+    name = ""
+
+    @overload
+    def __init__(
+        self: Extra[M], carries: type[M], *, optional: Literal[False] = False, delayed: bool = False
+    ) -> None: ...
+
+    @overload
+    def __init__(
+        self: Extra[M | None], carries: type[M], *, optional: Literal[True], delayed: bool = False
+    ) -> None: ...
+
+    def __init__(self, carries: type[Any], *, optional: bool = False, delayed: bool = False) -> None:
+        self.carries: type[Message] = carries
+        self.optional, self.delayed = optional, delayed
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"Extra {self.name!r} of {self.carries.__name__}"
+
+
+class Extras:
+    """The extra inputs of one step, by their declarations.
+
+    Args:
+        held: The newest message of each; None for an optional one without any.
+    """
+
+    __slots__ = ("_held",)
+
+    def __init__(self, held: Mapping[Extra[Any], Message | None] = MappingProxyType({})) -> None:
+        self._held = held
+
+    def __getitem__(self, extra: Extra[V]) -> V:
+        """The newest message of an input. Raises KeyError for one that this plugin does not declare."""
+        found: V = self._held[extra]  # type: ignore[assignment]  # the wiring gives it what it declares
+        return found
+
+
+NO_EXTRAS = Extras()
+"""Of a plugin that declares none."""
+
+
+@cache
+def extras_of(cls: type) -> Mapping[str, Extra[Any]]:
+    """The extra inputs that a plugin's class declares or inherits, by name."""
+    declared = {name: one for base in reversed(cls.__mro__) for name, one in vars(base).items()}
+    return MappingProxyType({name: one for name, one in declared.items() if isinstance(one, Extra)})

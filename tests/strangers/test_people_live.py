@@ -1,0 +1,103 @@
+"""The same distribution with its nodes in processes: under the barrier, and on the wall clock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from live_rig import Up, runtime_folder, up
+from navloom.config import load_config
+from navloom.messages import GateStatus, Message
+from navloom.messages.codec import decode
+from navloom.runtime.navigator import Navigator
+from navloom.study.episode import run_episode
+
+SHARES = """live.processes={ robot = ["platform", "localizer"], think = ["mapper", "planner", "goal", "people"],
+ drive = ["reference", "controller", "avoider", "recovery", "gate"] }""".replace("\n", "")
+
+
+class Heard:
+    """Reasons of the gate and tracks of the tracker, as they come."""
+
+    def __init__(self, navigator: Navigator) -> None:
+        self.reasons: list[str] = []
+        self.instances: set[str] = set()
+        self._news = threading.Condition()
+        for stream in ("gate/main/status", "avoider/polite/command", "people/people_tracker/tracks"):
+            navigator.client.bus.subscribe(f"lab/r1/{stream}", self._hear)
+
+    def _hear(self, key: str, data: bytes | None, label: str) -> None:
+        assert data is not None
+        message: Message = decode(data, label)[0]
+        with self._news:
+            if isinstance(message, GateStatus):
+                self.reasons.append(message.reason)
+            else:
+                self.instances.add(key.split("/")[3])
+            self._news.notify_all()
+
+    def wait_for(self, reason: str, timeout: float = 60.0, after: int = 0) -> int:
+        """Wait for a status with this reason; gives the number of statuses up to it."""
+        with self._news:
+            if not self._news.wait_for(lambda: reason in self.reasons[after:], timeout):
+                raise AssertionError(f"{reason!r} not heard within {timeout:g} s: {self.reasons[after:]}")
+            return after + self.reasons[after:].index(reason) + 1
+
+
+@contextmanager
+def driving(people: Path, monkeypatch: pytest.MonkeyPatch, *changes: str) -> Iterator[tuple[Up, Heard]]:
+    """A robot on its way, and what is heard of it."""
+    words = [word for change in changes for word in ("--set", change)]
+    with up(str(people), "--set", "navigation.drive=false", "--set", "run.stop_after=600", *words) as robot:
+        robot.wait_for("every node is there")
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", robot.environment["NAVLOOM_RUNTIME_DIR"])
+        with Navigator() as navigator:
+            heard = Heard(navigator)
+            navigator.go(0.0, 7.6)
+            heard.wait_for("")
+            yield robot, heard
+
+
+def kill(robot: Up, role: str) -> None:
+    """End the process of a node as a crash does."""
+    os.kill(next(node["pid"] for node in robot.json("list") if node["role"] == role), signal.SIGKILL)
+
+
+def test_two_shares_under_the_barrier_give_the_trace_of_lockstep(people: Path, tmp_path: Path) -> None:
+    changes = ("run.stop_after=8.0", "node.people.latency=1.0", SHARES)  # the avoider waits for tracks at first
+    lockstep = run_episode(load_config(str(people), changes))
+    with runtime_folder() as folder:
+        robot = Up(folder, [str(people), "--barrier", "--json", *(word for one in changes for word in ("--set", one))])
+        assert robot.process.stdout is not None
+        said = robot.process.stdout.read()
+        robot.process.wait(60)
+    assert f'"trace_sha256": "{lockstep.log.trace_sha256}"' in said, robot.said
+
+
+def test_a_tracker_that_is_not_required_may_die_and_the_avoider_is_swapped_meanwhile(
+    people: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with driving(people, monkeypatch) as (robot, heard):
+        assert heard.instances == {"polite", "people_tracker"}
+        told = robot.json("echo", "people/tracks", "--count", "1")
+        assert told["message"]["points"]["shape"][1] == 2
+        since, said = len(heard.reasons), len(robot.said)
+        kill(robot, "people")
+        assert "improved_vfh is in charge" in robot.run("swap", "avoider", "improved_vfh").stdout
+        robot.wait_for("nodes", after=said)
+        assert not [reason for reason in heard.reasons[since:] if reason.startswith(("gone", "waits"))]
+
+
+def test_a_required_tracker_stops_the_robot_with_its_name_until_it_is_back(
+    people: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with driving(people, monkeypatch, "node.people.required=true") as (robot, heard):
+        since = len(heard.reasons)
+        kill(robot, "people")
+        stopped = heard.wait_for("gone: people people_tracker", after=since)
+        heard.wait_for("", after=stopped)

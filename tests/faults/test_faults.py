@@ -37,7 +37,7 @@ def test_after_each_fault_it_drives_on_and_at_last_reaches_its_goal() -> None:
     faults = {fault.name: fault for fault in (*PROCESSES, *PARTS, *SEIZED, *FORKS, *DELETIONS, *STRANGERS)}
     deletion = "runtime folder deleted, SIGKILL drive"
     faults[deletion] = replace(faults[deletion], prepare=faults[POOL].prepare)  # the pool ends with its process, too
-    with rig() as robot:
+    with rig("shared_memory = true\n") as robot:  # else there would be none that could be left
         for name in CHOSEN:
             outcome = inject(robot, faults[name])
             assert outcome.goal == "kept" and outcome.old == 0 and not outcome.touched, outcome

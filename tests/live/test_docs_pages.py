@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -152,7 +153,7 @@ class Reader:
         arguments = arguments or words(step.text)
         self.capsys.readouterr()
         self.monkeypatch.setattr(sys, "argv", ["navloom", *arguments])
-        with pytest.raises(SystemExit) as caught:
+        with pytest.raises(SystemExit) as caught, patch.dict(os.environ):
             main()
         said, complained = self.capsys.readouterr()
         allowed = {0, None, 1} if arguments[0] in MAY_FIND else {0, None}

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
+from avoidance_windows import CELL, CENTRE, SIZE, at, filled_window, insert
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from improved_vfh_windows import CELL, CENTRE, SIZE, at, filled_window, insert
 from navloom.avoidance.certainty import new_window, occupied_cells
 from navloom.avoidance.clearance import footprint_edges
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from improved_vfh_windows import CELL, CENTRE, SIZE, at, insert
+from avoidance_windows import CELL, CENTRE, SIZE, at, insert
 from navloom.avoidance.certainty import new_window
 from navloom.avoidance.support import age_record, has_support, new_record
 from navloom_improved_vfh.params import ImprovedVfhParams

@@ -208,12 +208,12 @@ def test_the_docs_state_what_the_runs_give(made: Reproduction) -> None:
     settled = {found.law.params.get("k3"): found.settled for found in made.errata.laws[:5]}
     assert printed.drive.path is not None and first.drive.path is not None
     for words in (
-        f"0 bearings mapped; the plan goes {printed.drive.path.length:.2f} m straight through girder A",
+        f"0 bearings mapped; the plan leads {printed.drive.path.length:.2f} m straight through girder A",
         f"101 of 101 bearings; {first.drive.path.length:.2f} m through gate B",
         f"walls up to {away:.1f} cm off; the same plan",
-        f"not grown: {bare} |",
+        f"not inflated: {bare} |",
         f"| {third} | 40 cm",
-        f"settles in {settled[0.6]:.1f} s from 0.3 m beside a line, k3 = 2 in {settled[2.0]:.1f} s",
+        f"from 0.3 m beside a line it settles in {settled[0.6]:.1f} s; with k3 = 2 in {settled[2.0]:.1f} s",
     ):
         assert words in page, words
 

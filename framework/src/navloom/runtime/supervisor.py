@@ -162,6 +162,7 @@ class Supervisor:
         for child in self.children.values():
             self._bound(child)
             if child.process is not None and child.process.poll() is not None:
+                self._repair_folder()  # where others read what became of it, and the next one listens
                 self._bury(child, now)
                 fallen.append(child)
             elif child.state == "waiting" and restarts and now >= child.again_at:
@@ -177,11 +178,15 @@ class Supervisor:
 
     def _do_chores(self) -> None:
         """Repair the folder, and reap orphans."""
+        self._repair_folder()
+        reap_orphans(self._groups, self._own_pids())
+
+    def _repair_folder(self) -> None:
+        """Make the folder again where it was deleted."""
         if self._keeper.look():
             for child in self.children.values():
                 child.log.link()
             self._write_down()
-        reap_orphans(self._groups, self._own_pids())
 
     def stop(self) -> None:
         """End them in order: those that compute, the gate, which stops the robot, the platform, and the router."""

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -11,7 +12,8 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile("repeatable")
 
-LONG = {"live", "hosts", "faults"}
+TOP = Path(__file__).resolve().parent
+LONG = {TOP / "tests" / name for name in ("live", "hosts", "faults", "strangers")}
 """Folders of tests that drive live robots."""
 
 
@@ -25,7 +27,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Where tests are spread, begin with those that take long: at the end one worker would do them alone."""
     if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: not LONG & set(item.path.parts))
+        items.sort(key=lambda item: item.path.parent not in LONG)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

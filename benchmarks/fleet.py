@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navloom.runtime.client import Client, ClientError
-from navloom.runtime.joining import join
+from navloom.operating.client import Client, ClientError
+from navloom.operating.joining import join
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 300.0, 30.0

@@ -17,11 +17,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from navloom.geometry import shortest
-from navloom.geometry.lazy_tangents import TangentSearch
-from navloom.geometry.shape_space import ShapeSpace
-from navloom.geometry.tangents import ShortestPath, shortest_among
 from navloom.geometry.world import Box, Place
+from navloom.study import shortest
+from navloom.study.lazy_tangents import TangentSearch
+from navloom.study.shape_space import ShapeSpace
+from navloom.study.tangents import ShortestPath, shortest_among
 
 __all__ = ["WORLDS", "measured"]
 

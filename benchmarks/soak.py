@@ -27,9 +27,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from navloom.runtime.client import Refused
-from navloom.runtime.findings import loop_rate
-from navloom.runtime.navigator import Navigator
+from navloom.operating.client import Refused
+from navloom.operating.findings import loop_rate
+from navloom.operating.navigator import Navigator
 
 CONFIG = """
 [run]

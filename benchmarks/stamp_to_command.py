@@ -19,12 +19,12 @@ from typing import Any
 
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import System, assemble
+from navloom.hosting.network import network_of
+from navloom.hosting.robot import LiveRobot, StartError
 from navloom.messages import Command, Message, StepReport
 from navloom.messages.codec import decode
-from navloom.runtime.client import Client
-from navloom.runtime.keyspace import STEP
-from navloom.runtime.network import network_of
-from navloom.runtime.robot import Robot, StartError
+from navloom.operating.client import Client
+from navloom.transport.keyspace import STEP
 
 PROCESSES = (
     'live.processes={robot=["platform", "localizer"], think=["mapper", "planner", "goal"], '
@@ -69,7 +69,7 @@ def drive(system: System, seconds: float, say: Callable[[str], None]) -> tuple[W
     """Drive to and fro for s; gives what was heard, run clock 0 on the monotonic clock, and the platform's record."""
     watch, own = Watch(), []
     platform = system.config.platform.instance
-    with Robot(system, network_of(system.config, None, False), None, False, say) as robot:
+    with LiveRobot(system, network_of(system.config, None, False), None, False, say) as robot:
         robot.wait_complete(START)
         client = Client(robot.bus, robot.keys)
         for role, own_port in STAGES.items():

@@ -23,10 +23,10 @@ from typing import Any
 
 import zenoh
 from navloom.messages import MapUpdate, Message
-from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.links import Link, peer_link, settings
-from navloom.runtime.quality import quality_of
-from navloom.runtime.zenoh_bus import Bus
+from navloom.transport.keyspace import KeySpace
+from navloom.transport.links import Link, peer_link, settings
+from navloom.transport.quality import quality_of
+from navloom.transport.zenoh_bus import Bus
 from navloom_benchmarks.bus import OurEnd
 from samples import BACK, THERE, samples, wire_size
 from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end

@@ -15,11 +15,11 @@ from navloom import PlanRequest, Pose2D
 from navloom.cli import main
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble, grid_of, make_plugins
-from navloom.geometry.shortest import optimal_length
 from navloom.geometry.world import Place, World
 from navloom.roles import PlannerInput
 from navloom.study.episode import run_episode
 from navloom.study.planning import map_update
+from navloom.study.shortest import optimal_length
 from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 from navloom.worlds.movingai import scenario_place
 from navloom.worlds.rosmap import load_raster, rosmap_world

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from navloom.runtime.links import Link, settings
+from navloom.transport.links import Link, settings
 
 __all__ = ["KINDS", "Attack", "main"]
 

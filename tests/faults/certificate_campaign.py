@@ -22,10 +22,10 @@ from tempfile import TemporaryDirectory
 
 import zenoh
 from fault_rig import FULL, Rig, rig, until
-from navloom.runtime.access import Identity
-from navloom.runtime.certificates import HOSTS, Order
-from navloom.runtime.keys import add_identity, new_authority, renew, revoke
-from navloom.runtime.links import Link, settings
+from navloom.transport.access import Identity
+from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.keys import add_identity, new_authority, renew, revoke
+from navloom.transport.links import Link, settings
 
 __all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]
 
@@ -190,7 +190,7 @@ def certificates() -> Iterator[Certificates]:
     """A robot behind a TLS router on loopback that drives, gone afterwards whatever happens."""
     with TemporaryDirectory(prefix="nk", dir="/tmp") as place:
         folder = Path(place) / "keys"
-        new_authority(folder, Order("lab", "r1", HOSTS, DAYS, datetime.now(UTC)))
+        new_authority(folder, Request("lab", "r1", HOSTS, DAYS, datetime.now(UTC)))
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             end = f"tls/127.0.0.1:{probe.getsockname()[1]}"

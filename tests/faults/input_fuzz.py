@@ -52,12 +52,12 @@ from navloom.recording.reader import Recording
 from navloom.recording.ros_bags import opened
 from navloom.recording.ros_import import import_bag
 from navloom.recording.writer import WriteError
+from navloom.report import data as report_data
 from navloom.roles import InputError
-from navloom.runtime.access import AccessError, read_identities
-from navloom.study import report_data
 from navloom.study.journal import StudyFolder, open_loop_table, table_of
 from navloom.study.openloop import METHOD
 from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
+from navloom.transport.access import AccessError, read_identities
 from navloom.worlds import SCHEMES, WorldError, rosmap
 
 SLOWEST, LONGEST = 20.0, 200.0

@@ -21,10 +21,10 @@ from typing import Any
 from navloom.messages import Command, TrackingCommand, Twist2D
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.messages.envelope import Envelope
-from navloom.runtime.client import Client
-from navloom.runtime.joining import join
-from navloom.runtime.keyspace import LARGEST
-from navloom.runtime.quality import quality_of
+from navloom.operating.client import Client
+from navloom.operating.joining import join
+from navloom.transport.keyspace import LARGEST
+from navloom.transport.quality import quality_of
 
 __all__ = ["FLOODED", "MALFORMED", "MARK", "main"]
 

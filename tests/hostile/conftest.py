@@ -15,13 +15,13 @@ def warm() -> None:
     """Import what the commands import, so that children measure the file and not the imports."""
     import navloom.engine.build
     import navloom.recording.ros_import
-    import navloom.study.report_data
+    import navloom.report.data
     import navloom.study.sweeps
     import rosbags.highlevel
     import yaml
     from navloom.config import load_config
     from PIL import PngImagePlugin
 
-    assert navloom.recording.ros_import and navloom.study.report_data and navloom.study.sweeps
+    assert navloom.recording.ros_import and navloom.report.data and navloom.study.sweeps
     assert rosbags.highlevel and yaml and PngImagePlugin
     navloom.engine.build.assemble(load_config("paper"))  # imports the plugins

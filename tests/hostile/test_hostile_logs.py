@@ -144,7 +144,7 @@ def test_a_hostile_study_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_hostile_list_of_identities_is_refused(tmp_path: Path) -> None:
-    from navloom.runtime.access import AccessError, read_identities
+    from navloom.transport.access import AccessError, read_identities
 
     (tmp_path / "identities.json").write_text("[" * 100_000)
     with pytest.raises(AccessError, match=r"identities\.json: more than 64 brackets deep"):

@@ -8,8 +8,8 @@ from __future__ import annotations
 import itertools
 import sys
 
-from navloom.runtime.client import ClientError, Refused
-from navloom.runtime.navigator import Navigator
+from navloom.operating.client import ClientError, Refused
+from navloom.operating.navigator import Navigator
 
 __all__ = ["main"]
 

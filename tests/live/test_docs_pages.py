@@ -183,7 +183,7 @@ class Reader:
 
     def send(self, number: signal.Signals, process: str) -> None:
         """Send a signal to a process of the robot; after a death, wait until it is there again."""
-        from navloom.runtime.navigator import Navigator
+        from navloom.operating.navigator import Navigator
 
         with Navigator() as navigator:
             if process not in self.pids:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from live_rig import Up, up
-from navloom.runtime.navigator import Navigator
+from navloom.operating.navigator import Navigator
 from test_live_robot import BESIDE, _navigator
 
 ONE = ["--set", 'live.processes = { all = ["platform", "localizer", "mapper", "planner", "goal", "reference", '

@@ -14,7 +14,7 @@ from live_rig import Up, runtime_folder, up
 from navloom.config import load_config
 from navloom.messages import GateStatus, Message
 from navloom.messages.codec import decode
-from navloom.runtime.navigator import Navigator
+from navloom.operating.navigator import Navigator
 from navloom.study.episode import run_episode
 
 SHARES = """live.processes={ robot = ["platform", "localizer"], think = ["mapper", "planner", "goal", "people"],

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from navloom.errors import *  # noqa: F403
     from navloom.geometry.world import *  # noqa: F403
     from navloom.messages import *  # noqa: F403
+    from navloom.operating.navigator import *  # noqa: F403
     from navloom.plugins import *  # noqa: F403
     from navloom.roles import *  # noqa: F403
-    from navloom.runtime.navigator import *  # noqa: F403
     from navloom.study import *  # noqa: F403
     from navloom.viewer import *  # noqa: F403
 
@@ -23,7 +23,7 @@ _HOUSES = (
     "navloom.roles",
     "navloom.plugins",
     "navloom.engine.node_plugin",
-    "navloom.runtime.navigator",
+    "navloom.operating.navigator",
     "navloom.study",
     "navloom.viewer",
 )

@@ -66,7 +66,7 @@ def candidates(kind: str) -> list[str]:
     if kind == "configs":
         return shipped_names()
     if kind == "robots":
-        from navloom.runtime.directory import robots
+        from navloom.hosting.directory import robots
 
         return [f"{running.realm}/{running.robot}" for running in robots()]
     names = sorted(point.name for point in installed_points())

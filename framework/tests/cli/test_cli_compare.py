@@ -12,7 +12,8 @@ from typing import Any, cast
 
 import pytest
 from navloom.cli.compare import _truths
-from navloom.study import compare, report
+from navloom.report import report
+from navloom.study import compare
 
 CONFIG = """
 [run]

@@ -17,10 +17,10 @@ import pytest
 from navloom.cli.main import app
 from navloom.cli.shells import SCRIPTS
 from navloom.cli.tree import commands
+from navloom.hosting.directory import RobotFolder, Running
 from navloom.installed import candidates, shipped_names
 from navloom.plugins import Discovery
 from navloom.roles import ROLES
-from navloom.runtime.directory import RobotFolder, Running
 from typer.main import get_command
 
 Complete = Callable[..., list[str]]

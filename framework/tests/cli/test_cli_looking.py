@@ -23,7 +23,7 @@ from navloom.cli.listing import state
 from navloom.cli.output import print_table
 from navloom.cli.status import rows as status_rows
 from navloom.messages import Feedback, GateStatus, GoalResult, Parameters, Point2D
-from navloom.runtime.looking import changed_parameters, last_words, listing
+from navloom.operating.looking import changed_parameters, last_words, listing
 
 TEXT = f"""{toys.TEXT}
 drive = false

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from navloom.cli.main import app
 from navloom.cli.run import watched_for_stalls
-from navloom.runtime.directory import DirectoryError
-from navloom.runtime.host_faults import left_running
+from navloom.hosting.directory import DirectoryError
+from navloom.operating.host_faults import left_running
 from navloom.study import episode
 from typer.testing import CliRunner
 
@@ -80,7 +80,7 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
 
 def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     from navloom.cli import up
-    from navloom.runtime.directory import DirectoryError, Running
+    from navloom.hosting.directory import DirectoryError, Running
 
     there = [Running("lab", name, 1, (), False, "paper", False) for name in ("a", "b")]
     ended = []
@@ -90,7 +90,7 @@ def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypa
             raise DirectoryError("robot lab/a was not brought up by `navloom up`")
         ended.append(running.robot)
 
-    monkeypatch.setattr("navloom.runtime.directory.robots", lambda: iter(there))
+    monkeypatch.setattr("navloom.hosting.directory.robots", lambda: iter(there))
     monkeypatch.setattr(up, "_end", end)
     done = CliRunner().invoke(app, ["down", "--all"])
     assert ended == ["b"] and "lab/b is down" in done.output

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from navloom.engine.trace import read_trace
 from navloom.recording.reader import Recording
-from navloom.study import compare, journal, report
+from navloom.report import report
+from navloom.study import compare, journal
 
 CONFIG = """
 [run]

@@ -7,10 +7,10 @@ import math
 
 import pytest
 from navloom.cli.live_line import LiveLine, goal_line
-from navloom.cli.live_table import LiveTable
+from navloom.cli.live_table import StatusTable
 from navloom.cli.teleop import teleop_line
 from navloom.messages import Feedback, GateStatus, GoalResult, Point2D, Twist2D
-from navloom.runtime.driver import limit_in_words
+from navloom.operating.driver import limit_in_words
 
 DRIVES = GateStatus("controller", "law", False, False, "", ())
 OPERATOR = GateStatus("operator", "main", False, False, "", ())
@@ -117,7 +117,7 @@ class Run:
 
 def test_up_tells_of_a_goal_from_its_start_to_its_end_without_a_word_of_a_fault() -> None:
     run, stream = Run(), io.StringIO()
-    with LiveTable(run, stream) as table:
+    with StatusTable(run, stream) as table:
         for run.feedback, run.status in (
             (None, stop("no_trajectory")),
             (Feedback(1, "planning", 0.0, 0.0, 0.0, 0), stop("no_trajectory")),

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from navloom.messages import Odometry, Pose2D, Twist2D
-from navloom.navigation.gate import CommandGate, Limits, Offer, Sensed
-from navloom.navigation.monitor import Monitor, MonitorLimits
+from navloom.navigation.gate import CommandGate, GateLimits, Offer, Sensed
+from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
 
-LIMITS = Limits(
+LIMITS = GateLimits(
     linear=0.5, angular=0.4, acceleration=0.5, deceleration=1.0, period=0.05,
     stop_deadline_ns=100_000_000, sensor_timeout_ns=500_000_000,
 )  # fmt: skip
@@ -133,7 +133,7 @@ def test_a_gate_that_takes_up_no_stop_drives() -> None:
 def test_an_operator_may_enter_unseen_space_until_the_end_of_teleop_and_it_is_said() -> None:
     """Nothing was ever seen behind the robot: the leave holds for the operator alone, until `release`."""
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
-    monitor = Monitor(MonitorLimits(square, 0.05, 1.0))
+    monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
     monitor.move(Odometry(NOW, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)))
     gate = CommandGate(replace(LIMITS, acceleration=100.0), monitor)
 

@@ -27,7 +27,7 @@ from navloom.messages import (
     Trajectory,
     Twist2D,
 )
-from navloom.navigation.goal_rules import GoalRules, Seen
+from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import GoalMachine
 from navloom.navigation.replanning import ReplanRules
 
@@ -43,8 +43,8 @@ def pose(x: float = 0.0, heading: float = 0.0) -> PoseEstimate:
     return PoseEstimate(0, Pose2D(x, 0.0, heading), STILL, np.zeros((3, 3)))
 
 
-def seen(time: float, **more: object) -> Seen:
-    base = Seen(round(time * 20), time, round(time * 1e9), estimate=pose(), selected=("ipabd", "astar"))
+def seen(time: float, **more: object) -> GoalView:
+    base = GoalView(round(time * 20), time, round(time * 1e9), estimate=pose(), selected=("ipabd", "astar"))
     return replace(base, **more)  # type: ignore[arg-type]
 
 

@@ -20,7 +20,7 @@ from navloom.messages import (
     Twist2D,
 )
 from navloom.navigation.gate import OBSTACLE
-from navloom.navigation.goal_rules import GoalRules, Seen
+from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.goals import UNSURE, GoalMachine
 
 RULES = GoalRules(
@@ -31,12 +31,12 @@ MAP = MapUpdate(0, OccupancyGrid(np.zeros((2, 2), dtype=np.int8), 1.0, Pose2D(0.
 REASON = "24% of the echoes fit the map, less than 40%"
 
 
-def seen(time: float, state: str = "tracking", x: float = 0.0, **more: object) -> Seen:
+def seen(time: float, state: str = "tracking", x: float = 0.0, **more: object) -> GoalView:
     estimate = PoseEstimate(
         0, Pose2D(x, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)), state,  # type: ignore[arg-type]
         "" if state == "tracking" else REASON,
     )  # fmt: skip
-    base = Seen(round(time * 20), time, round(time * 1e9), estimate=estimate, map=MAP, selected=("known", "astar"))
+    base = GoalView(round(time * 20), time, round(time * 1e9), estimate=estimate, map=MAP, selected=("known", "astar"))
     return replace(base, **more)  # type: ignore[arg-type]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from navloom.geometry.footprints import rectangle
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom.navigation.monitor import Monitor, MonitorLimits, Verdict
+from navloom.navigation.monitor import CollisionMonitor, MonitorLimits, Verdict
 from navloom.navigation.monitor_rollout import distance_to_outline
 
 PERIOD = 0.05
@@ -43,7 +43,7 @@ class Drive:
     last: Verdict | None = None
 
     def __post_init__(self) -> None:
-        self.monitor = Monitor(self.limits)
+        self.monitor = CollisionMonitor(self.limits)
         self.noise = np.random.default_rng(5)
         self.given: deque[tuple[float, float]] = deque([(0.0, 0.0)] * (1 + round(self.dead_time / 0.005)))
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from navloom.navigation import fillets
-from navloom.navigation.trajectory import Limits, free_samples, make_trajectory, sample_path, speed_profile
+from navloom.navigation.trajectory import SpeedLimits, free_samples, make_trajectory, sample_path, speed_profile
 from scipy.special import fresnel
 
-LIMITS = Limits()
+LIMITS = SpeedLimits()
 ORIGIN = (0.0, 0.0)
 QUARTER = 0.5 * math.pi
 TURN_RATE = math.radians(25.0)
@@ -213,7 +213,7 @@ def test_the_speed_of_a_long_bend():
 
 
 def test_lateral_acceleration_binds_where_it_is_small():
-    limits = Limits(lateral=0.05)
+    limits = SpeedLimits(lateral=0.05)
     speed = speed_profile(0.01, np.full(500, 0.5), limits)
     assert speed[250] == pytest.approx(math.sqrt(0.05 / 0.5))
 
@@ -227,7 +227,7 @@ def test_a_given_start_speed_is_kept():
 def test_every_speed_keeps_its_bounds(seed, up, down, step):
     rng = np.random.default_rng(seed)
     curvature = np.convolve(rng.normal(0.0, 4.0, 300), np.ones(20) / 20.0, mode="same")
-    limits = Limits(acceleration=up, deceleration=down)
+    limits = SpeedLimits(acceleration=up, deceleration=down)
     check_speed(speed_profile(step, curvature, limits), curvature, step, limits)
 
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from navloom.navigation.projection import point_at, project
-from navloom.navigation.trajectory import Limits, make_trajectory
+from navloom.navigation.trajectory import SpeedLimits, make_trajectory
 
-LIMITS = Limits()
+LIMITS = SpeedLimits()
 LINE = make_trajectory(np.array([[0.0, 0.0], [6.0, 0.0]]), LIMITS).samples
 BENDS = make_trajectory(np.array([[0.0, 0.0], [4.0, 0.0], [7.0, 3.0], [12.0, 3.0]]), LIMITS, rounding=0.2).samples
 HAIRPIN = make_trajectory(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 0.6], [0.0, 0.6]]), LIMITS, rounding=0.1).samples

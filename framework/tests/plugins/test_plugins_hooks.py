@@ -12,11 +12,11 @@ from typing import Any, cast
 import pytest
 from navloom.engine.build import assemble
 from navloom.entry_kinds import TRACE_HOOKS, added_commands
+from navloom.live.mailbox import Inlet, Mailbox
+from navloom.live.switchboard import Switchboard
 from navloom.messages import Contact, Envelope, Message
 from navloom.plugins import Discovery, RunInfo
 from navloom.plugins.observing import Onlooker, Onlookers
-from navloom.runtime.mailbox import Inlet, Mailbox
-from navloom.runtime.switchboard import Switchboard
 from navloom.study.episode import run_episode
 from navloom.study.live_show import LiveShow
 from toys import discovery, toy_config

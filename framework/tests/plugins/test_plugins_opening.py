@@ -12,18 +12,18 @@ from typing import Any
 import msgpack
 import pytest
 from navloom.cli.echo import _messages, _text
+from navloom.live.mailbox import Packet
 from navloom.messages import SCHEMAS, Envelope, Message, Odometry
 from navloom.messages.codec import CodecError, UnknownSchema, decode, encode, schema_label
 from navloom.messages.generic import GenericMessage, decode_generic
+from navloom.operating.looking import envelope_fields, message_fields
+from navloom.operating.metering import StreamMeter
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.opening import OPENER, Opener
 from navloom.recording.header import RecordingHeader
 from navloom.recording.reader import Recording
 from navloom.recording.writer import RecordingWriter
-from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.looking import envelope_fields, message_fields
-from navloom.runtime.mailbox import Packet
-from navloom.runtime.metering import StreamMeter
+from navloom.transport.keyspace import KeySpace
 
 Install = Callable[..., None]
 InProcess = Callable[..., tuple[int, str, str]]

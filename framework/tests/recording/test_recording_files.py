@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from navloom.config import load_config
 from navloom.messages import Envelope, Odometry, Pose2D, Twist2D
 from navloom.messages.codec import CodecError, encode, read_envelope, schema_label
-from navloom.recording.counting import Counts
+from navloom.recording.counting import RecorderCounts
 from navloom.recording.header import RecordingError, RecordingHeader, header_of
 from navloom.recording.reader import Recording
 from navloom.recording.writer import RecordingWriter, WriteError
@@ -184,7 +184,7 @@ def test_the_head_holds_the_whole_config_and_passes_over_what_it_does_not_know()
 
 
 def test_gaps_in_a_sequence_are_lost_messages_and_a_fall_is_a_publisher_that_began_anew() -> None:
-    counts = Counts()
+    counts = RecorderCounts()
     for sequence in (5, 6, 9, 10, 1, 2, 4):
         counts.note(KEY, sequence)
     assert counts.messages == 7 and counts.lost == {KEY: 3} and counts.missed() == 3

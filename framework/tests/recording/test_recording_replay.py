@@ -16,10 +16,10 @@ from navloom.recording.header import header_of
 from navloom.recording.lockstep_recorder import LockstepRecorder
 from navloom.recording.reader import Recording
 from navloom.recording.replaying import Replayer
+from navloom.recording.shadows import shadow_table
+from navloom.recording.substitutes import substitute_config
 from navloom.recording.writer import RecordingWriter
 from navloom.study.episode import run_episode
-from navloom.study.shadows import shadow_table
-from navloom.study.substitutes import substitute_config
 from toys import discovery, toy_config
 
 MORE = """
@@ -176,7 +176,7 @@ def test_another_plugin_takes_the_place_of_the_recorded_one_in_the_config(tmp_pa
 def test_a_substitute_is_compared_tick_by_tick_with_the_one_in_charge(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from navloom.study import substitutes
+    from navloom.recording import substitutes
 
     path, _ = record(tmp_path, "", "navigation.goal.y=1.0")
     monkeypatch.setattr(substitutes, "assemble", lambda loaded: assemble(loaded, discovery()))

@@ -22,7 +22,7 @@ from navloom.study.episode import run_episode
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder, table_of
 from navloom.study.pool import Agenda, PoolError, Worker
-from navloom.study.rows import Row, Task, episode_row
+from navloom.study.rows import EpisodeTask, Row, episode_row
 
 ROGUE = """
 import os, signal, sys, threading
@@ -370,8 +370,8 @@ def test_workers_that_cannot_begin_end_the_study(study: Study, monkeypatch: pyte
 
 
 def test_a_worker_stays_in_its_world_and_helps_where_most_is_left() -> None:
-    def task(world: str, seed: int) -> Task:
-        return Task("", EpisodeKey("m", world, seed), {}, {}, "", ())
+    def task(world: str, seed: int) -> EpisodeTask:
+        return EpisodeTask("", EpisodeKey("m", world, seed), {}, {}, "", ())
 
     agenda = Agenda([task("a", 0), task("a", 1), task("b", 0), task("b", 1), task("b", 2)])
     order = []

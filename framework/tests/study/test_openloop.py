@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from navloom.cli import main
 from navloom.config import ConfigError
-from navloom.study import report
+from navloom.report import report
+from navloom.report.data import read_study
+from navloom.report.openloop import open_loop_data, over_time_figure
 from navloom.study.compare import Study, plan_study, run_study
 from navloom.study.openloop import METHOD
-from navloom.study.report_data import read_study
-from navloom.study.report_openloop import open_loop_data, over_time_figure
 
 CONFIG = """
 [run]

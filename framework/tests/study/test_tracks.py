@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from navloom.recording.shadows import Disagreement
 from navloom.study import Trail
 from navloom.study.episode_key import EpisodeKey
-from navloom.study.shadows import Disagreement
 from navloom.study.tracks import FOLDER, SAMPLES, encoded, file_of, read_track
 from navloom.study.trail import lost_trail
 

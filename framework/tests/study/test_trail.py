@@ -27,7 +27,7 @@ from navloom.messages import (
 from navloom.study.episode import Episode, run_episode
 from navloom.study.metrics import measure
 from navloom.study.recorder import Recorder
-from navloom.study.trail import Ways, ways_of
+from navloom.study.trail import WayLengths, ways_of
 from toys import discovery, toy_config
 
 
@@ -110,7 +110,7 @@ def test_the_reference_length_is_the_world_s_for_the_world_s_own_task(toy: Episo
     system = toy.system
     assert system.goal is not None
     own = World("own", start=Place(0.0, 0.0), goal=Place(3.0, 0.0), goal_tolerance=0.5, reference_length=4.5)
-    assert ways_of(replace(system, world=own)) == Ways(pytest.approx(3.0), pytest.approx(2.8), 4.5)
+    assert ways_of(replace(system, world=own)) == WayLengths(pytest.approx(3.0), pytest.approx(2.8), 4.5)
     nearby = replace(own, start=Place(-0.25, 0.0))
     assert ways_of(replace(system, world=nearby)).reference == 4.5
     other = replace(own, goal=Place(9.0, 0.0))
@@ -128,7 +128,7 @@ def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> No
 
 
 def test_the_shortest_way_is_searched_for_once_a_world(toy: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
-    from navloom.geometry import shortest
+    from navloom.study import shortest
 
     calls: list[object] = []
     original = shortest.optimal_path
@@ -139,7 +139,7 @@ def test_the_shortest_way_is_searched_for_once_a_world(toy: Episode, monkeypatch
     first, second = ways_of(toy_system), ways_of(toy_system)
     assert first == second and first.to_goal is not None and first.to_goal > 3.0 and len(calls) == 1
     monkeypatched.setattr(toy_system, "world", None)
-    assert ways_of(toy_system) == Ways() and len(calls) == 1
+    assert ways_of(toy_system) == WayLengths() and len(calls) == 1
 
 
 def said(stamp: float, message: Message) -> tuple[Message, Envelope]:

@@ -20,7 +20,7 @@ from navloom.viewer.bridge import Bridge, Wanted
 from navloom.viewer.drawing import Shown
 from navloom.viewer.extra import ViewerError
 from navloom.viewer.live_sink import LiveSink
-from navloom.viewer.order import Order
+from navloom.viewer.order import ViewerOrder
 from navloom.viewer.program import Program, address_of
 from navloom.viewer.showing import Where, showing
 from navloom.viewer.translate import BUILT_IN
@@ -48,7 +48,7 @@ def truth_at(tick: int) -> Shown:
 
 
 def test_while_the_child_is_frozen_what_does_not_fit_is_dropped_and_counted(tmp_path: Path) -> None:
-    bridge = Bridge(Order(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=50)
+    bridge = Bridge(ViewerOrder(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=50)
     bridge.await_start()
     pid = bridge.process.pid
     assert pid is not None
@@ -63,7 +63,7 @@ def test_while_the_child_is_frozen_what_does_not_fit_is_dropped_and_counted(tmp_
 
 
 def test_when_the_child_is_killed_who_puts_goes_on(tmp_path: Path) -> None:
-    bridge = Bridge(Order(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=10)
+    bridge = Bridge(ViewerOrder(facts_for(), tmp_path / "run.rrd", None, "test"), capacity=10)
     bridge.await_start()
     bridge.process.kill()
     bridge.process.join()
@@ -85,7 +85,7 @@ def test_what_nothing_draws_and_what_comes_too_often_is_not_copied() -> None:
 
 
 def test_a_file_that_cannot_be_written_is_said_before_anything_is_drawn(tmp_path: Path) -> None:
-    bridge = Bridge(Order(facts_for(), tmp_path, None, "test"))
+    bridge = Bridge(ViewerOrder(facts_for(), tmp_path, None, "test"))
     with pytest.raises(ViewerError, match=r"--rerun .*: there is such a folder already"):
         bridge.await_start()
 
@@ -172,7 +172,7 @@ def test_without_the_extra_one_message_says_what_to_install(monkeypatch: pytest.
 
     monkeypatch.setattr(extra, "import_module", missing)
     with pytest.raises(ViewerError, match=r"uv sync --group view, or pip install 'navloom\[view\]'"):
-        Bridge(Order(facts_for(), None, None, "test"))
+        Bridge(ViewerOrder(facts_for(), None, None, "test"))
     monkeypatch.setattr(extra, "import_module", import_module)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
-from navloom.geometry.shortest import optimal_length
 from navloom.geometry.world import Place
+from navloom.study.shortest import optimal_length
 from navloom.worlds import SCHEMES
 from navloom.worlds.movingai import scenario_place
 from navloom.worlds.rosmap import read_rosmap, save_rosmap

@@ -3,8 +3,8 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from navloom.geometry.shortest import optimal_length
 from navloom.geometry.world import Box, Cylinder, World, position_at
+from navloom.study.shortest import optimal_length
 from navloom.worlds import SCHEMES, WORLDS, WorldError
 
 HERE = Path()

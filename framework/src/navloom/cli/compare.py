@@ -96,10 +96,10 @@ def compare(
     the request was wrong.
     """
     from navloom.cli.output import print_json
+    from navloom.report.results import failure_of
     from navloom.study.compare import plan_study, run_study
     from navloom.study.journal import StudyError
     from navloom.study.pool import PoolError
-    from navloom.study.results import failure_of
     from navloom.study.worldset import seeds_of
 
     seeds_asked = seeds_of(seeds) if seeds else ()
@@ -169,7 +169,7 @@ def _reported(result: StudyResult, out: Path) -> StudyResult:
     """The report beside the tables, and its files among the names."""
     from dataclasses import replace
 
-    from navloom.study.report import FILES, PLOTS_MISSING, write_report
+    from navloom.report.report import FILES, PLOTS_MISSING, write_report
 
     if result.missing:  # the report is made of these tables
         return result

@@ -25,7 +25,7 @@ def show(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> N
     from navloom.cli.output import print_json, print_table
     from navloom.config import load_config
     from navloom.engine.build import assemble
-    from navloom.runtime.holding import holding
+    from navloom.engine.holding import holding
 
     loaded = load_config(config, set_ or ())
     rows = holding(assemble(loaded))
@@ -63,7 +63,7 @@ def check(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> 
     from navloom.config import load_config
     from navloom.engine.build import assemble, try_plugins
     from navloom.engine.checks import check_task
-    from navloom.runtime.network import network_of
+    from navloom.hosting.network import network_of
 
     loaded = load_config(config, set_ or ())
     system = assemble(loaded)

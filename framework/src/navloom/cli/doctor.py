@@ -24,7 +24,7 @@ def doctor(
     from dataclasses import asdict
 
     from navloom.cli.output import print_json
-    from navloom.runtime.doctor import diagnose
+    from navloom.operating.doctor import diagnose
 
     found = diagnose(robot, connect, keys, VIEWER, insecure)
     if as_json:

@@ -31,8 +31,8 @@ def echo(
 ) -> None:
     """Print the messages of a stream as they come, until Ctrl-C; of a map, a path and the like the last one at once."""
     from navloom.cli.output import json_line
-    from navloom.runtime.joining import join
-    from navloom.runtime.looking import envelope_fields, message_fields
+    from navloom.operating.joining import join
+    from navloom.operating.looking import envelope_fields, message_fields
 
     with join(robot, connect, keys, VIEWER, insecure) as client:
         left = count
@@ -53,10 +53,10 @@ def echo(
 
 def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
     """Stream, message and envelope; what is kept first, then what comes. Says on stderr what cannot be shown."""
+    from navloom.live.mailbox import Mailbox
     from navloom.messages.generic import GenericMessage
-    from navloom.runtime.client import ClientError
-    from navloom.runtime.looking import listing, resolve, retained, tap
-    from navloom.runtime.mailbox import Mailbox
+    from navloom.operating.client import ClientError
+    from navloom.operating.looking import listing, resolve, retained, tap
 
     mailbox = Mailbox()
     taps = tap(client, resolve(key, listing(client)), mailbox)

@@ -40,8 +40,8 @@ def systemd(
     from navloom.config import ConfigError, load_config
     from navloom.engine.build import assemble
     from navloom.files import write_whole
-    from navloom.runtime.network import network_of
-    from navloom.runtime.systemd import Command, units
+    from navloom.hosting.network import network_of
+    from navloom.hosting.systemd import UnitCommand, units
 
     loaded = load_config(config)
     hosts = loaded.config.live.hosts
@@ -52,7 +52,7 @@ def systemd(
         raise ConfigError(f"--user {user!r}: expected the name of a user, or a number, as systemd takes it")
     path = Path(config)
     is_file = path.is_file()
-    command = Command(
+    command = UnitCommand(
         Path(sysconfig.get_path("scripts")) / "navloom",
         str(path.absolute()) if is_file else config,
         path.absolute().parent if is_file else Path("/"),

@@ -90,9 +90,9 @@ def _live_graph(
     """Who is there, what each publishes, and whose messages it has received."""
     from navloom.cli.live_graph import live_edges, live_nodes, print_dot, print_nodes
     from navloom.cli.output import print_json
-    from navloom.runtime.client import ClientError
-    from navloom.runtime.joining import join
-    from navloom.runtime.looking import listing
+    from navloom.operating.client import ClientError
+    from navloom.operating.joining import join
+    from navloom.operating.looking import listing
 
     with join(robot, connect, keys, VIEWER, insecure) as client:
         found = listing(client)

@@ -27,9 +27,9 @@ def hz(
 ) -> None:
     """Print rate, jitter, age and bandwidth of streams. Ages count from the platform's stamp a message derives from."""
     from navloom.cli.output import print_json, print_table
-    from navloom.runtime.joining import join
-    from navloom.runtime.looking import listing, resolve, streams
-    from navloom.runtime.metering import measure
+    from navloom.operating.joining import join
+    from navloom.operating.looking import listing, resolve, streams
+    from navloom.operating.metering import measure
 
     with join(robot, connect, keys, VIEWER, insecure) as client:
         nodes = listing(client)

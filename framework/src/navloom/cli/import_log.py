@@ -62,9 +62,9 @@ def replay_imported(
     from navloom.cli.substitute_output import can_draw
     from navloom.cli.written import tell_out
     from navloom.config import ConfigError
-    from navloom.study.log_replay import place_in_map, replay_log
-    from navloom.study.results import MAP, OutFolder
-    from navloom.study.substitutes import substitute_config
+    from navloom.recording.log_replay import place_in_map, replay_log
+    from navloom.recording.substitutes import substitute_config
+    from navloom.report.results import MAP, OutFolder
 
     if not stand_ins:
         raise ConfigError(
@@ -95,7 +95,7 @@ def replay_imported(
 def _tell(found: Any, summary: dict[str, Any]) -> None:
     from navloom.cli.output import print_table
     from navloom.cli.substitute_output import tell_substitute
-    from navloom.study.log_replay import DRIVER
+    from navloom.recording.log_replay import DRIVER
 
     typer.echo(f"{summary['seconds']:.1f} s, {summary['driven_m']:.1f} m driven, {summary['ticks']} ticks")
     if "map" in summary:
@@ -120,10 +120,10 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
     import io
 
     from navloom.cli.output import json_bytes
-    from navloom.study.log_replay import DRIVER
-    from navloom.study.picture import draw_map_update
-    from navloom.study.shadows import shadow_table
-    from navloom.study.substitutes import draw_substitute
+    from navloom.recording.log_replay import DRIVER
+    from navloom.recording.shadows import shadow_table
+    from navloom.report.picture import draw_map_update
+    from navloom.report.substitute_figure import draw_substitute
 
     files = {"result.json": json_bytes(summary)}
     if found.avoider is not None:

@@ -33,11 +33,11 @@ def new(
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
-    from navloom.runtime.access import common_name
-    from navloom.runtime.certificates import HOSTS, Order
-    from navloom.runtime.keys import new_authority
+    from navloom.transport.access import common_name
+    from navloom.transport.certificates import HOSTS, Request
+    from navloom.transport.keys import new_authority
 
-    order = Order(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
+    order = Request(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
     made = new_authority(folder, order)
     if as_json:
         entries = [{"name": one.name, "kind": one.kind, "common_name": common_name(one, realm, robot)} for one in made]
@@ -64,8 +64,8 @@ def add(
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
-    from navloom.runtime.access import Identity
-    from navloom.runtime.keys import add_identity
+    from navloom.transport.access import Identity
+    from navloom.transport.keys import add_identity
 
     add_identity(folder, Identity(name, kind, instance), host or (), days, datetime.now(UTC))
     if as_json:
@@ -91,7 +91,7 @@ def renew(
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
-    from navloom.runtime.keys import renew as renew_certificates
+    from navloom.transport.keys import renew as renew_certificates
 
     made = renew_certificates(folder, names or (), host or (), days, datetime.now(UTC))
     if as_json:
@@ -115,7 +115,7 @@ def revoke(
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
-    from navloom.runtime.keys import revoke as revoke_certificate
+    from navloom.transport.keys import revoke as revoke_certificate
 
     made = revoke_certificate(folder, name, datetime.now(UTC), days if replace else None)
     if as_json:

@@ -25,9 +25,9 @@ def list_nodes(
 ) -> None:
     """Print every node of a live robot with its process, host and state, and those that are missing."""
     from navloom.cli.output import print_json, print_table
-    from navloom.runtime.client import ClientError
-    from navloom.runtime.joining import join
-    from navloom.runtime.looking import listing, missing
+    from navloom.operating.client import ClientError
+    from navloom.operating.joining import join
+    from navloom.operating.looking import listing, missing
 
     with join(robot, connect, keys, VIEWER, insecure) as client:
         nodes = listing(client)

@@ -15,7 +15,7 @@ Node = Mapping[str, Any]
 def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
     """Every node that is there, announced or missing, in the order they step; `state` as `navloom list` has it."""
     from navloom.cli.listing import state
-    from navloom.runtime.looking import missing
+    from navloom.operating.looking import missing
 
     kept = ("role", "instance", "process", "host", "active")
     found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node["published"],

@@ -51,7 +51,7 @@ def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
         gate: The gate's newest status, or None.
         speed: That the platform measures, m/s, or None.
     """
-    from navloom.runtime.looking import progress, why_stopped
+    from navloom.operating.looking import progress, why_stopped
 
     way = progress(feedback)
     kind = f"{way.partition(',')[0]} {feedback.recoveries}"

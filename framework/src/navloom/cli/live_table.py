@@ -9,12 +9,12 @@ from typing import IO, Any
 
 from navloom.cli.summary import print_summary
 
-__all__ = ["LiveTable"]
+__all__ = ["StatusTable"]
 
 REDRAW = 0.25
 
 
-class LiveTable:
+class StatusTable:
     """Status of a live run on a terminal.
 
     Args:
@@ -29,7 +29,7 @@ class LiveTable:
         self._told = ""
         self._waits = ""
 
-    def __enter__(self) -> LiveTable:
+    def __enter__(self) -> StatusTable:
         if self._stream.isatty():
             from rich.console import Console
             from rich.live import Live
@@ -88,7 +88,7 @@ class LiveTable:
 
     def _driver(self) -> tuple[str, bool]:
         """Who drives or why nothing does, empty where the goal's state says it, and whether that is a fault."""
-        from navloom.runtime.looking import NO_GOAL, NO_PATH, who_drives
+        from navloom.operating.looking import NO_GOAL, NO_PATH, who_drives
 
         feedback, status = self._run.feedback or NO_GOAL, self._run.status
         if status is None:
@@ -102,7 +102,7 @@ class LiveTable:
         from rich.table import Table
         from rich.text import Text
 
-        from navloom.runtime.looking import progress
+        from navloom.operating.looking import progress
 
         feedback = self._run.feedback
         head = Text(f"{robot.keys.prefix}  ")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from navloom.cli.tree import Command, Word
+    from navloom.cli.tree import CommandEntry, Word
 
 __all__ = ["man", "page"]
 
@@ -34,7 +34,7 @@ def man(context: typer.Context) -> None:
     typer.echo(page(commands(context.find_root().command), framework_version()), nl=False)
 
 
-def page(tree: Sequence[Command], version: str) -> str:
+def page(tree: Sequence[CommandEntry], version: str) -> str:
     """The manual page in roff."""
     root, *others = tree
     lines = [
@@ -57,7 +57,7 @@ def page(tree: Sequence[Command], version: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _command(command: Command) -> Iterator[str]:
+def _command(command: CommandEntry) -> Iterator[str]:
     yield f".SS {_text(f'{command.name} {command.usage}')}"
     for paragraph in re.split(r"\n\s*\n", command.help.strip()):
         yield _text(paragraph)

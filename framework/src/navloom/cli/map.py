@@ -36,7 +36,7 @@ def map_recording(
     """Map one recorded sweep of a pitched laser; without --out nothing is written."""
     from navloom.cli.output import print_json, print_table
     from navloom.cli.written import tell_out
-    from navloom.study.results import MAP, OutFolder
+    from navloom.report.results import MAP, OutFolder
     from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 
     with OutFolder(out, ("result.json", "map.png", *MAP)) as folder:
@@ -69,7 +69,7 @@ def map_recording(
 def _files(mapped: Any, result: dict[str, Any]) -> dict[str, bytes]:
     import json
 
-    from navloom.study.picture import draw_map_update
+    from navloom.report.picture import draw_map_update
 
     picture = io.BytesIO()
     draw_map_update(mapped.update).save(picture, format="PNG")

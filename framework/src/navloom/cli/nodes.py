@@ -35,9 +35,9 @@ def node(
     from navloom.cli.interrupts import ending
     from navloom.config import load_config
     from navloom.engine.build import assemble
-    from navloom.runtime.by_hand import share_by_hand
-    from navloom.runtime.node_process import NodeProcess, leave
-    from navloom.runtime.systemd import notify
+    from navloom.hosting.by_hand import share_by_hand
+    from navloom.hosting.node_process import NodeProcess, leave
+    from navloom.hosting.systemd import notify
 
     system = assemble(load_config(config, set_ or (), seed))
     with ending() as event, share_by_hand(system, names, connect, keys, insecure, here) as share:
@@ -66,10 +66,10 @@ def router(
     from pathlib import Path
 
     from navloom.cli.interrupts import ending
-    from navloom.runtime.joining import split_name
-    from navloom.runtime.links import Link, certificate
-    from navloom.runtime.router_main import route
-    from navloom.runtime.systemd import notify
+    from navloom.hosting.router_main import route
+    from navloom.hosting.systemd import notify
+    from navloom.operating.joining import split_name
+    from navloom.transport.links import Link, certificate
 
     realm, name = split_name(robot)
     folder, _ = certificate(Path(keys) if keys else None, "router")
@@ -87,7 +87,7 @@ def router(
 
 def _warn(link: Any) -> None:
     """Of certificates that expire soon."""
-    from navloom.runtime.joining import expiring
+    from navloom.transport.tool_sessions import expiring
 
     for warning in expiring(link.credentials):
         _say(warning)

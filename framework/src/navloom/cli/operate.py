@@ -37,8 +37,8 @@ def goal(
     """Send a live robot to a place and follow it there. Exit 0: the goal was reached."""
     from navloom.cli.live_line import LiveLine, goal_line
     from navloom.cli.output import print_json
-    from navloom.runtime.client import ClientError, Refused
-    from navloom.runtime.navigator import Navigator, rejection
+    from navloom.operating.client import ClientError, Refused
+    from navloom.operating.navigator import Navigator, rejection
 
     points = [_point(text) for text in via or ()]
     with Navigator(robot, connect, keys, insecure) as navigator:
@@ -68,7 +68,7 @@ def goal(
 
 def cancel(robot: RobotName = None, connect: Connect = None, keys: Keys = None, insecure: Insecure = False) -> None:
     """End the goal that a live robot is at."""
-    from navloom.runtime.navigator import Navigator
+    from navloom.operating.navigator import Navigator
 
     with Navigator(robot, connect, keys, insecure) as navigator:
         there_was_one = navigator.cancel()
@@ -77,7 +77,7 @@ def cancel(robot: RobotName = None, connect: Connect = None, keys: Keys = None, 
 
 def stop(robot: RobotName = None, connect: Connect = None, keys: Keys = None, insecure: Insecure = False) -> None:
     """Stop a live robot until `navloom resume`; its goal waits."""
-    from navloom.runtime.navigator import Navigator
+    from navloom.operating.navigator import Navigator
 
     with Navigator(robot, connect, keys, insecure) as navigator:
         navigator.stop()
@@ -86,7 +86,7 @@ def stop(robot: RobotName = None, connect: Connect = None, keys: Keys = None, in
 
 def resume(robot: RobotName = None, connect: Connect = None, keys: Keys = None, insecure: Insecure = False) -> None:
     """Let a live robot drive again after a stop, a contact or teleop."""
-    from navloom.runtime.navigator import Navigator
+    from navloom.operating.navigator import Navigator
 
     with Navigator(robot, connect, keys, insecure) as navigator:
         navigator.resume()
@@ -105,7 +105,7 @@ def swap(
 ) -> None:
     """Put another instance of a role in charge, in the middle of a drive, as soon as it has warmed up."""
     from navloom.cli.output import print_json
-    from navloom.runtime.navigator import Navigator
+    from navloom.operating.navigator import Navigator
 
     with Navigator(robot, connect, keys, insecure) as navigator:
         try:
@@ -129,7 +129,7 @@ def get_params(
     as_json: AsJson = False,
 ) -> None:
     """Print an instance's parameters as they are now."""
-    from navloom.runtime.navigator import Navigator
+    from navloom.operating.navigator import Navigator
 
     with Navigator(robot, connect, keys, insecure) as navigator:
         _print_params(navigator.get_parameters(*_target(navigator, target)), as_json)
@@ -148,7 +148,7 @@ def set_params(
     """Change an instance's parameters between two ticks: all of them, or none where one does not fit."""
     from navloom.config.loader import parse_override
     from navloom.engine.events import assignments
-    from navloom.runtime.navigator import Navigator
+    from navloom.operating.navigator import Navigator
 
     given: dict[str, Any] = {}
     for text in values:
@@ -165,8 +165,8 @@ def set_params(
 
 def _target(navigator: Any, text: str) -> tuple[str, str]:
     """Role and instance of a plugin; where none is named, the one in charge. Raises Refused where there is no such."""
+    from navloom.operating.client import ClientError, Refused
     from navloom.plugins.registry import nearest
-    from navloom.runtime.client import ClientError, Refused
 
     role, dot, name = text.partition(".")
     plugins = [one for one in navigator.client.describe() if one["plugin"]]

@@ -36,10 +36,10 @@ def record(
 ) -> None:
     """Record every message of a live robot into one MCAP file, until Ctrl-C. Only reads, and never slows the robot."""
     from navloom.cli.interrupts import ending
+    from navloom.operating.joining import join
     from navloom.recording.live_recorder import LiveRecorder, ask_header
     from navloom.recording.worldfiles import world_files
     from navloom.recording.writer import RecordingWriter
-    from navloom.runtime.joining import join
 
     with ending() as event, join(robot, connect, keys, VIEWER, insecure) as client:
         header = ask_header(client)

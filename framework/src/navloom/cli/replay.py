@@ -106,7 +106,7 @@ def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_jso
     from navloom.cli.written import tell_out
     from navloom.recording.check import check, installed_part
     from navloom.recording.replaying import Replayer
-    from navloom.study.results import OutFolder
+    from navloom.report.results import OutFolder
 
     with OutFolder(out, ("result.json",)) as folder:
         with stage(as_json) as (say, progress):
@@ -158,9 +158,10 @@ def _substitute(
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.substitute_output import can_draw, tell_substitute
     from navloom.cli.written import tell_out
-    from navloom.study.results import OutFolder
-    from navloom.study.shadows import shadow_table
-    from navloom.study.substitutes import draw_substitute, substitute, substitute_config
+    from navloom.recording.shadows import shadow_table
+    from navloom.recording.substitutes import substitute, substitute_config
+    from navloom.report.results import OutFolder
+    from navloom.report.substitute_figure import draw_substitute
 
     results = []
     pictures: dict[str, bytes] = {}

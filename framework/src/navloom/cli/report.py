@@ -19,8 +19,8 @@ def report(
 ) -> None:
     """Make the report of a study: report.html, report.md, summary.csv and differences.csv in its folder."""
     from navloom.cli.output import print_json
-    from navloom.study.report import FILES, PLOTS_MISSING, write_report
-    from navloom.study.results import failure_of
+    from navloom.report.report import FILES, PLOTS_MISSING, write_report
+    from navloom.report.results import failure_of
 
     made = write_report(folder, baseline)
     names = [name for name in FILES if name not in made.missing]

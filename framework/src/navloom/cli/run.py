@@ -48,8 +48,8 @@ def run(
     from navloom.config import load_config
     from navloom.plugins import Discovery
     from navloom.plugins.observing import Onlookers
+    from navloom.report.results import ResultFolder
     from navloom.study.episode import run_episode
-    from navloom.study.results import ResultFolder
     from navloom.viewer.watching import watch_run
 
     loaded = load_config(config, set_ or (), seed)
@@ -122,11 +122,11 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
     if path is None:
         yield None
         return
+    from navloom.hosting.provenance import distributions
     from navloom.recording.header import header_of
     from navloom.recording.lockstep_recorder import LockstepRecorder
     from navloom.recording.worldfiles import world_files
     from navloom.recording.writer import RecordingWriter
-    from navloom.runtime.provenance import distributions
 
     header = header_of(loaded, "lockstep", distributions(loaded.config))
     writer = RecordingWriter(path, header, world_files(loaded))

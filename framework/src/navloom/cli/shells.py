@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from navloom.cli.tree import Command, Word
+from navloom.cli.tree import CommandEntry, Word
 
 __all__ = ["SCRIPTS"]
 
@@ -147,12 +147,12 @@ complete -c navloom -f
 """
 
 
-def bash(tree: Sequence[Command]) -> str:
+def bash(tree: Sequence[CommandEntry]) -> str:
     """The script for bash."""
     return _filled(BASH, COMMANDS="\n".join(map(_bash_case, tree)), SHELLS=SHELLS)
 
 
-def _bash_case(command: Command) -> str:
+def _bash_case(command: CommandEntry) -> str:
     options = " ".join(name for word in command.options for name in word.names)
     values = " ".join(
         f"{name}:{word.kind or 'none'}" for word in command.options if word.metavar for name in word.names
@@ -164,14 +164,14 @@ def _bash_case(command: Command) -> str:
     )
 
 
-def zsh(tree: Sequence[Command]) -> str:
+def zsh(tree: Sequence[CommandEntry]) -> str:
     """The script for zsh."""
     by_path = {command.path: command for command in tree}
     groups = [_zsh_group(command, by_path) for command in tree if command.inner]
     return _filled(ZSH, GROUPS="\n".join(groups))
 
 
-def _zsh_group(group: Command, by_path: Mapping[tuple[str, ...], Command]) -> str:
+def _zsh_group(group: CommandEntry, by_path: Mapping[tuple[str, ...], CommandEntry]) -> str:
     inner = [by_path[(*group.path, name)] for name in group.inner]
     return _filled(
         ZSH_GROUP,
@@ -182,7 +182,7 @@ def _zsh_group(group: Command, by_path: Mapping[tuple[str, ...], Command]) -> st
     )
 
 
-def _zsh_case(command: Command) -> str:
+def _zsh_case(command: CommandEntry) -> str:
     name = command.path[-1]
     if command.inner:
         return f"        {name}) _{'_'.join(command.path)} ;;"
@@ -211,12 +211,12 @@ def _escaped(text: str) -> str:
     return re.sub(r"([\\:\[\]])", r"\\\1", " ".join(text.split()))
 
 
-def fish(tree: Sequence[Command]) -> str:
+def fish(tree: Sequence[CommandEntry]) -> str:
     """The script for fish."""
     return _filled(FISH, LINES="\n".join(line for command in tree for line in _fish_lines(command, tree)))
 
 
-def _fish_lines(command: Command, tree: Sequence[Command]) -> Iterator[str]:
+def _fish_lines(command: CommandEntry, tree: Sequence[CommandEntry]) -> Iterator[str]:
     words = " ".join(command.path[1:])
     if command.inner:
         here = f"complete -c navloom -n '__navloom_in {words}'"
@@ -256,5 +256,5 @@ def _filled(template: str, **parts: str) -> str:
     return template
 
 
-SCRIPTS: Mapping[str, Callable[[Sequence[Command]], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
+SCRIPTS: Mapping[str, Callable[[Sequence[CommandEntry]], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
 """What makes the script of each shell."""

@@ -19,9 +19,9 @@ def status(
 ) -> None:
     """Print what a live robot is doing: its goal, who drives, why it is stopped and what lets it drive again."""
     from navloom.cli.output import print_json, print_table
-    from navloom.runtime.client import ClientError
-    from navloom.runtime.joining import join
-    from navloom.runtime.looking import changed_parameters, last_words, listing
+    from navloom.operating.client import ClientError
+    from navloom.operating.joining import join
+    from navloom.operating.looking import changed_parameters, last_words, listing
 
     with join(robot, connect, keys, VIEWER, insecure) as client:
         nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
@@ -36,7 +36,7 @@ def status(
 def _summary(
     name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
 ) -> dict[str, Any]:
-    from navloom.runtime.looking import message_fields, missing, platform_age
+    from navloom.operating.looking import message_fields, missing, platform_age
 
     reason, remedy = _why_stopped(words, nodes)
     clock = max(node["clock_ns"] for node in nodes)
@@ -58,7 +58,7 @@ def rows(
     name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
 ) -> list[tuple[str, str]]:
     """What is printed of a robot, line by line; without what there is nothing to say of."""
-    from navloom.runtime.looking import missing
+    from navloom.operating.looking import missing
 
     clock = max(node["clock_ns"] for node in nodes)
     gone = missing(nodes)
@@ -80,7 +80,7 @@ def rows(
 
 
 def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
-    from navloom.runtime.looking import platform_age
+    from navloom.operating.looking import platform_age
 
     age = platform_age(nodes)
     if age is not None:
@@ -90,7 +90,7 @@ def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
-    from navloom.runtime.looking import progress
+    from navloom.operating.looking import progress
 
     if feedback is None and not _knows_goal(nodes):
         return "unknown: its goal node does not answer"
@@ -111,14 +111,14 @@ def _result(result: Any) -> str:
 
 def _localizer(feedback: Any) -> str:
     """Empty where it is tracking, or where the goal has not said."""
-    from navloom.runtime.looking import WHERE_IT_IS
+    from navloom.operating.looking import WHERE_IT_IS
 
     return f"{feedback.localizer}; {WHERE_IT_IS}" if feedback is not None and feedback.localizer else ""
 
 
 def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
     """The row of who drives, or of why nothing does."""
-    from navloom.runtime.looking import who_drives
+    from navloom.operating.looking import who_drives
 
     gate = words["gate/status"]
     if gate is None:
@@ -131,7 +131,7 @@ def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tup
 
 def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
     """Why nothing drives, and what to do; both empty where something does, or the gate has said nothing."""
-    from navloom.runtime.looking import NO_GOAL, why_stopped
+    from navloom.operating.looking import NO_GOAL, why_stopped
 
     gate, feedback = words["gate/status"], words["goal/feedback"]
     if gate is None:

@@ -12,7 +12,7 @@ __all__ = ["can_draw", "tell_substitute"]
 def can_draw() -> bool:
     """Whether there is matplotlib; says what to install where there is none, and that the rest is done."""
     from navloom.config import ConfigError
-    from navloom.study.plotting import need_matplotlib
+    from navloom.report.plotting import need_matplotlib
 
     try:
         need_matplotlib()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Command", "Word", "commands"]
+__all__ = ["CommandEntry", "Word", "commands"]
 
 KINDS = {
     "CONFIG": "configs",
@@ -50,7 +50,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Command:
+class CommandEntry:
     """A command, or a group of commands.
 
     Attributes:
@@ -86,7 +86,7 @@ class Command:
         return " ".join(parts)
 
 
-def commands(root: Any) -> list[Command]:
+def commands(root: Any) -> list[CommandEntry]:
     """Every command below `navloom`, each group before its own.
 
     Args:
@@ -95,13 +95,13 @@ def commands(root: Any) -> list[Command]:
     return list(_walk(root, ("navloom",)))
 
 
-def _walk(command: Any, path: tuple[str, ...]) -> Iterator[Command]:
+def _walk(command: Any, path: tuple[str, ...]) -> Iterator[CommandEntry]:
     inner = command.whole() if hasattr(command, "whole") else getattr(command, "commands", {})
     words = [_word(param) for param in command.params if not param.hidden]
     options = [word for word in words if word.names]
     options.append(Word(("--help",), "", "", False, False, "Print the help of the command."))
     arguments = [word for word in words if not word.names]
-    yield Command(path, command.help or "", tuple(options), tuple(arguments), tuple(inner))
+    yield CommandEntry(path, command.help or "", tuple(options), tuple(arguments), tuple(inner))
     for name, child in inner.items():
         yield from _walk(child, (*path, name))
 

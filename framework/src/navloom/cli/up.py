@@ -81,8 +81,8 @@ def down(
     every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
 ) -> None:
     """End a robot that is up on this host: it stops, then its processes end in order. Ends also what one has left."""
-    from navloom.runtime.directory import DirectoryError, robots
-    from navloom.runtime.joining import find_robot
+    from navloom.hosting.directory import DirectoryError, robots
+    from navloom.operating.joining import find_robot
 
     failure: DirectoryError | None = None
     try:
@@ -106,8 +106,8 @@ def down(
 
 def _end_left(robot: str | None) -> bool:
     """End what robots have left whose `navloom up` is gone, and say so; whether there was anything."""
-    from navloom.runtime.descendants import end_all
-    from navloom.runtime.host_faults import strays
+    from navloom.hosting.descendants import end_all
+    from navloom.operating.host_faults import strays
 
     names = sorted(strays(robot))
     for name in names:
@@ -121,7 +121,7 @@ def _end(running: Any) -> None:
     import os
     import time
 
-    from navloom.runtime.directory import DirectoryError, RobotFolder
+    from navloom.hosting.directory import DirectoryError, RobotFolder
 
     if not running.supervised:
         target = f"navloom-{running.realm}-{running.robot}.target"
@@ -148,8 +148,8 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
     from navloom.cli.written import Written
     from navloom.plugins import Discovery
     from navloom.plugins.observing import Onlookers
+    from navloom.report.results import ResultFolder
     from navloom.study.live_run import run_barrier
-    from navloom.study.results import ResultFolder
 
     cut: list[str] = []
     onlookers = Onlookers(Discovery(loaded.config.plugins.blocked), say_so)
@@ -186,7 +186,7 @@ def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> 
 
 
 def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cut: list[str], as_json: bool) -> Any:
-    from navloom.cli.live_table import LiveTable
+    from navloom.cli.live_table import StatusTable
     from navloom.config import ConfigError
     from navloom.plugins import Discovery
     from navloom.plugins.observing import Onlookers
@@ -196,7 +196,7 @@ def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cu
         run = LiveRun(loaded, host, insecure, say_so, event)
         if as_json and not run.judges:
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
-        with LiveTable(run, sys.stderr) as table:
+        with StatusTable(run, sys.stderr) as table:
             run.say, run.beside = table.say, _beside(record, table.say, cut)
             run.onlookers = observed.enter_context(Onlookers(Discovery(loaded.config.plugins.blocked), table.say))
             episode = run.run(as_json, table.missing, table.look, None if as_json else table.result)

@@ -115,8 +115,8 @@ def _live(
 ) -> Any:
     from navloom.cli.interrupts import ending
     from navloom.messages.generic import GenericMessage
+    from navloom.operating.joining import join
     from navloom.recording.live_recorder import ask_header
-    from navloom.runtime.joining import join
     from navloom.viewer.order import NICE
     from navloom.viewer.showing import showing
     from navloom.viewer.sources import facts_of_header, live_messages

@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from navloom.recording.lockstep_recorder import LockstepRecorder
-    from navloom.study.results import OutFolder
+    from navloom.report.results import OutFolder
     from navloom.viewer.showing import Showing
 
 __all__ = ["File", "Written", "record_of", "rerun_of", "tell_out"]

@@ -16,10 +16,10 @@ from navloom.engine.stepper import Stepper
 from navloom.engine.trace import TraceWriter
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.geometry.footprints import inscribed_radius
-from navloom.navigation.gate import CommandGate, Limits
+from navloom.navigation.gate import CommandGate, GateLimits
 from navloom.navigation.goal_rules import GoalRules
 from navloom.navigation.goals import GoalMachine
-from navloom.navigation.monitor import Monitor, MonitorLimits
+from navloom.navigation.monitor import CollisionMonitor, MonitorLimits
 from navloom.navigation.replanning import ReplanRules
 
 __all__ = ["gate_limits", "goal_rules", "lockstep_of", "make_stepper", "own_node"]
@@ -146,9 +146,9 @@ def goal_rules(system: System) -> GoalRules:
     )
 
 
-def gate_limits(system: System) -> Limits:
+def gate_limits(system: System) -> GateLimits:
     robot, gate = system.robot, system.config.gate
-    return Limits(
+    return GateLimits(
         linear=robot.max_linear,
         angular=robot.max_angular,
         acceleration=robot.max_acceleration,
@@ -160,13 +160,13 @@ def gate_limits(system: System) -> Limits:
     )
 
 
-def gate_monitor(system: System) -> Monitor | None:
+def gate_monitor(system: System) -> CollisionMonitor | None:
     """The look ahead of the gate; None where the config does without, and for a robot without range sensors."""
     robot, gate = system.robot, system.config.gate
     inputs = next(spec.inputs for spec in system.specs if spec.role == "gate")
     if not any(given.name.startswith("scan.") for given in inputs):
         return None
-    return Monitor(
+    return CollisionMonitor(
         MonitorLimits(
             footprint=robot.footprint,
             period=system.config.run.period,

@@ -34,7 +34,7 @@ from navloom.messages import (
 )
 from navloom.messages.motion import Command
 from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed
-from navloom.navigation.goal_rules import Seen
+from navloom.navigation.goal_rules import GoalView
 from navloom.navigation.goals import GoalMachine
 
 __all__ = ["GateNode", "GoalNode", "OperatorNode"]
@@ -118,7 +118,7 @@ class GoalNode(Node):
         if selection is not self._selection:
             self._selection = selection
             self._selected = _instances(selection)
-        seen = Seen(
+        seen = GoalView(
             tick.number,
             tick.time,
             tick.time_ns,

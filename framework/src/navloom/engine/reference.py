@@ -14,7 +14,7 @@ from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, Refe
 from navloom.geometry.frames import inverse, transform
 from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
 from navloom.navigation.projection import project, way_ahead
-from navloom.navigation.trajectory import Limits, make_trajectory
+from navloom.navigation.trajectory import SpeedLimits, make_trajectory
 from navloom.roles import RobotSpec
 
 __all__ = ["ReferenceNode", "trajectory_of"]
@@ -22,7 +22,7 @@ __all__ = ["ReferenceNode", "trajectory_of"]
 Floats = NDArray[np.float64]
 
 
-def trajectory_of(path: Path, limits: Limits) -> Trajectory:
+def trajectory_of(path: Path, limits: SpeedLimits) -> Trajectory:
     """A path rounded within its traversable grid, m, map frame; see `navigation.trajectory`."""
     grid = path.traversable
     if grid is None:
@@ -55,7 +55,7 @@ class ReferenceNode(Node):
     reference = Output(ReferencePorts.reference)
     cause = pose
 
-    def __init__(self, limits: Limits, look_ahead: float, corridor: float) -> None:
+    def __init__(self, limits: SpeedLimits, look_ahead: float, corridor: float) -> None:
         self.limits, self.look_ahead, self.corridor = limits, look_ahead, corridor
         self._paths: dict[int, Path] = {}
         self._trajectory: Trajectory | None = None
@@ -66,7 +66,7 @@ class ReferenceNode(Node):
     def of(cls, config: Config, robot: RobotSpec) -> ReferenceNode:
         """The node a config asks for."""
         rules = config.navigation
-        limits = Limits(
+        limits = SpeedLimits(
             slowest=min(rules.speed[0], robot.max_linear),
             fastest=min(rules.speed[1], robot.max_linear),
             turn_rate=robot.max_angular,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from navloom.messages import GateStatus, Point2D, Twist2D
-from navloom.navigation.monitor import Monitor, Verdict
+from navloom.navigation.monitor import CollisionMonitor, Verdict
 
-__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "Limits", "Offer", "Sensed",
+__all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "CommandGate", "GateLimits", "Offer", "Sensed",
            "is_at_rest"]  # fmt: skip
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
@@ -32,7 +32,7 @@ def is_at_rest(reason: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Limits:
+class GateLimits:
     """What the wheels may be asked for and when they must stand.
 
     Attributes:
@@ -94,7 +94,7 @@ class CommandGate:
         enters_unseen: An operator who drives may enter space that no sensor saw.
     """
 
-    def __init__(self, limits: Limits, monitor: Monitor | None = None) -> None:
+    def __init__(self, limits: GateLimits, monitor: CollisionMonitor | None = None) -> None:
         self.limits = limits
         self.monitor = monitor
         self.speed, self.turn = 0.0, 0.0

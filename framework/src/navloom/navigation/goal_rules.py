@@ -18,7 +18,7 @@ from navloom.messages import (
 )
 from navloom.navigation.replanning import ReplanRules
 
-__all__ = ["GoalRules", "Seen"]
+__all__ = ["GoalRules", "GoalView"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class GoalRules:
 
 
 @dataclass(slots=True)
-class Seen:
+class GoalView:
     """What the goal sees in a tick; each the newest of its kind, or None."""
 
     tick: int

@@ -22,7 +22,7 @@ from navloom.messages import (
     SweepRequest,
 )
 from navloom.navigation.gate import OBSTACLE
-from navloom.navigation.goal_rules import GoalRules, Seen
+from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
 
 __all__ = ["GoalMachine"]
@@ -110,7 +110,7 @@ class GoalMachine:
         """Number of the goal on its way; 0 for none."""
         return 0 if self._active is None else self._active.goal.goal_id
 
-    def submit(self, goal: Goal, seen: Seen) -> None:
+    def submit(self, goal: Goal, seen: GoalView) -> None:
         """Take a goal; one on its way is cancelled, but its trajectory is driven until the new plan is there."""
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
         if self._active is not None:
@@ -122,12 +122,12 @@ class GoalMachine:
             self._set_drive(replace(keeps, goal_id=goal.goal_id, turn_to=None, stop_here=False))
         self._need_map(seen)
 
-    def cancel(self, seen: Seen) -> None:
+    def cancel(self, seen: GoalView) -> None:
         """End the goal on its way."""
         if self._active is not None:
             self._finish("cancelled", "by the operator", seen)
 
-    def fail(self, reason: str, seen: Seen) -> None:
+    def fail(self, reason: str, seen: GoalView) -> None:
         """End the goal on its way because a node broke."""
         if self._active is not None:
             self._finish("error", reason, seen)
@@ -147,17 +147,17 @@ class GoalMachine:
             place = Point2D(0.0, 0.0)
             self._out.append(("result", GoalResult(unfinished, "error", "restarted: the goal node began anew", place)))
 
-    def hold(self, seen: Seen) -> None:
+    def hold(self, seen: GoalView) -> None:
         """The platform is not heard: nobody drives on, and the goal waits for it."""
         if self._active is not None and self.state != "waiting":
             self._pause(self._active, "waiting", seen)
 
-    def go_on(self, seen: Seen) -> None:
+    def go_on(self, seen: GoalView) -> None:
         """The platform is heard again: plan anew from where it is."""
         if self._active is not None and self.state == "waiting":
             self._need_map(seen)
 
-    def restart_of(self, role: str, seen: Seen) -> None:
+    def restart_of(self, role: str, seen: GoalView) -> None:
         """A mapper that came back has no map, a planner that came back no request."""
         active = self._active
         if role == "mapper":
@@ -169,7 +169,7 @@ class GoalMachine:
         elif role == "planner" and self.state == "planning":
             self._ask_plan(active, seen)
 
-    def step(self, seen: Seen) -> list[tuple[str, Message]]:
+    def step(self, seen: GoalView) -> list[tuple[str, Message]]:
         """One tick: follow the state of the goal on its way."""
         active = self._active
         if active is not None and seen.estimate is not None:
@@ -193,7 +193,7 @@ class GoalMachine:
 
     # --- the states -----------------------------------------------------------------------------------------------
 
-    def _while_mapping(self, active: _Active, seen: Seen) -> None:
+    def _while_mapping(self, active: _Active, seen: GoalView) -> None:
         if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
         elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
@@ -203,7 +203,7 @@ class GoalMachine:
         else:
             self._ask_again(active, self.rules.map_timeout, seen)
 
-    def _while_planning(self, active: _Active, seen: Seen) -> None:
+    def _while_planning(self, active: _Active, seen: GoalView) -> None:
         answer = seen.answer
         if answer is None or answer.request_id != active.plan_id:
             if seen.time - active.since > self.rules.plan_timeout:
@@ -219,7 +219,7 @@ class GoalMachine:
             active.moved_at = active.followed_at = active.free_at = seen.time
             active.first_path, active.ended_at = answer.request_id, None
 
-    def _while_driving(self, active: _Active, seen: Seen) -> None:
+    def _while_driving(self, active: _Active, seen: GoalView) -> None:
         assert seen.estimate is not None
         pose = seen.estimate.pose
         target = active.legs[0]
@@ -242,7 +242,7 @@ class GoalMachine:
         else:
             self._replan(active, seen)
 
-    def _while_recovering(self, active: _Active, seen: Seen) -> None:
+    def _while_recovering(self, active: _Active, seen: GoalView) -> None:
         step = seen.recovery
         if step is None or seen.time == active.since:
             if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
@@ -259,11 +259,11 @@ class GoalMachine:
         elif step.state == "failed":
             self._recover(active, active.why, seen)
 
-    def _while_waiting(self, active: _Active, seen: Seen) -> None:
+    def _while_waiting(self, active: _Active, seen: GoalView) -> None:
         if seen.time - active.since > LOST:
             self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
-    def _while_searching(self, active: _Active, seen: Seen) -> None:
+    def _while_searching(self, active: _Active, seen: GoalView) -> None:
         """The robot does not know where it is: it stands until it does, and plans from there."""
         estimate = seen.estimate
         assert estimate is not None
@@ -273,7 +273,7 @@ class GoalMachine:
             why = f"the localizer has not been tracking for {UNSURE:g} s: {estimate.reason}"
             self._finish("lost", why.removesuffix(": "), seen)
 
-    def _replan(self, active: _Active, seen: Seen) -> None:
+    def _replan(self, active: _Active, seen: GoalView) -> None:
         """Ask for another path while driving on, and take it where it is better."""
         watch = self._replanning
         watch.look(seen.map, seen.trajectory, seen.reference)
@@ -299,7 +299,7 @@ class GoalMachine:
 
     # --- what they share ------------------------------------------------------------------------------------------
 
-    def _pause(self, active: _Active, state: str, seen: Seen) -> None:
+    def _pause(self, active: _Active, state: str, seen: GoalView) -> None:
         """Stop the drive, or the recovery, and wait."""
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
@@ -307,7 +307,7 @@ class GoalMachine:
         active.since = seen.time
         self.state = state
 
-    def _need_map(self, seen: Seen, is_cleared: bool = False) -> None:
+    def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
         """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map.
 
         Where it was asked to forget, what it says next is waited for.
@@ -331,12 +331,12 @@ class GoalMachine:
             return
         self.state = "mapping"
 
-    def _ask_plan(self, active: _Active, seen: Seen) -> None:
+    def _ask_plan(self, active: _Active, seen: GoalView) -> None:
         self._scan = None
         self._request_plan(active, seen)
         self.state = "planning"
 
-    def _fail_plan(self, active: _Active, failure: PlanFailure, seen: Seen) -> None:
+    def _fail_plan(self, active: _Active, failure: PlanFailure, seen: GoalView) -> None:
         """End the goal, but for a robot that has driven: what is in its way now may be gone from a cleared map."""
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", seen)
@@ -345,7 +345,7 @@ class GoalMachine:
         reason = failure.detail if failure.kind == outcome else f"{failure.kind}: {failure.detail}"
         self._finish(outcome, reason, seen, failure.place)
 
-    def _request_plan(self, active: _Active, seen: Seen) -> None:
+    def _request_plan(self, active: _Active, seen: GoalView) -> None:
         assert seen.estimate is not None
         self._requests += 1
         leg = active.legs[0]
@@ -355,16 +355,16 @@ class GoalMachine:
         active.plan_id, active.since = self._requests, seen.time
         self._ask(active, "plan", PlanRequest(self._requests, seen.estimate.pose, goal), seen)
 
-    def _ask(self, active: _Active, port: str, request: Message, seen: Seen) -> None:
+    def _ask(self, active: _Active, port: str, request: Message, seen: GoalView) -> None:
         active.asked, active.asked_at = (port, request), seen.time
         self._out.append((port, request))
 
-    def _ask_again(self, active: _Active, patience: float, seen: Seen) -> None:
+    def _ask_again(self, active: _Active, patience: float, seen: GoalView) -> None:
         """Repeat a request, under its own number, that may have been lost on the network, or its answer."""
         if self.rules.is_live and active.asked is not None and seen.time - active.asked_at > patience / ASKS:
             self._ask(active, *active.asked, seen)
 
-    def _arrive(self, active: _Active, pose: Pose2D, seen: Seen) -> None:
+    def _arrive(self, active: _Active, pose: Pose2D, seen: GoalView) -> None:
         if len(active.legs) > 1:
             active.legs.pop(0)
             active.misses = 0
@@ -380,13 +380,13 @@ class GoalMachine:
         elif seen.time - active.moved_at > self.rules.stuck_after:
             self._finish("stuck", "the heading asked for was not reached", seen)
 
-    def _is_unfollowed(self, active: _Active, seen: Seen) -> bool:
+    def _is_unfollowed(self, active: _Active, seen: GoalView) -> bool:
         """On a network that was cut a path may not reach who is to follow it."""
         if seen.reference is not None and seen.reference.path_id == self._drive.path_id:
             active.followed_at = seen.time
         return seen.time - active.followed_at > UNFOLLOWED
 
-    def _has_missed(self, active: _Active, seen: Seen) -> bool:
+    def _has_missed(self, active: _Active, seen: GoalView) -> bool:
         """The robot came to the end of its trajectory beside the goal: off it by more than the tolerance.
 
         An avoider that drove until shortly before leaves it there. Nothing on this trajectory can bring it nearer.
@@ -399,13 +399,13 @@ class GoalMachine:
             active.ended_at = seen.time
         return active.ended_at is not None and seen.time - active.ended_at >= MISSED and active.misses < MISSES
 
-    def _is_blocked(self, active: _Active, seen: Seen) -> bool:
+    def _is_blocked(self, active: _Active, seen: GoalView) -> bool:
         """The gate has been holding the robot for a while because of what the sensors see ahead."""
         if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
             active.free_at = seen.time
         return seen.time - active.free_at > BLOCKED
 
-    def _makes_no_progress(self, active: _Active, seen: Seen) -> bool:
+    def _makes_no_progress(self, active: _Active, seen: GoalView) -> bool:
         held = seen.gate is not None and seen.gate.latched
         reference = seen.reference
         if held or reference is None:
@@ -416,7 +416,7 @@ class GoalMachine:
             active.best = reference.remaining
         return seen.time - active.moved_at > self.rules.stuck_after
 
-    def _recover(self, active: _Active, why: str, seen: Seen) -> None:
+    def _recover(self, active: _Active, why: str, seen: GoalView) -> None:
         if active.recoveries >= self.rules.max_recoveries:
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
             self._finish("stuck", why, seen)
@@ -427,7 +427,7 @@ class GoalMachine:
         self._out.append(("recovery", RecoveryRequest(True, active.recoveries, why)))
         self.state = "recovering"
 
-    def _react_to_swaps(self, active: _Active, seen: Seen) -> None:
+    def _react_to_swaps(self, active: _Active, seen: GoalView) -> None:
         """A swapped-in mapper or planner means a new plan; one that waits is given what it needs to warm up."""
         pending = seen.gate.pending if seen.gate is not None else ()
         selected = self._selected
@@ -448,7 +448,7 @@ class GoalMachine:
             self._has_scanned = False
             self._need_map(seen)
 
-    def _finish(self, outcome: str, reason: str, seen: Seen, place: Point2D | None = None) -> None:
+    def _finish(self, outcome: str, reason: str, seen: GoalView, place: Point2D | None = None) -> None:
         active = self._active
         assert active is not None
         if place is None:
@@ -466,7 +466,7 @@ class GoalMachine:
             self._drive = drive
             self._out.append(("drive", drive))
 
-    def _report(self, seen: Seen) -> None:
+    def _report(self, seen: GoalView) -> None:
         active = self._active
         estimate = seen.estimate
         certainty = "tracking" if estimate is None else estimate.state

@@ -22,7 +22,7 @@ from navloom.navigation.monitor_echoes import arc_points, nearest_surfaces, to_o
 from navloom.navigation.monitor_rollout import MOST_POSES, distance_to_outline, first_touch, stopping_way
 from navloom.navigation.monitor_seen import SeenSpace
 
-__all__ = ["Monitor", "MonitorLimits", "Verdict", "warm_up"]
+__all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 
 Floats = NDArray[np.float64]
 Kind = Literal["", "obstacle", "unseen"]
@@ -109,7 +109,7 @@ class _Sensor:
     obstacles: Floats = field(default_factory=lambda: NO_POINTS)
 
 
-class Monitor:
+class CollisionMonitor:
     """Looks ahead by scans and odometry.
 
     Args:
@@ -368,7 +368,7 @@ def warm_up() -> None:
     for array in (two, one, wide):
         array.flags.writeable = False
     square = np.array([(0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.3, -0.3)])
-    monitor = Monitor(MonitorLimits(square, 0.05, 1.0))
+    monitor = CollisionMonitor(MonitorLimits(square, 0.05, 1.0))
     still = Odometry(0, Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
     monitor.move(still)
     for halves in (np.zeros(2), wide):

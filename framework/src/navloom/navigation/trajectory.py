@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from navloom.navigation import fillets, sight
 
-__all__ = ["Limits", "SmoothPath", "free_samples", "make_trajectory", "sample_path", "speed_profile", "warm_up"]
+__all__ = ["SpeedLimits", "SmoothPath", "free_samples", "make_trajectory", "sample_path", "speed_profile", "warm_up"]
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -28,7 +28,7 @@ _PER_FILLET = 8.0
 
 
 @dataclass(frozen=True)
-class Limits:
+class SpeedLimits:
     """What the reference may do.
 
     Attributes:
@@ -59,7 +59,7 @@ class SmoothPath:
             1/m, positive to the left; speed, m/s. Read-only, in the frame of the points.
         corners: (m, 2) the polyline that was rounded, m.
         radii: (m,) smallest radius of each corner's fillet, m; infinite where there is no turn.
-        slow_places: (k, 2) corners, m, so tight that the speed there is below `Limits.slowest`.
+        slow_places: (k, 2) corners, m, so tight that the speed there is below `SpeedLimits.slowest`.
     """
 
     samples: Floats
@@ -70,7 +70,7 @@ class SmoothPath:
 
 def make_trajectory(
     points: Floats,
-    limits: Limits,
+    limits: SpeedLimits,
     traversable: Cells | None = None,
     resolution: float = 1.0,
     origin: tuple[float, float] = (0.0, 0.0),
@@ -120,7 +120,7 @@ def make_trajectory(
     return _read_only(samples, corners, radii, corners[radii < slow])
 
 
-def speed_profile(step: float, curvature: Floats, limits: Limits, start: float | None = None) -> Floats:
+def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: float | None = None) -> Floats:
     """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then within the accelerations.
 
     The clip at v_min gives way to ω_lim: in a corner too tight for both, v is ω_lim/|κ|.
@@ -241,6 +241,6 @@ def warm_up() -> None:
     sight.warm_up()
     fillets.warm_up()
     path, cells = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.ones((3, 3), np.bool_)
-    made = make_trajectory(path, Limits(), cells)
-    make_trajectory(path, Limits())
+    made = make_trajectory(path, SpeedLimits(), cells)
+    make_trajectory(path, SpeedLimits())
     free_samples(made.samples, cells, 1.0, (0.0, 0.0))

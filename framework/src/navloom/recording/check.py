@@ -11,7 +11,7 @@ from navloom.config import Loaded
 from navloom.engine.build import System, assemble
 from navloom.engine.catalogue import catalogue_of
 from navloom.messages import Message
-from navloom.recording.comparing import Difference, first_difference, is_same
+from navloom.recording.comparing import ReplayDifference, first_difference, is_same
 from navloom.recording.outcomes import Outcomes
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
 from navloom.recording.shelf import Entry, Shelf
@@ -39,7 +39,7 @@ class NodeCheck:
     steps: int = 0
     messages: int = 0
     differing: int = 0
-    first: Difference | None = None
+    first: ReplayDifference | None = None
     not_fed: int = 0
     first_not_fed: str = ""
     unrecorded: int = 0
@@ -80,7 +80,7 @@ class _Checker:
             found.first_not_fed = found.first_not_fed or f"tick {step.at.tick} lacks {'; '.join(stepped.fed.missing)}"
         if stepped.fault != step.report.fault:
             recorded, replayed = step.report.fault or "no fault", stepped.fault or "no fault"
-            self._differs(found, Difference(step.at.tick, found.node, "fault", "", recorded, replayed))
+            self._differs(found, ReplayDifference(step.at.tick, found.node, "fault", "", recorded, replayed))
         for port, wanted in numbers.items():
             given = [message for name, message in stepped.outputs if name == port]
             entries = [self.outcomes.entry(step, port, number, shelf) for number in wanted]
@@ -98,9 +98,9 @@ class _Checker:
             found.messages += 1
             difference = _difference(entry, given[place] if place < len(given) else None)
             if difference is not None:
-                self._differs(found, Difference(tick, found.node, port, *difference))
+                self._differs(found, ReplayDifference(tick, found.node, port, *difference))
 
-    def _differs(self, found: NodeCheck, difference: Difference) -> None:
+    def _differs(self, found: NodeCheck, difference: ReplayDifference) -> None:
         found.differing += 1
         found.first = found.first or difference
 

@@ -12,11 +12,11 @@ from navloom.messages.codec import encode, schema_label
 from navloom.messages.kinds import brief
 from navloom.recording.reader import Recorded
 
-__all__ = ["Difference", "first_difference", "is_same"]
+__all__ = ["ReplayDifference", "first_difference", "is_same"]
 
 
 @dataclass(frozen=True)
-class Difference:
+class ReplayDifference:
     """One place where a replay is not what was recorded.
 
     Attributes:

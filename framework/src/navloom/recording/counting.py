@@ -6,11 +6,11 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Counts"]
+__all__ = ["RecorderCounts"]
 
 
 @dataclass
-class Counts:
+class RecorderCounts:
     """Counters of a recorder.
 
     Attributes:

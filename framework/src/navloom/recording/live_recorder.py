@@ -14,13 +14,13 @@ from typing import NamedTuple
 from navloom.config import Loaded
 from navloom.engine.catalogue import catalogue_of
 from navloom.messages.codec import CodecError, read_envelope
+from navloom.operating.client import Client, ClientError
 from navloom.plugins.opening import OPENER
-from navloom.recording.counting import Counts
+from navloom.recording.counting import RecorderCounts
 from navloom.recording.header import Kind, RecordingHeader, header_of
 from navloom.recording.writer import RecordingWriter, WriteError
-from navloom.runtime.client import Client, ClientError
-from navloom.runtime.keyspace import ATTENDANT, FAULT, LINKED
-from navloom.runtime.quality import retained_ports, streams_of
+from navloom.transport.keyspace import ATTENDANT, FAULT, LINKED
+from navloom.transport.quality import retained_ports, streams_of
 
 __all__ = ["LiveRecorder", "ask_header"]
 
@@ -80,7 +80,7 @@ class LiveRecorder:
     """
 
     def __init__(self, client: Client, writer: RecordingWriter, patterns: Sequence[str] = ()) -> None:
-        self.client, self.writer, self.counts, self.failure = client, writer, Counts(), ""
+        self.client, self.writer, self.counts, self.failure = client, writer, RecorderCounts(), ""
         self._patterns = list(patterns)
         self._kept: dict[str, bool] = {}
         self._waiting: deque[_Waiting] = deque()

@@ -9,9 +9,9 @@ from types import TracebackType
 
 from navloom.messages import Envelope, InputRead, Message, PortMark, StepRecord, StepReport
 from navloom.messages.codec import encode, schema_label
-from navloom.recording.counting import Counts
+from navloom.recording.counting import RecorderCounts
 from navloom.recording.writer import RecordingWriter, WriteError
-from navloom.runtime.keyspace import STEP
+from navloom.transport.keyspace import STEP
 
 __all__ = ["LockstepRecorder"]
 
@@ -35,7 +35,7 @@ class LockstepRecorder:
 
     def __init__(self, writer: RecordingWriter, say: Callable[[str], None]) -> None:
         self.writer, self.failure = writer, ""
-        self.counts = Counts()
+        self.counts = RecorderCounts()
         self._say = say
         self._marks: defaultdict[tuple[str, str], dict[str, int]] = defaultdict(dict)
         self._steps: defaultdict[tuple[str, str], int] = defaultdict(int)

@@ -18,7 +18,7 @@ from navloom.messages.codec import encode, schema_label
 from navloom.recording.feeding import Chosen, Fed, Feeder, Step
 from navloom.recording.reader import RawRecorded, Recording
 from navloom.recording.shelf import Entry, Shelf
-from navloom.runtime.keyspace import STEP
+from navloom.transport.keyspace import STEP
 
 __all__ = ["SOURCES", "Again", "ReplayNode", "Replayer", "Stepped"]
 
@@ -198,7 +198,7 @@ class Replayer:
         own = own_node(self.system, role, lambda role, name: False, is_live=self.is_live)
         node = own if own is not None else role_nodes(self.system, {source})[source]
         if isinstance(node, GateNode) and self.is_live:
-            from navloom.runtime.live_gate import LEAD
+            from navloom.live.live_gate import LEAD
 
             node.lead = LEAD
         return ReplayNode(source, FedNode(spec, node))

@@ -12,15 +12,15 @@ from collections.abc import Callable
 from typing import Any
 
 from navloom.engine.catalogue import FRAMEWORK, catalogue_of
+from navloom.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom.messages import Envelope, Message
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.reader import Recorded, Recording
 from navloom.recording.replaying import recorded_instances
-from navloom.runtime.directory import DirectoryError, RobotFolder, Running
-from navloom.runtime.keyspace import KeySpace
-from navloom.runtime.links import Link
-from navloom.runtime.quality import is_retained, quality_of
-from navloom.runtime.zenoh_bus import Bus, Publication, Question
+from navloom.transport.keyspace import KeySpace
+from navloom.transport.links import Link
+from navloom.transport.quality import is_retained, quality_of
+from navloom.transport.zenoh_bus import Bus, Publication, Question
 
 __all__ = ["REALM", "republish"]
 

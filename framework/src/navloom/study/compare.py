@@ -28,7 +28,7 @@ from navloom.study.methods import Method, compared, methods_of, toml_value
 from navloom.study.metrics import METRICS, all_metrics
 from navloom.study.openloop import METHOD, OpenLoop, open_loop_of
 from navloom.study.pool import HANG_AFTER, cores, run_on_executor, run_on_processes
-from navloom.study.rows import Row, Task
+from navloom.study.rows import EpisodeTask, Row
 from navloom.study.worldset import CachedDiscovery, WorldCase, placed, worlds_of
 
 __all__ = ["Study", "StudyResult", "plan_study", "run_study"]
@@ -81,7 +81,7 @@ class Study:
             return []
         return [EpisodeKey(METHOD, w.ref, seed) for w in self.worlds for seed in self.seeds]
 
-    def tasks(self) -> list[Task]:
+    def tasks(self) -> list[EpisodeTask]:
         """Every episode for a worker, those of one world together."""
         given = {method.name: method.loaded.to_json() for method in self.methods}
         token = hashlib.sha256(json.dumps(self.request(), sort_keys=True).encode()).hexdigest()
@@ -89,7 +89,7 @@ class Study:
         if self.open_loop is not None:
             drives.append((METHOD, self.open_loop.loaded.to_json(), True))
         return [
-            Task(token, EpisodeKey(name, w.ref, seed), config, w.values, str(self.here), self.metrics, is_open)
+            EpisodeTask(token, EpisodeKey(name, w.ref, seed), config, w.values, str(self.here), self.metrics, is_open)
             for w in self.worlds
             for seed in self.seeds
             for name, config, is_open in drives

@@ -20,10 +20,10 @@ from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
 from navloom.plugins.observing import Onlookers
+from navloom.recording.shadows import Disagreement, ShadowWatch
 from navloom.study import measures
 from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
-from navloom.study.shadows import Disagreement, ShadowWatch
 from navloom.study.trail import Trail, trail_of, ways_of
 
 __all__ = ["Episode", "run_episode"]

@@ -18,6 +18,13 @@ from navloom.engine.checks import check_drive, check_task
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.trace import TraceWriter
+from navloom.hosting.network import network_of
+from navloom.hosting.robot import LiveRobot
+from navloom.live.cells import all_sources
+from navloom.live.conductor import BarrierError, Conductor
+from navloom.live.mailbox import Inlet, Mailbox
+from navloom.live.placing import spread
+from navloom.live.switchboard import Switchboard
 from navloom.messages import (
     Envelope,
     Feedback,
@@ -30,21 +37,14 @@ from navloom.messages import (
     Selection,
     StepReport,
 )
+from navloom.operating.client import Client, ClientError, Refused
 from navloom.plugins.observing import Onlookers
 from navloom.roles import Platform
-from navloom.runtime.cells import all_sources
-from navloom.runtime.client import Client, ClientError, Refused
-from navloom.runtime.conductor import BarrierError, Conductor
-from navloom.runtime.keyspace import FAULT
-from navloom.runtime.mailbox import Inlet, Mailbox
-from navloom.runtime.network import network_of
-from navloom.runtime.placing import spread
-from navloom.runtime.robot import Robot
-from navloom.runtime.switchboard import Switchboard
 from navloom.study.episode import Episode
 from navloom.study.live_show import LiveShow
 from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
+from navloom.transport.keyspace import FAULT
 
 __all__ = ["LiveRun", "run_barrier"]
 
@@ -54,7 +54,7 @@ ASK_AGAIN = 2.0
 """s between looks at the goal's last words, in case they came while the network was down."""
 TELL_AGAIN = 10.0
 """s until a node that raises again is told of again."""
-Beside = Callable[[Robot], AbstractContextManager[None]]
+Beside = Callable[[LiveRobot], AbstractContextManager[None]]
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
 """Ports that are recorded of every robot, by role, also where another process judges the run."""
 LOOK = 0.1
@@ -87,7 +87,7 @@ def run_barrier(
     if not (issubclass(platform, Platform) and platform.is_simulated):
         raise ConfigError(f"platform.plugin: {platform.name} is a real robot; simulated time is not for it")
     recorder, run = Recorder(), loaded.config.run
-    with Robot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
+    with LiveRobot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
         robot.wait_complete(START, ends=ends)
         if beside is not None:
             attending.enter_context(beside(robot))
@@ -161,7 +161,7 @@ class LiveRun:
         self,
         until_idle: bool,
         progress: Callable[[Any], None] = lambda left: None,
-        look: Callable[[Robot], None] = lambda robot: None,
+        look: Callable[[LiveRobot], None] = lambda robot: None,
         ended: Callable[[Episode], None] | None = None,
     ) -> Episode | None:
         """Bring it up, drive the config's goal and events, and stay until told to end.
@@ -180,7 +180,7 @@ class LiveRun:
         """
         network = network_of(self.loaded.config, self.host, self.insecure)
         attended = self.beside is not None and network.keys is None  # behind certificates who looks announces nothing
-        with Robot(self.system, network, self.host, False, self.say, attended, self.ending.is_set) as robot:
+        with LiveRobot(self.system, network, self.host, False, self.say, attended, self.ending.is_set) as robot:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
                 show = self._listen(robot)
@@ -194,7 +194,7 @@ class LiveRun:
         is_own = bool(self.log.results) and self.log.results[-1].goal_id == self._own_goal
         return Episode(self.system if is_own else replace(self.system, goal=None), self.log, self.recorder)
 
-    def _listen(self, robot: Robot) -> LiveShow:
+    def _listen(self, robot: LiveRobot) -> LiveShow:
         """Hear how it goes, and what the run is judged by, where it is: that would fill a slow link to another host."""
         board = Switchboard(robot.bus, robot.keys, lossless=False)
         wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
@@ -213,9 +213,9 @@ class LiveRun:
 
     def _drive(
         self,
-        robot: Robot,
+        robot: LiveRobot,
         until_idle: bool,
-        look: Callable[[Robot], None],
+        look: Callable[[LiveRobot], None],
         tell: Callable[[Episode], None] | None,
     ) -> None:
         client = Client(robot.bus, robot.keys)

@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable, Sequence
 
 from navloom.engine.build import System
+from navloom.live.cells import all_sources
+from navloom.live.mailbox import Inlet, Mailbox
+from navloom.live.switchboard import Switchboard
 from navloom.plugins.observing import Onlooker
-from navloom.runtime.cells import all_sources
-from navloom.runtime.mailbox import Inlet, Mailbox
-from navloom.runtime.switchboard import Switchboard
 
 __all__ = ["LiveShow"]
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from navloom.study.rows import Row, Task, episode_row, lost_row
+from navloom.study.rows import EpisodeTask, Row, episode_row, lost_row
 
 __all__ = ["Agenda", "PoolError", "Workers", "cores", "run_on_executor", "run_on_processes"]
 
@@ -48,8 +48,8 @@ def cores() -> int:
 class Agenda:
     """Episodes still to run. A worker stays in its world as long as there are any: it has parsed it already."""
 
-    def __init__(self, tasks: Iterable[Task]) -> None:
-        self._by_world: dict[str, deque[Task]] = {}
+    def __init__(self, tasks: Iterable[EpisodeTask]) -> None:
+        self._by_world: dict[str, deque[EpisodeTask]] = {}
         for task in tasks:
             self._by_world.setdefault(task.key.world, deque()).append(task)
         self._begun: set[str] = set()
@@ -57,7 +57,7 @@ class Agenda:
     def __len__(self) -> int:
         return sum(map(len, self._by_world.values()))
 
-    def take(self, world: str | None) -> Task | None:
+    def take(self, world: str | None) -> EpisodeTask | None:
         """The next episode for a worker that was in a world: of the same, of a fresh one, or of the fullest."""
         if not self._by_world:
             return None
@@ -80,7 +80,7 @@ class Worker:
     process: BaseProcess
     connection: Connection
     is_ready: bool = False
-    task: Task | None = None
+    task: EpisodeTask | None = None
     world: str | None = None
     seen: float = field(default_factory=monotonic)
     began: float = 0.0
@@ -287,7 +287,7 @@ def _resident() -> int:
 
 
 def run_on_processes(
-    tasks: Iterable[Task],
+    tasks: Iterable[EpisodeTask],
     on_row: Callable[[Row], None],
     jobs: int,
     *,
@@ -314,7 +314,7 @@ def run_on_processes(
     return workers.lost
 
 
-def run_on_executor(tasks: Iterable[Task], on_row: Callable[[Row], None], executor: Executor) -> None:
+def run_on_executor(tasks: Iterable[EpisodeTask], on_row: Callable[[Row], None], executor: Executor) -> None:
     """Run episodes on an executor, as that of a Dask cluster. A task that its workers die of is lost.
 
     Raises:

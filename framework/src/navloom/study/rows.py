@@ -18,17 +18,17 @@ from navloom.study.episode import Episode, run_episode
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.metrics import Metric, all_metrics, timing
 from navloom.study.tracks import encoded
-from navloom.study.trail import Trail, Ways, lost_trail, ways_of
+from navloom.study.trail import Trail, WayLengths, lost_trail, ways_of
 from navloom.study.worldset import CachedDiscovery, placed
 
-__all__ = ["Row", "Task", "episode_row", "lost_row"]
+__all__ = ["Row", "EpisodeTask", "episode_row", "lost_row"]
 
 ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 Progress = Callable[[], None]
 
 
 @dataclass(frozen=True)
-class Task:
+class EpisodeTask:
     """Everything a worker needs for one episode, on whatever machine it is.
 
     Attributes:
@@ -126,7 +126,7 @@ class _Line(BaseModel):
     shadows: list[_Shadow] = []
 
 
-def episode_row(task: Task, progress: Progress = lambda: None) -> Row:
+def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
     """Run one episode. A plugin that breaks, wherever it does, costs the episode only.
 
     Args:
@@ -156,7 +156,7 @@ def _with_track(row: Row, trail: Trail, episode: Episode) -> Row:
     return replace(row, shadows=tuple(one.summary() for one in shadows), track=track)
 
 
-def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
+def lost_row(task: EpisodeTask, reason: str, spent: float = 0.0) -> Row:
     """The row of an episode that came to no end: a plugin that cannot be made, a worker that was killed.
 
     Args:
@@ -182,17 +182,17 @@ def lost_row(task: Task, reason: str, spent: float = 0.0) -> Row:
     return _row(task, trail, "", spent)
 
 
-def _ways(loaded: Any, discovery: CachedDiscovery) -> Ways:
+def _ways(loaded: Any, discovery: CachedDiscovery) -> WayLengths:
     """What the episode would have been measured by; nothing where the config cannot be assembled at all."""
     from navloom.engine.build import assemble
 
     try:
         return ways_of(assemble(loaded, discovery))
     except (Exception, SystemExit):
-        return Ways()
+        return WayLengths()
 
 
-def _row(task: Task, trail: Trail, trace: str, spent: float) -> Row:
+def _row(task: EpisodeTask, trail: Trail, trace: str, spent: float) -> Row:
     found: dict[str, float | None] = {}
     notes: list[str] = []
     for metric in () if task.is_open_loop else _metrics(task):
@@ -231,7 +231,7 @@ _SHARED: dict[str, Shared] = {}
 """By study, the newest only: world files and plugins may have changed since an older one."""
 
 
-def _metrics(task: Task) -> list[Metric]:
+def _metrics(task: EpisodeTask) -> list[Metric]:
     """Those of the table, in its order. Raises PluginError for one that is not installed here."""
     known = _shared(task).metrics
     for name in task.metrics:
@@ -240,7 +240,7 @@ def _metrics(task: Task) -> list[Metric]:
     return [known[name] for name in task.metrics]
 
 
-def _shared(task: Task) -> Shared:
+def _shared(task: EpisodeTask) -> Shared:
     shared = _SHARED.get(task.study)
     if shared is None:
         discovery = CachedDiscovery(task.config["config"].get("plugins", {}).get("blocked", ()))

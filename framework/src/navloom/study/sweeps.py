@@ -21,7 +21,7 @@ from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery
 from navloom.roles import Context, Mapper, MapperInput, RobotSpec
 
-__all__ = ["MappedSweep", "Recording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
+__all__ = ["MappedSweep", "SweepRecording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
 
 Floats = NDArray[np.float64]
 ARRAYS = ("ranges_m", "pitch_deg", "beam_deg")
@@ -33,7 +33,7 @@ SMALLEST = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class SweepRecording:
     """One sweep as recorded.
 
     Attributes:
@@ -62,7 +62,7 @@ class MappedSweep:
         return {count.name: count.value for count in self.update.counts}
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path) -> SweepRecording:
     """Read an .npz with `ranges_m` (frames, beams), `pitch_deg` (frames,) and `beam_deg` (beams,), right positive.
 
     Raises:
@@ -89,7 +89,7 @@ def read_recording(path: Path) -> Recording:
         raise ConfigError(f"{path}: ranges_m holds nothing but inf, expected a range in m where a beam met something")
     bearings = -np.radians(beams)
     order = np.argsort(bearings)
-    return Recording(ranges[:, order], np.radians(pitches), bearings[order], float(returned.max()))
+    return SweepRecording(ranges[:, order], np.radians(pitches), bearings[order], float(returned.max()))
 
 
 def _refuse_bad_numbers(path: Path, name: str, values: Floats, good: NDArray[np.bool_], wanted: str) -> None:
@@ -99,7 +99,7 @@ def _refuse_bad_numbers(path: Path, name: str, values: Floats, good: NDArray[np.
         raise ConfigError(f"{path}: {name}{list(place)} is {values[place]:g}, expected {wanted}")
 
 
-def find_floor(recording: Recording) -> tuple[float, float]:
+def find_floor(recording: SweepRecording) -> tuple[float, float]:
     """How the pitch is zeroed and how high the sensor stands, read off the floor itself.
 
     In rings of 0.25 m ahead, the most frequent height below the sensor is the floor's; a line through them gives the
@@ -128,7 +128,7 @@ def find_floor(recording: Recording) -> tuple[float, float]:
     return math.atan(-slope), -float(under)
 
 
-def sweep_of(recording: Recording, pitch_offset: float, height: float) -> Sweep:
+def sweep_of(recording: SweepRecording, pitch_offset: float, height: float) -> Sweep:
     """The message a mapper is given: a planar laser pitched as a whole, `height` m above the floor."""
     frames = len(recording.pitches)
     try:

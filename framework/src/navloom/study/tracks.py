@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.inputs.npz import Arrays
+from navloom.recording.shadows import Disagreement
 from navloom.study.episode_key import EpisodeKey
-from navloom.study.shadows import Disagreement
 from navloom.study.trail import Trail
 
-__all__ = ["FOLDER", "Track", "encoded", "file_of", "read_track"]
+__all__ = ["FOLDER", "StoredWay", "encoded", "file_of", "read_track"]
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class StoredWay:
     """A way as it is kept.
 
     Attributes:
@@ -96,14 +96,14 @@ def encoded(
     return _npz(arrays)
 
 
-def read_track(folder: Path, key: EpisodeKey) -> Track | None:
+def read_track(folder: Path, key: EpisodeKey) -> StoredWay | None:
     """An episode's way; None where none was kept, or what is there is no such file."""
     try:
         held = Arrays(folder / FOLDER / file_of(key), ValueError)
         arrays = {name: held.read(name) for name in held.names}
         goal = arrays["goal_mm"] * MILLI if "goal_mm" in arrays else None
         told = [name for name in arrays if name.startswith("shadow ") and not name.endswith(" ms")]
-        return Track(
+        return StoredWay(
             arrays["time_ms"] * MILLI,
             arrays["points_mm"] * MILLI,
             arrays["engaged"].astype(np.bool_),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from navloom.engine.lockstep import RunLog
     from navloom.study.recorder import Recorder
 
-__all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "Ways", "lost_trail", "trail_of", "ways_of"]
+__all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "WayLengths", "lost_trail", "trail_of", "ways_of"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -210,7 +210,7 @@ def lost_trail(
 
 
 @dataclass(frozen=True)
-class Ways:
+class WayLengths:
     """Lengths that a drive is measured by, m; None where there is no world, no goal, or no way.
 
     Attributes:
@@ -230,24 +230,24 @@ _LEGS: WeakKeyDictionary[World, dict[tuple[float, ...], tuple[float, float] | No
 """Of a world, the lengths of the ways searched for: a search on a raster takes longer than many an episode."""
 
 
-def ways_of(system: System) -> Ways:
+def ways_of(system: System) -> WayLengths:
     """The lengths that a drive of this system is measured by. Kept by world object: one world is searched once."""
     world, goal, start = system.world, system.goal, system.true_start
     if world is None or goal is None:
-        return Ways()
+        return WayLengths()
     via = [Place(point.x, point.y) for point in system.config.navigation.via]
     places = [Place(start.x, start.y), *via, Place(goal.x, goal.y)]
     legs = [_leg(system, world, *ends) for ends in pairwise(places)]
     known = [leg for leg in legs if leg is not None]
     if len(known) < len(legs):
-        return Ways(reference=_reference(system, world, None))
+        return WayLengths(reference=_reference(system, world, None))
     to_goal = sum(length for length, _ in known)
-    return Ways(to_goal, to_goal - known[-1][0] + known[-1][1], _reference(system, world, to_goal))
+    return WayLengths(to_goal, to_goal - known[-1][0] + known[-1][1], _reference(system, world, to_goal))
 
 
 def _leg(system: System, world: World, start: Place, goal: Place) -> tuple[float, float] | None:
     """Length of the shortest way, m, and of its part outside the goal's tolerance; None where there is no way."""
-    from navloom.geometry.shortest import length_to_reach, optimal_path
+    from navloom.study.shortest import length_to_reach, optimal_path
 
     radius, height, reach = inscribed_radius(system.robot.footprint), system.robot.height, system.goal_tolerance
     key = (start.x, start.y, goal.x, goal.y, radius, height, reach)

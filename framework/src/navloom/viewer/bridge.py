@@ -15,11 +15,11 @@ from navloom.messages import Message
 from navloom.plugins import Discovery
 from navloom.viewer.drawing import Shown
 from navloom.viewer.extra import ViewerError, need_rerun
-from navloom.viewer.order import Order
+from navloom.viewer.order import ViewerOrder
 from navloom.viewer.panels import Panel, panels_of
 from navloom.viewer.translate import BUILT_IN
 
-__all__ = ["Bridge", "Counts", "Wanted"]
+__all__ = ["Bridge", "BridgeCounts", "Wanted"]
 
 CAPACITY = 4096
 """Messages between the two processes."""
@@ -28,7 +28,7 @@ STARTED = 60.0
 
 
 @dataclass(frozen=True)
-class Counts:
+class BridgeCounts:
     """What became of the messages.
 
     Attributes:
@@ -61,7 +61,7 @@ class Bridge:
         ViewerError: The viewer's extra is not installed, or the child does not begin.
     """
 
-    def __init__(self, order: Order, capacity: int = CAPACITY) -> None:
+    def __init__(self, order: ViewerOrder, capacity: int = CAPACITY) -> None:
         need_rerun()
         context = multiprocessing.get_context("spawn")
         self.dropped = self.put_in = 0
@@ -108,7 +108,7 @@ class Bridge:
                 return
         self.dropped += 1
 
-    def close(self, patience: float = 120.0) -> Counts:
+    def close(self, patience: float = 120.0) -> BridgeCounts:
         """Let it finish, and report the messages drawn and left out. A child that does not end in time is killed."""
         if self.process.is_alive():
             with contextlib.suppress(queue.Full):
@@ -125,9 +125,9 @@ class Bridge:
         if word and word[0] == "done":
             drawn, dropped_live, connections, notes, failure = word[1:]
             is_complete = drawn == self.put_in and not failure
-            return Counts(drawn, self.dropped, dropped_live, connections, notes, failure, is_complete)
+            return BridgeCounts(drawn, self.dropped, dropped_live, connections, notes, failure, is_complete)
         why = f"the viewer's process ended early: {word[1]}" if word else "the viewer's process did not end in time"
-        return Counts(0, self.dropped, 0, 0, (why,), why, False)
+        return BridgeCounts(0, self.dropped, 0, 0, (why,), why, False)
 
     def _hear(self, patience: float) -> tuple[Any, ...]:
         limit = monotonic() + patience
@@ -168,7 +168,7 @@ class Wanted:
         return True
 
 
-def _serve(order: Order, inbox: Any, words: Connection) -> None:
+def _serve(order: ViewerOrder, inbox: Any, words: Connection) -> None:
     from navloom.viewer.bridge_child import serve
 
     serve(order, inbox, words)

@@ -13,7 +13,7 @@ from navloom.plugins import Discovery
 from navloom.viewer.drawing import Drawing, Sink
 from navloom.viewer.extra import ViewerError
 from navloom.viewer.live_sink import LiveSink
-from navloom.viewer.order import NICE, Order
+from navloom.viewer.order import NICE, ViewerOrder
 from navloom.viewer.panels import panels_of
 from navloom.viewer.sinks import FileSink
 
@@ -23,7 +23,7 @@ FLUSH = 0.2
 """s between deliveries of the time series."""
 
 
-def serve(order: Order, inbox: Any, words: Connection) -> None:
+def serve(order: ViewerOrder, inbox: Any, words: Connection) -> None:
     """Draw until None comes, or until there is no parent any more. Never returns: the process ends here.
 
     The end is abrupt on purpose: the SDK's own waits at exit for a viewer that may be frozen.

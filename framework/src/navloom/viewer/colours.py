@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navloom.study.plotting import OKABE_ITO
+from navloom.report.plotting import OKABE_ITO
 
 __all__ = [
     "ACTOR",

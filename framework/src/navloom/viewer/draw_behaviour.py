@@ -148,7 +148,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     """Who drives; a stop with its reason in words and what to do."""
     import rerun as rr
 
-    from navloom.runtime.looking import what_limits, who_drives, why_stopped
+    from navloom.operating.looking import what_limits, who_drives, why_stopped
 
     name = seen.actor.name
     state: str = message.source if message.source != "none" else "stopped"

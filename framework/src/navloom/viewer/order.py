@@ -7,14 +7,14 @@ from pathlib import Path
 
 from navloom.viewer.facts import Facts
 
-__all__ = ["NICE", "Order"]
+__all__ = ["NICE", "ViewerOrder"]
 
 NICE = 10
 """Niceness of whatever shows a run: what drives on the same host comes first."""
 
 
 @dataclass(frozen=True)
-class Order:
+class ViewerOrder:
     """What the child is to do.
 
     Attributes:

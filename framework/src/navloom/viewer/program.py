@@ -34,7 +34,7 @@ WINDOWLESS = {"--headless", "--serve-grpc"}
 SERVED, KEPT = "--web serves the viewer to a browser", "--rerun F.rrd keeps what it would show in a file"
 LAUNCH = """
 import os, sys
-from navloom.runtime.process import die_with_parent
+from navloom.hosting.process import die_with_parent
 die_with_parent(int(sys.argv[1]))
 os.execv(sys.argv[2], sys.argv[2:])
 """

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from navloom.viewer.bridge import Bridge, Counts
+from navloom.viewer.bridge import Bridge, BridgeCounts
 from navloom.viewer.extra import ViewerError, need_rerun
 from navloom.viewer.facts import Facts
-from navloom.viewer.order import Order
+from navloom.viewer.order import ViewerOrder
 from navloom.viewer.program import Program, address_of, is_up
 
 __all__ = ["Showing", "Where", "showing"]
@@ -54,7 +54,7 @@ class Showing:
     program: Program | None = None
     file: Path | None = None
     say: Callable[[str], None] = lambda text: None
-    counts: Counts = field(default_factory=Counts)
+    counts: BridgeCounts = field(default_factory=BridgeCounts)
     is_finished: bool = False
 
     def finish(self) -> None:
@@ -115,7 +115,7 @@ def showing(
     if url is not None:
         # A viewer may show this run already: the same once more is another recording, not more of that one.
         recording_id = f"{recording_id}-{time.time_ns()}"
-    order = Order(facts, where.file, url, recording_id, blocked, 0.0 if live else PATIENCE)
+    order = ViewerOrder(facts, where.file, url, recording_id, blocked, 0.0 if live else PATIENCE)
     try:
         bridge = Bridge(order)
         bridge.await_start()
@@ -141,7 +141,7 @@ def showing(
             program.leave(say, serves=is_over and not live)
 
 
-def _tell(counts: Counts, file: Path | None, say: Callable[[str], None]) -> None:
+def _tell(counts: BridgeCounts, file: Path | None, say: Callable[[str], None]) -> None:
     for note in counts.notes:
         say(note)
     if file is not None and counts.file_failure and counts.file_failure not in counts.notes:

@@ -11,7 +11,7 @@ from navloom.config import Loaded
 from navloom.engine.build import assemble
 from navloom.messages import Envelope, Message
 from navloom.study.episode import Episode, run_episode
-from navloom.viewer.bridge import Counts
+from navloom.viewer.bridge import BridgeCounts
 from navloom.viewer.drawing import Shown
 from navloom.viewer.facts import facts_of
 from navloom.viewer.observe import Gathering
@@ -90,7 +90,7 @@ class _Run:
 
 def drive_side_by_side(
     methods: Mapping[str, Loaded], where: Where, title: str, say: Say, tell: Callable[[Mapping[str, Episode]], None]
-) -> Counts:
+) -> BridgeCounts:
     """Drive every method in the world of its config, and show them in one picture until all have ended.
 
     Paced to the wall clock where a viewer shows it; as fast as it goes where only a file is written.

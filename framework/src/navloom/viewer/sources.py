@@ -13,9 +13,9 @@ from navloom.viewer.drawing import Shown
 from navloom.viewer.facts import Facts, facts_of, unknown_robot
 
 if TYPE_CHECKING:
+    from navloom.operating.client import Client
     from navloom.recording.header import RecordingHeader
     from navloom.recording.reader import Recording
-    from navloom.runtime.client import Client
 
 __all__ = ["InCharge", "facts_of_header", "facts_of_recording", "live_messages", "recorded_messages"]
 
@@ -84,8 +84,8 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
 
     Only listens: the robot knows nothing of it.
     """
-    from navloom.runtime.looking import listing, retained, tap
-    from navloom.runtime.mailbox import Mailbox
+    from navloom.live.mailbox import Mailbox
+    from navloom.operating.looking import listing, retained, tap
 
     first = facts.variants[0]
     charge = InCharge(first.name, first.instances)

@@ -10,13 +10,13 @@ from typing import Any
 from navloom.inputs.texts import shortened
 from navloom.worlds.errors import WorldError, did_you_mean
 
-__all__ = ["Table"]
+__all__ = ["FileTable"]
 
 _FARTHEST = 1e6
 """Largest number a world file may give, m, s or degrees."""
 
 
-class Table:
+class FileTable:
     """One table of a file.
 
     Args:

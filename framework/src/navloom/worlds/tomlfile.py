@@ -45,7 +45,7 @@ from navloom.inputs.texts import toml_of
 from navloom.worlds.errors import WorldError, file_of, read_bytes
 from navloom.worlds.rasters import raster_bounds
 from navloom.worlds.rosmap import load_raster
-from navloom.worlds.tables import Table
+from navloom.worlds.tables import FileTable
 
 __all__ = ["toml_world"]
 
@@ -69,7 +69,7 @@ def toml_world(argument: str, base: Path) -> World:
     except UnicodeDecodeError as error:
         raise WorldError(f"{path}: not TOML: {error}") from None
     content = toml_of(text, str(path), WorldError)
-    table = Table(path, "", content, _WORLD_KEYS)
+    table = FileTable(path, "", content, _WORLD_KEYS)
     boxes = _each(table, "box", _BOX_KEYS, _box)
     cylinders = _each(table, "cylinder", _CYLINDER_KEYS, _cylinder)
     obstacles = (*boxes, *cylinders)
@@ -92,17 +92,19 @@ def toml_world(argument: str, base: Path) -> World:
     )
 
 
-def _each(table: Table, key: str, known: tuple[str, ...], make: Callable[[Table, str], Obstacle]) -> list[Obstacle]:
+def _each(
+    table: FileTable, key: str, known: tuple[str, ...], make: Callable[[FileTable, str], Obstacle]
+) -> list[Obstacle]:
     entries = table.value(key) if key in table else []
     if not isinstance(entries, list):
         raise table.error(f"{key}: expected [[{key}]], with double brackets")
     return [
-        make(Table(table.path, f"[[{key}]] {number}", entry, known), f"{key} {number}")
+        make(FileTable(table.path, f"[[{key}]] {number}", entry, known), f"{key} {number}")
         for number, entry in enumerate(entries, start=1)
     ]
 
 
-def _box(table: Table, name: str) -> Box:
+def _box(table: FileTable, name: str) -> Box:
     return Box(
         table.text("name", name),
         table.interval("x"),
@@ -113,7 +115,7 @@ def _box(table: Table, name: str) -> Box:
     )
 
 
-def _cylinder(table: Table, name: str) -> Cylinder:
+def _cylinder(table: FileTable, name: str) -> Cylinder:
     radius = table.number("radius")
     if not radius > 0.0:
         raise table.error(f"radius = {radius:g}, expected a length > 0 in metres")
@@ -127,7 +129,7 @@ def _cylinder(table: Table, name: str) -> Cylinder:
     )
 
 
-def _timing(table: Table) -> dict[str, Any]:
+def _timing(table: FileTable) -> dict[str, Any]:
     """When an obstacle is there, and how it moves."""
     after_sweep = table.choice("appears", ("at_start", "after_sweep")) == "after_sweep"
     if after_sweep and "appears_at" in table:
@@ -144,35 +146,35 @@ def _timing(table: Table) -> dict[str, Any]:
     }
 
 
-def _waypoints(table: Table) -> tuple[Waypoint, ...]:
+def _waypoints(table: FileTable) -> tuple[Waypoint, ...]:
     rows = table.value("waypoints")
     if not isinstance(rows, list) or not rows:
         raise table.error("waypoints: expected [[time, x, y], ...]")
     found: list[Waypoint] = []
     for number, row in enumerate(rows, start=1):
         place = f"{table.place}, waypoint {number}"
-        time, x, y = Table(table.path, place, {"point": row}, ("point",)).numbers("point", "[time, x, y]")
+        time, x, y = FileTable(table.path, place, {"point": row}, ("point",)).numbers("point", "[time, x, y]")
         if time < 0.0 or (found and time <= found[-1][0]):
             raise table.error(f"waypoint {number} at {time:g} s, expected times from 0 that rise")
         found.append((time, x, y))
     return tuple(found)
 
 
-def _place(table: Table, key: str) -> Place | None:
+def _place(table: FileTable, key: str) -> Place | None:
     if key not in table:
         return None
-    place = Table(table.path, key, table.value(key), ("x", "y", "heading_deg"))
+    place = FileTable(table.path, key, table.value(key), ("x", "y", "heading_deg"))
     return Place(place.number("x"), place.number("y"), wrap(math.radians(place.number("heading_deg", 0.0))))
 
 
-def _raster(table: Table) -> Raster:
-    raster = Table(table.path, "[raster]", table.value("raster"), ("map", "unknown", "z"))
+def _raster(table: FileTable) -> Raster:
+    raster = FileTable(table.path, "[raster]", table.value("raster"), ("map", "unknown", "z"))
     image = file_of(raster.text("map"), table.path.parent)
     return load_raster(image, raster.choice("unknown", ("occupied", "free")), raster.interval("z", _TALL))
 
 
 def _bounds(
-    table: Table, obstacles: tuple[Obstacle, ...], raster: Raster | None, places: list[Place]
+    table: FileTable, obstacles: tuple[Obstacle, ...], raster: Raster | None, places: list[Place]
 ) -> tuple[float, float, float, float]:
     """The bounds given, or those of everything in the world with 1 m round it."""
     if "bounds" in table:

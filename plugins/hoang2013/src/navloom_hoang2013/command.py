@@ -31,8 +31,8 @@ def paper(
     Exit 0: the robot arrived at D both times, through gate B and without contact; 1: it did not.
     """
     from navloom.cli.output import print_json
-    from navloom.study.plotting import need_matplotlib
-    from navloom.study.results import OutFolder
+    from navloom.report.plotting import need_matplotlib
+    from navloom.report.results import OutFolder
 
     from navloom_hoang2013.reproduction import FILES, PaperError, facts_of, files_of, is_reproduced, reproduce, steps
 

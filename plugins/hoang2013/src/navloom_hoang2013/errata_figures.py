@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from navloom.study.plotting import GREY, OKABE_ITO, new_figure
+from navloom.report.plotting import GREY, OKABE_ITO, new_figure
 
 from navloom_hoang2013.cloud import Cloud
 from navloom_hoang2013.errata import Errata, Variant, grown, length_of

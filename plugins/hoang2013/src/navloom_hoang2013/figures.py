@@ -8,7 +8,7 @@ import numpy as np
 from navloom.geometry.solids import overlaps
 from navloom.geometry.world import Box, World
 from navloom.messages import OccupancyGrid
-from navloom.study.plotting import GREY, OKABE_ITO, new_figure
+from navloom.report.plotting import GREY, OKABE_ITO, new_figure
 from numpy.typing import NDArray
 
 from navloom_hoang2013.cloud import Cloud

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from navloom.study import html
+from navloom.report import html
 
 from navloom_hoang2013.cloud import hits_by_box
 from navloom_hoang2013.errata import Errata, Variant, length_of

@@ -1,0 +1,118 @@
+"""How the processes of a robot find each other: by sockets on one host, or through a router."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from navloom.config.schema import Config
+from navloom.hosting.directory import RobotFolder
+from navloom.live.cell import Source
+from navloom.transport.links import Endpoint, Link, LinkError, Mesh, certificate, peer_link, settings
+from navloom.transport.quality import streams_of
+
+__all__ = ["Network", "network_of"]
+
+
+@dataclass
+class Network:
+    """Of one robot.
+
+    Attributes:
+        realm, robot: Its names.
+        router: Endpoint of its router; empty where its processes join each other directly.
+        starts_router: The router belongs to this host.
+        keys: Folder of certificates, or the file of the one that processes of this host show.
+        insecure: Plain TCP beyond this host was asked for.
+        streams: Of the robot, as role/instance/port.
+        is_whole: All of the robot's processes are on this host.
+        shared_memory: Large messages between its processes on one host come by it.
+    """
+
+    realm: str
+    robot: str
+    router: str = ""
+    starts_router: bool = False
+    keys: Path | None = None
+    insecure: bool = False
+    streams: tuple[str, ...] = ()
+    is_whole: bool = True
+    shared_memory: bool = False
+
+    @property
+    def folder(self) -> Path | None:
+        """Of the certificates."""
+        return certificate(self.keys, "nodes")[0]
+
+    def check(self) -> None:
+        """Refuse what no process could be linked by, before any is started. Raises LinkError."""
+        if self.router:
+            for link in (self.router_link(), self.alone()):
+                if link is not None:
+                    settings(link)
+
+    def links(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> dict[str, Link]:
+        """Of each process of this host: to every other one's socket, and to the router where there is one."""
+        sockets = {name: folder.socket(name) for name in shares}
+        meshed = {
+            name: peer_link(own, sockets.values(), self.realm, self.robot, self.shared_memory)
+            for name, own in sockets.items()
+        }
+        if not self.router:
+            return meshed
+        return {name: self._beside(link, shares) for name, link in meshed.items()}
+
+    def router_link(self) -> Link | None:
+        """Of the router, where it is this host's to start."""
+        if not self.starts_router:
+            return None
+        folder = self.folder
+        return Link(
+            "router", (self.router,), (), credentials=folder, identity="router" if folder else None,
+            insecure=self.insecure, realm=self.realm, robot=self.robot, streams=self.streams,
+        )  # fmt: skip
+
+    def outsider(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> Link:
+        """Of what looks after the processes of this host, and which nobody needs to find."""
+        sockets = tuple(folder.socket(name) for name in shares)
+        link = Link("peer", (), sockets, realm=self.realm, robot=self.robot)
+        return self._beside(link, shares) if self.router else link
+
+    def alone(self) -> Link:
+        """Of a process that meets all others by the router."""
+        folder, own = certificate(self.keys, "nodes")
+        return Link(
+            "client", (), (self.router,), credentials=folder, identity=own,
+            insecure=self.insecure, realm=self.realm, robot=self.robot,
+        )  # fmt: skip
+
+    def _beside(self, link: Link, shares: Mapping[str, Sequence[Source]]) -> Link:
+        """Of a process that meets those of its host by sockets, and all others by the router."""
+        here = [f"{role}/{name}" for sources in shares.values() for role, name in sources]
+        here += [f"process/{name}" for name in shares]
+        return replace(self.alone(), mesh=Mesh(link, tuple(here), self.is_whole))
+
+    def tool(self) -> Link:
+        """Of a tool beside whatever runs now: it calls the router, or every socket that is there."""
+        if self.router:
+            return self.alone()
+        sockets = tuple(RobotFolder(self.realm, self.robot).sockets())
+        return Link("peer", (), sockets, realm=self.realm, robot=self.robot)
+
+
+def network_of(config: Config, host: str | None, insecure: bool) -> Network:
+    """The network a config asks for. Raises LinkError for a router that is no endpoint."""
+    live = config.live
+    if live.router:
+        try:
+            Endpoint.parse(live.router)
+        except LinkError as error:
+            raise LinkError(f"live.router: {error}") from None
+    keys = Path(live.keys) if live.keys else None
+    starts = live.router is not None and live.router_host == host
+    is_whole = host is None or set(live.hosts.get(host, ())) == set(live.processes)
+    return Network(
+        config.robot.realm, config.robot.name, live.router or "", starts, keys, insecure, streams_of(config), is_whole,
+        live.shared_memory,
+    )  # fmt: skip

@@ -1,0 +1,91 @@
+"""Entry of a node process: `python -m navloom.hosting.node_main FILE`, with what it is to do in the file."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from navloom.config.loader import Loaded
+from navloom.engine.build import assemble
+from navloom.hosting.heartbeat import Heart
+from navloom.hosting.node_process import NodeProcess, Share, leave, longest_seizure
+from navloom.hosting.process import (
+    die_with_parent,
+    end_on_signal,
+    end_unless_called,
+    link_from_json,
+    link_to_json,
+    write_heedlessly,
+)
+from navloom.live.placing import goes_first
+
+__all__ = ["main", "share_from_json", "share_to_json"]
+
+CONTROL_PRIORITY = -10
+"""Nice value of processes that neither map nor plan."""
+
+
+def main() -> int:
+    """Run the share of a file until told to end. Exit codes: 0 told to, 1 failed, 2 wrong request, 70 a node hung.
+
+    The watch in here does not see a node that holds the GIL: where it computes, the system ends the process, and
+    where it sleeps, its supervisor does.
+    """
+    write_heedlessly()
+    spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
+    die_with_parent(int(spec["parent"]))
+    sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes
+    roles = {role for role, _ in spec["share"]["sources"]}
+    if goes_first(roles):
+        go_first()
+    system, share = assemble(Loaded.from_json(spec["loaded"])), share_from_json(spec["share"])
+    process = NodeProcess(system, share, known=spec["known"].encode())
+    end_on_signal(process.ending)
+    name = process.share.name
+    rearm = end_unless_called(longest_seizure(process.share.sources, system.config.live.hang_timeout))
+    heart = Heart(spec["heart"]) if spec["heart"] else None
+    is_ready = False
+
+    def ready() -> None:
+        nonlocal is_ready
+        is_ready = True
+        print(f"{name}: ready", flush=True)
+
+    def alive() -> None:
+        rearm()
+        if is_ready and heart is not None:  # before that its main thread waits for the network
+            heart.beat()
+
+    try:
+        process.run(lambda text: print(f"{name}: {text}", flush=True), ready, alive)
+    except Exception as error:
+        print(f"{name}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        return 2 if isinstance(error, (ValueError, OSError)) else 1
+    if process.hung:
+        print(f"{name}: {process.hung}", file=sys.stderr, flush=True)
+    return leave(process)
+
+
+def go_first() -> None:
+    """Be scheduled before processes that only compute, where this user may ask for that."""
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, CONTROL_PRIORITY)
+
+
+def share_to_json(share: Share) -> dict[str, Any]:
+    """A share as JSON."""
+    return {**vars(share), "sources": [list(source) for source in share.sources], "link": link_to_json(share.link)}
+
+
+def share_from_json(given: dict[str, Any]) -> Share:
+    """A share from its JSON."""
+    sources = tuple((role, name) for role, name in given["sources"])
+    return Share(**{**given, "sources": sources, "link": link_from_json(given["link"])})
+
+
+if __name__ == "__main__":
+    sys.exit(main())

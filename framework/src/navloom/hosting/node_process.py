@@ -1,0 +1,335 @@
+"""One process of a live robot: its nodes, each on a thread of its own, over one session."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from navloom.engine.assembly import own_node
+from navloom.engine.build import System, configure, make_plugins, role_nodes
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
+from navloom.engine.node import Node
+from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.hosting.forking import keep_from_children
+from navloom.hosting.heartbeat import StopDetector
+from navloom.hosting.services import Services
+from navloom.live.barrier import BarrierEnded
+from navloom.live.barrier_runner import BarrierRunner
+from navloom.live.cell import Source
+from navloom.live.cells import Hosted, all_sources, make_cell
+from navloom.live.live import LiveRunner
+from navloom.live.live_gate import LiveGate
+from navloom.live.live_goal import LiveGoal
+from navloom.live.live_platform import LivePlatform
+from navloom.live.memory import Memory
+from navloom.live.monitor import MemoryReader
+from navloom.live.placing import spread
+from navloom.live.presence import Presence
+from navloom.live.run_clock import RunClock
+from navloom.live.switchboard import Switchboard
+from navloom.messages import Parameters
+from navloom.transport.keyspace import ATTENDANT, LINKED, KeySpace
+from navloom.transport.links import Link
+from navloom.transport.zenoh_bus import Bus, BusError
+
+__all__ = ["HUNG", "NodeProcess", "Share", "leave", "longest_seizure", "longest_step"]
+
+HUNG = 70
+"""Exit code of a process that gave up a node which hangs."""
+LONG = 30.0
+"""s that a step of a patient role may take."""
+RECOLLECT = 0.5
+"""s to ask for what must not be forgotten while some process does not answer."""
+ATTENDED = 20.0
+"""s from the robot's start in which its platform may wait for who attends it."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one process does.
+
+    Attributes:
+        name: Of the process.
+        sources: Its nodes.
+        link: How it joins the robot's network.
+        barrier: Ticks are held together instead of running by the clock.
+        start_ns: Platform host's monotonic clock at run clock 0.
+        attended: Somebody who hears everything comes beside the robot: the platform begins once it listens.
+    """
+
+    name: str
+    sources: tuple[Source, ...]
+    link: Link
+    barrier: bool = False
+    start_ns: int = 0
+    attended: bool = False
+
+
+@dataclass(eq=False)
+class NodeProcess:
+    """Runs its share of a robot until it is told to end.
+
+    Attributes:
+        system: The robot; plugins are made for this share alone.
+        share: What runs here.
+        ending: Set to end.
+        known: What who started it remembers of the time before, see `Memory`.
+        runners: By source, once it runs.
+        hung: Node that was given up; empty for none.
+        life: Tells this process from one that takes its place.
+    """
+
+    system: System
+    share: Share
+    ending: threading.Event = field(default_factory=threading.Event)
+    known: bytes = b""
+    runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
+    hung: str = ""
+    life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
+    _heard: threading.Event = field(default_factory=threading.Event)
+    _is_fork: bool = False
+
+    def run(
+        self,
+        say: Callable[[str], None] = lambda text: None,
+        ready: Callable[[], None] = lambda: None,
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Join, step, leave. Returns when `ending` is set, or a node in charge hangs.
+
+        Args:
+            say: Told what is being prepared.
+            ready: Called once every node is there.
+            alive: Called again and again while no node in charge hangs: what feeds a service manager's watchdog.
+
+        Raises:
+            ConfigError, LinkError, BusError: Nothing ran.
+        """
+        make_plugins(self.system, say, self.share.sources)
+
+        def goes_on() -> bool:
+            alive()
+            return not self.ending.is_set()
+
+        try:
+            joined = Bus(self.share.link, math.inf, say, goes_on)
+        except BusError:
+            if self.ending.is_set():
+                return
+            raise
+        with joined as bus:
+            keep_from_children(self.share.link, self._forked)
+            threads = self._start(bus, ready, alive)
+            self._watch(threads, alive)
+            self.ending.set()
+            for runner in self.runners.values():
+                runner.cell.mailbox.ring()
+            for thread in threads:
+                thread.join(1.0)
+
+    def _forked(self) -> None:
+        """A plugin forked, and this is the child: where the plugin does not end it, it must not go on as a node."""
+        self._is_fork = True
+
+    def _is_over(self) -> bool:
+        return self._is_fork or self.ending.is_set()
+
+    def _start(self, bus: Bus, ready: Callable[[], None], alive: Callable[[], None]) -> list[threading.Thread]:
+        robot = self.system.config.robot
+        keys = KeySpace(robot.realm, robot.name)
+        clock, memory = RunClock(), Memory()
+        age = None if self.share.barrier else clock.age_s
+        board = Switchboard(bus, keys, self.share.barrier, age, self.system.catalogue)
+        nodes = self._nodes()
+        hosted = {source: make_cell(self.system, source, node, board) for source, node in nodes.items()}
+        if self.share.barrier:
+            self.runners = {source: self._barrier_runner(cell) for source, cell in hosted.items()}
+            runs: list[Callable[[], None]] = [runner.run for runner in self.runners.values()]
+            live: dict[Source, LiveRunner] = {}
+        else:
+            memory.learn(self.known)
+            self._recollect(bus, keys, memory)
+            presence = Presence(keys, set(nodes), self._came)
+            live = {source: self._live_runner(cell, clock, memory, presence) for source, cell in hosted.items()}
+            self.runners = dict(live)
+            if self.share.attended and any(role == "platform" for role, _ in nodes):
+                bus.watch(keys.process(ATTENDANT, LINKED), lambda key, alive: self._heard.set())
+            monitor = MemoryReader(self.system, board, clock, memory, self._wake, self._is_over)
+            fetching = threading.Thread(target=presence.follow, args=(board.fetch, self._is_over), daemon=True)
+            for source, runner in live.items():
+                if source in self.system.parts:
+                    runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
+            self._restore(live, memory)
+            runs = [monitor.run, *(runner.run for runner in live.values())]
+        services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board)
+        board.connect()
+        services.offer()
+        if self.share.barrier:
+            self._await_others(bus, keys, alive)
+        else:
+            bus.watch(keys.alive("*", "*", "*"), lambda key, alive: self._change(presence, key, alive))
+            fetching.start()
+        threads = [threading.Thread(target=run, daemon=True) for run in runs]
+        for thread in threads:
+            thread.start()
+        for source in nodes:
+            bus.announce(keys.alive(*source, self.life))
+        ready()
+        return threads
+
+    def _await_others(self, bus: Bus, keys: KeySpace, alive: Callable[[], None]) -> None:
+        """Wait until every process hears this one and is heard: under the barrier no message may be lost.
+
+        A token is declared after the streams that its process reads, on the same link: who sees it can send to all.
+        """
+        wanted = set(spread(self.system.config, all_sources(self.system), None))
+        seen: set[str] = {self.share.name}
+
+        def change(key: str, alive: bool) -> None:
+            if alive:
+                seen.add(key.split("/")[-2])
+
+        bus.watch(keys.process("*", LINKED), change)
+        bus.announce(keys.process(self.share.name, LINKED))
+        while not wanted <= seen and not self.ending.wait(0.005):
+            alive()
+
+    def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
+        """Ask every other process what must not be forgotten; whom a new link leads to is known a moment after it."""
+        limit, link = time.monotonic() + RECOLLECT, self.share.link
+        peers = link.peers if link.mesh is None else link.mesh.link.peers
+        # One that has just begun itself does not know the clock that others go by; behind a router they may come later.
+        needs_clock = link.is_spread and any(role == "platform" for role, _ in self.share.sources)
+        while bus.neighbours():
+            answers = list(bus.ask(keys.process("*", "memory"), timeout=1.0))
+            for answer in answers:
+                memory.learn(answer.data)
+            is_enough = len(answers) >= max(1, peers) and (memory.clock_ns >= 0 or not needs_clock)
+            if is_enough or time.monotonic() > limit:
+                return
+            time.sleep(0.02)
+
+    def _nodes(self) -> dict[Source, Node]:
+        """The nodes of this share in the order of the graph."""
+        plugins = role_nodes(self.system, self.share.sources)
+        made: dict[Source, Node] = {}
+        for source in all_sources(self.system):
+            if source in self.share.sources:
+                own = own_node(self.system, source[0], lambda role, name: False, is_live=not self.share.barrier)
+                made[source] = own if own is not None else plugins[source]
+        return made
+
+    def _barrier_runner(self, hosted: Hosted) -> BarrierRunner:
+        def check() -> None:
+            if self._is_over():
+                raise BarrierEnded
+
+        source = hosted.cell.source
+        return BarrierRunner(
+            hosted.cell, hosted.requests, hosted.selection, self.system,
+            lambda values: self.configure(source, values), check,
+        )  # fmt: skip
+
+    def _live_runner(self, hosted: Hosted, clock: RunClock, memory: Memory, presence: Presence) -> LiveRunner:
+        config = self.system.config
+        role = hosted.cell.source[0]
+        common = (hosted, clock, config.run.period, self._is_over)
+        if role == "platform":
+            # Others that are there go by the clock of the platform before this one: it is not put back.
+            start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
+            return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
+        if role == "gate":
+            return LiveGate(*common, config.gate.stop_deadline, presence.is_alive, self.system)
+        return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
+
+    def _may_begin(self) -> bool:
+        """Whoever attends the robot hears it, or has had its time: a platform that comes back waits for nobody."""
+        late = time.monotonic_ns() - self.share.start_ns > ATTENDED * 1e9
+        return not self.share.attended or late or self._heard.is_set()
+
+    def configure(self, source: Source, values: tuple[str, ...]) -> None:
+        """Change an instance's parameters, all or none. Raises ConfigError for what does not fit."""
+        configure(self.system, *source, values)
+
+    def _restore(self, live: Mapping[Source, LiveRunner], memory: Memory) -> None:
+        """Go on where an earlier process of this share was, as far as others remember."""
+        for source, runner in live.items():
+            if memory.selected:
+                runner.recall(memory.selected, max(0, memory.epoch))
+            version, values = memory.parameters.get(" ".join(source), (0, ()))
+            if values:
+                self.configure(source, values)
+                runner.cell.versions = version
+                runner.cell.outlets["parameters"].publish(Parameters(version, values), 0, 0, 0, 0)
+            node = runner.cell.node
+            if isinstance(node, GateNode) and memory.epoch >= 0:
+                node.restore(memory.epoch, memory.selected, memory.stop[1])
+            if isinstance(node, GoalNode) and memory.goal[0] >= 0:
+                node.machine.begin(memory.goal[0] + 1, memory.goal[1])
+
+    def _wake(self, entry: str) -> None:
+        """An instance that waits is to take over: it steps from now on."""
+        role, _, name = entry.partition(" ")
+        runner = self.runners.get((role, name))
+        if runner is not None:
+            runner.cell.stepper.enabled = True
+            runner.cell.mailbox.ring()
+
+    def _change(self, presence: Presence, key: str, alive: bool) -> None:
+        """A token appeared or vanished: the gate looks at once whether somebody is gone without whom nobody drives."""
+        presence.change(key, alive)
+        for runner in self.runners.values():
+            if isinstance(runner, LiveGate):
+                runner.cell.mailbox.ring()
+
+    def _came(self, source: Source, again: bool) -> None:
+        """Somebody came up: the goal must know of an active mapper or planner that did so again."""
+        for runner in self.runners.values():
+            if isinstance(runner, LiveGoal) and again and runner.cell.in_charge(source):
+                runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
+
+    def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
+        """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
+        limit = self.system.config.live.hang_timeout
+        stops = StopDetector()
+        while not self.ending.wait(0.1):
+            went_on_ns = stops.look()
+            for source, runner in self.runners.items():
+                stepper = runner.cell.stepper
+                since_ns = stepper.busy_since_ns
+                allowed = longest_step(source[0], limit, self.system.catalogue)
+                if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
+                    continue
+                if time.monotonic_ns() - max(since_ns, went_on_ns) > allowed * 1e9:
+                    self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s"
+                    return
+            if not all(thread.is_alive() for thread in threads):
+                self.hung = "a node's thread ended by itself"
+                return
+            alive()
+
+
+def longest_step(role: str, hang_timeout: float, catalogue: Catalogue = FRAMEWORK) -> float:
+    """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
+    return max(hang_timeout, LONG) if catalogue.is_patient(role) else hang_timeout
+
+
+def longest_seizure(sources: Sequence[Source], hang_timeout: float) -> float:
+    """How long one node may hold the GIL in the process of these, while all others wait, s.
+
+    That of the least patient. The goal does not count: beside a mapper or a planner it has to wait.
+    """
+    roles = [role for role, _ in sources if role != "goal"]
+    return min((longest_step(role, hang_timeout) for role in roles), default=hang_timeout)
+
+
+def leave(process: NodeProcess) -> int:
+    """Exit code; a process with a hanging node ends at once, since its thread cannot be ended."""
+    if process.hung:
+        os._exit(HUNG)
+    return 0

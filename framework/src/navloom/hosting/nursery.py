@@ -1,0 +1,285 @@
+"""Where node processes come from: one process has imported what all of them need, and each is forked off it.
+
+Importing takes a process longer than everything else it does before it is ready, so one that died is back in a
+fraction of the time. The nursery itself has no threads, imports no plugin and joins no network. What it forks belongs
+to the supervisor, not to it: its own death ends nobody, and until there is another, processes are started in full.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import importlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO
+
+from navloom.hosting.descendants import MARK, PROCESS, Descendant, descendants, end_all
+from navloom.hosting.directory import RobotFolder
+from navloom.hosting.shared_memory import remove_orphans
+
+__all__ = ["READY", "Born", "Nursery", "main"]
+
+PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
+READY = 60.0
+"""s the nursery may take to import everything."""
+LAST = 4.5
+"""s after the supervisor's death in which what was born may end; a moment more than it gives itself."""
+BIRTH = 5.0
+"""s a birth may take: it takes some ms."""
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment: libraries must not start threads before the fork."""
+
+
+class Born:
+    """A process that was forked off the nursery and is this process's child: as much of `Popen` as is needed."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Exit code, or minus the signal that ended it; None while it runs."""
+        if self.returncode is None:
+            try:
+                pid, status = os.waitpid(self.pid, os.WNOHANG)
+            except ChildProcessError:  # somebody else has seen it end
+                self.returncode = 1
+            else:
+                self.returncode = os.waitstatus_to_exitcode(status) if pid else None
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end. Raises subprocess.TimeoutExpired after s."""
+        limit = None if timeout is None else time.monotonic() + timeout
+        while self.poll() is None:
+            if limit is not None and time.monotonic() > limit:
+                raise subprocess.TimeoutExpired(f"process {self.pid}", timeout or 0.0)
+            time.sleep(0.005)
+        assert self.returncode is not None
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        self.send_signal(signal.SIGKILL)
+
+
+class Nursery:
+    """The supervisor's side.
+
+    Args:
+        log: File for what it says.
+        environment: More variables for it, and so for every process that comes from it.
+    """
+
+    def __init__(self, log: Path, environment: Mapping[str, str] = {}) -> None:
+        self._log, self._environment = log, environment
+        self._process: subprocess.Popen[bytes] | None = None
+        self._line: socket.socket | None = None
+        self._is_ready = False
+
+    @staticmethod
+    def is_possible() -> bool:
+        """Only Linux gives a child of a child away."""
+        return sys.platform == "linux"
+
+    def start(self) -> None:
+        """Start it; it is ready a little later."""
+        if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0):
+            return
+        ours, theirs = socket.socketpair()
+        with theirs, _writable(self._log) as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "navloom.hosting.nursery", str(theirs.fileno()), str(os.getpid())],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=[theirs.fileno()],
+                process_group=0,
+                env={**os.environ, **ONE_THREAD, **self._environment},
+            )
+        self._line, self._is_ready = ours, False
+
+    @property
+    def pid(self) -> int | None:
+        """Of its process; None while there is none."""
+        return None if self._process is None else self._process.pid
+
+    def bear(self, name: str, module: str, spec: Path, log: Path, patience: float) -> Born | None:
+        """A new process that runs `module.main()` with the path of a file; None where it has to be started in full.
+
+        Args:
+            name: Of the process, for who lists processes.
+            module: With a `main` that gives an exit code; it reads the path as `sys.argv[1]`.
+            spec: The file.
+            log: What it writes is added there.
+            patience: s to wait for the nursery to be ready.
+        """
+        if not self._wait_ready(patience) or self._line is None:
+            return None
+        order = {"name": name, "module": module, "spec": str(spec), "log": str(log)}
+        try:
+            self._line.settimeout(BIRTH)
+            self._line.sendall(json.dumps(order).encode() + b"\n")
+            return Born(int(self._line.recv(32)))
+        except (OSError, ValueError):
+            self.close()
+            return None
+
+    def close(self) -> None:
+        """End it; what came from it runs on."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _wait_ready(self, patience: float) -> bool:
+        if self._process is None or self._process.poll() is not None:
+            self.close()
+            self.start()
+        if not self._is_ready and self._line is not None:
+            self._line.settimeout(max(0.001, patience))
+            with contextlib.suppress(OSError):
+                self._is_ready = self._line.recv(1) == b"+"
+        return self._is_ready
+
+
+def main() -> None:
+    """Bear a process for each line that comes, until the supervisor is gone; then what it bore has to end, too."""
+    supervisor = int(sys.argv[2])
+    borne: list[int] = []
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    line = socket.socket(fileno=int(sys.argv[1]))
+    _import_all()
+    gc.collect()
+    gc.freeze()
+    with contextlib.suppress(OSError):
+        line.sendall(b"+")
+        for order in line.makefile("rb"):
+            borne.append(_bear(json.loads(order), line, supervisor))
+            line.sendall(b"%d" % borne[-1])
+    _end(borne)
+    end_all(lambda: _others(supervisor))
+    remove_orphans()
+    _clear_sockets()
+
+
+def _others(supervisor: int) -> list[Descendant]:
+    """What plugins started below the supervisor and did not end."""
+    if MARK not in os.environ:
+        return []
+    return [one for one in descendants() if one.supervisor == supervisor and one.pid != os.getpid()]
+
+
+def _clear_sockets() -> None:
+    """Remove the robot's sockets, unless another supervisor has it by now. What it ran stays, for `navloom doctor`."""
+    _, _, path = os.environ.get(MARK, "").partition(":")
+    realm, _, robot = Path(path).name.partition(".")
+    folder = RobotFolder(realm, robot)
+    if path and folder.path == Path(path) and folder.path.is_dir() and folder.lock():
+        folder.clear_sockets()
+        folder.unlock()
+
+
+def _writable(path: Path) -> IO[bytes]:
+    """The file, or one that takes everything where it cannot be written."""
+    try:
+        return path.open("wb")
+    except OSError:
+        return open(os.devnull, "wb")
+
+
+def _end(borne: Sequence[int]) -> None:
+    """Have processes end: told first, since the system tells one that is just stopping nothing, then made to."""
+    for number in (signal.SIGTERM, signal.SIGCONT):
+        _send(borne, number)
+    limit = time.monotonic() + LAST
+    while any(map(_is_there, borne)) and time.monotonic() < limit:
+        time.sleep(0.02)
+    _send(borne, signal.SIGKILL)
+
+
+def _send(borne: Sequence[int], number: int) -> None:
+    for pid in filter(_is_there, borne):
+        with contextlib.suppress(OSError):
+            os.kill(pid, number)
+
+
+def _is_there(pid: int) -> bool:
+    """It is still the one that was born here."""
+    try:
+        return os.getpgid(pid) == pid and os.getsid(pid) == os.getsid(0)
+    except OSError:
+        return False
+
+
+def _import_all() -> None:
+    import scipy.ndimage  # noqa: F401
+
+    import navloom.hosting.node_main  # noqa: F401
+
+
+def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
+    """Fork twice, so that the second process becomes the supervisor's own; gives its number."""
+    reading, writing = os.pipe()
+    first = os.fork()
+    if first == 0:
+        second = os.fork()
+        if second:
+            os.setpgid(second, second)  # done before anybody knows its number
+            os.write(writing, b"%d" % second)
+            os._exit(0)
+        for number in (line.fileno(), reading, writing):
+            os.close(number)
+        _live(order, supervisor)
+    os.waitpid(first, 0)
+    pid = int(os.read(reading, 32))
+    os.close(reading)
+    os.close(writing)
+    return pid
+
+
+def _live(order: dict[str, str], supervisor: int) -> None:
+    """In the new process: be what was ordered, and end."""
+    limit = time.monotonic() + BIRTH
+    while os.getppid() != supervisor and time.monotonic() < limit:
+        time.sleep(0.001)
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    with open(order["log"], "ab") as log:
+        _take_over(log)
+    ctypes.CDLL(None).prctl(PR_SET_NAME, order["name"].encode()[:15], 0, 0, 0)
+    sys.argv = [order["module"], order["spec"]]
+    os.environ[PROCESS] = order["name"]
+    code = 1
+    try:
+        code = importlib.import_module(order["module"]).main()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _take_over(log: IO[bytes]) -> None:
+    for number in (1, 2):
+        os.dup2(log.fileno(), number)
+
+
+if __name__ == "__main__":
+    main()

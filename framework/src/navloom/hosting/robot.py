@@ -1,0 +1,224 @@
+"""A live robot as the one who starts it sees it: its folder, its processes, and whether everybody is there."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+from navloom.engine.build import System
+from navloom.errors import NavloomError
+from navloom.hosting.directory import DirectoryError, RobotFolder, Running
+from navloom.hosting.network import Network
+from navloom.hosting.node_process import Share
+from navloom.hosting.supervisor import ProcessTask, Supervisor, node_task, router_task
+from navloom.live.cell import Source
+from navloom.live.cells import all_sources
+from navloom.live.memory import Memory
+from navloom.live.monitor import MemoryReader
+from navloom.live.placing import spread
+from navloom.live.presence import Presence
+from navloom.live.switchboard import Switchboard
+from navloom.transport.keyspace import KeySpace
+from navloom.transport.tool_sessions import expiring
+from navloom.transport.zenoh_bus import Bus
+
+__all__ = ["LiveRobot", "StartError"]
+
+DAY = 86400.0
+"""s between two warnings of certificates that expire soon."""
+JOIN = 15.0
+"""s to wait for a router of this host's own."""
+REACHABLE = 5.0
+"""Longest wait until a router shows the processes that are there, s."""
+
+
+class StartError(NavloomError, RuntimeError):
+    """The robot did not come up; the text says who is missing and what it said last."""
+
+    exit_code = 1
+
+
+class LiveRobot:
+    """Processes of a robot on this host, supervised. Use it in a `with` statement.
+
+    Args:
+        system: The robot.
+        network: How its processes find each other.
+        host: Share of the config's `[live.hosts]` to start; None for all of it.
+        barrier: Ticks are held together, and no process is started again.
+        say: Told what happens.
+        attended: A recorder comes beside it, and is to hear the first tick.
+        ends: Whether nobody wants it any more, while its router is waited for.
+
+    Raises:
+        DirectoryError: It is up already, or its folder cannot be used; LinkError, BusError: it cannot be linked.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        network: Network,
+        host: str | None,
+        barrier: bool,
+        say: Callable[[str], None],
+        attended: bool = False,
+        ends: Callable[[], bool] = lambda: False,
+    ) -> None:
+        config = system.config
+        self.system, self.network, self.barrier, self.attended = system, network, barrier, attended
+        self.keys = KeySpace(config.robot.realm, config.robot.name)
+        self.folder = RobotFolder(config.robot.realm, config.robot.name)
+        self.started_ns = time.monotonic_ns()
+        self._shares = spread(config, all_sources(system), host)
+        self._say, self._ends = say, ends
+        self._changed = threading.Condition()
+        self._presence = Presence(self.keys, (), self._came)
+        self._memory, self._ended = Memory(), threading.Event()
+        self._warned = -math.inf
+
+    def __enter__(self) -> LiveRobot:
+        self.network.check()
+        self.warn_of_expiry()
+        self.folder.make()
+        if not self.folder.lock():
+            running = self.folder.read()
+            who = f" (process {running.pid})" if running is not None else ""
+            ends = f"`navloom down --robot {self.keys.prefix}` ends it"
+            if running is not None and not running.supervised:
+                ends = "its nodes were started one by one: end those first"
+            raise DirectoryError(
+                f"robot {self.keys.prefix} is up already{who}: {ends}, or --set robot.name=NAME starts another"
+            )
+        self.folder.clear()
+        try:
+            self.supervisor = Supervisor(
+                self.system.loaded.config.live, self.folder, self._tasks(), self._say, self._memory.to_bytes
+            )
+        except BaseException:
+            self.folder.unlock()
+            raise
+        try:
+            self.supervisor.start()
+            self.folder.write(self.running())
+            link, starts_router = self.network.outsider(self.folder, self._shares), self.network.starts_router
+            patience = JOIN if starts_router else math.inf  # another host's router may come any time
+            self.bus = Bus(link, patience, self._say, lambda: not self._ends(), waits=starts_router)
+            if not self.barrier:
+                self._remember()
+            self.bus.watch(self.keys.alive("*", "*", "*"), self._presence.change)
+        except BaseException:
+            self._stop()
+            raise
+        return self
+
+    def warn_of_expiry(self) -> None:
+        """Say which certificates expire soon, once a day: when they do, the robot's links end, and it stops."""
+        if time.monotonic() - self._warned > DAY:
+            self._warned = time.monotonic()
+            for warning in expiring(self.network.folder):
+                self._say(warning)
+
+    def _remember(self) -> None:
+        """Keep what must outlive every process of the robot, where there may be one alone that knows it."""
+        board = Switchboard(self.bus, self.keys, lossless=False)
+        monitor = MemoryReader(self.system, board, None, self._memory, lambda entry: None, self._ended.is_set)
+        board.connect()
+        threading.Thread(target=monitor.run, daemon=True).start()
+        threading.Thread(target=self._presence.follow, args=(board.fetch, self._ended.is_set), daemon=True).start()
+
+    def _tasks(self) -> list[ProcessTask]:
+        """The processes of this host: its router first, where it has one."""
+        links = self.network.links(self.folder, self._shares)
+        shares = [
+            Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
+            for name, sources in self._shares.items()
+        ]
+        router = self.network.router_link()
+        return [
+            *([] if router is None else [router_task(router)]),
+            *(node_task(self.system.loaded, share) for share in shares),
+        ]
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._stop()
+        finally:
+            self.bus.close()
+
+    def running(self) -> Running:
+        """For the runtime file."""
+        ends = self.network.outsider(self.folder, self._shares)
+        return Running(
+            self.keys.realm, self.keys.robot, os.getpid(), ends.connect, ends.mode == "client",
+            self.system.loaded.name, self.barrier, str(ends.credentials.absolute()) if ends.credentials else "",
+        )  # fmt: skip
+
+    def missing(self) -> list[Source]:
+        """Nodes of the whole robot that are not there."""
+        sources = [source for source in all_sources(self.system) if source[0] != "operator"]
+        return [source for source in sources if not self._presence.is_alive(source)]
+
+    def wait_complete(
+        self,
+        timeout: float,
+        progress: Callable[[Sequence[Source]], None] = lambda left: None,
+        ends: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Wait until every node is there, or `ends` says that nobody waits any more.
+
+        Raises:
+            StartError: Somebody is missing after s, or a process will not start.
+        """
+        limit = time.monotonic() + timeout
+        while (missing := self.missing()) and not ends():
+            progress(missing)
+            for child in self.supervisor.poll(restarts=not self.barrier):
+                if self.barrier or child.state == "failed" or child.why == "ended with code 2":
+                    raise StartError(
+                        f"process {child.task.name} {child.why}: {self.supervisor.tail(child) or 'it said nothing'}"
+                    )
+            if time.monotonic() > limit:
+                names = ", ".join(f"{role} {name}" for role, name in missing)
+                raise StartError(f"not there after {timeout:g} s: {names}; {self._advice(missing)}")
+            with self._changed:
+                self._changed.wait(0.2)
+        self._await_reachable(ends)
+
+    def _await_reachable(self, ends: Callable[[], bool]) -> None:
+        """Wait a moment until the router, where it is there, shows the processes of this host to tools."""
+        if not self.network.router:
+            return
+        wanted = {f"{role}/{name}" for sources in self._shares.values() for role, name in sources}
+        limit = time.monotonic() + REACHABLE
+        while self.bus.has_router() and time.monotonic() < limit and not ends():
+            shown = {"/".join(self.keys.split(key)[:2]) for key in self.bus.shown(self.keys.alive("*", "*", "*"))}
+            if wanted <= shown:
+                return
+            time.sleep(0.05)
+
+    def _advice(self, missing: Sequence[Source]) -> str:
+        here = {source for sources in self._shares.values() for source in sources}
+        away = [source for source in missing if source not in here]
+        if away:
+            return "they belong to other hosts: start those with `navloom up --host NAME`, and see `navloom doctor`"
+        said = [f"{name}: {self.supervisor.tail(child)}" for name, child in self.supervisor.children.items()]
+        return "their processes said last: " + " | ".join(said)
+
+    def _came(self, source: Source, again: bool) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    def _stop(self) -> None:
+        self._ended.set()
+        try:
+            self.supervisor.stop()
+            if self.folder.is_there():
+                self.folder.clear()
+        finally:
+            self.folder.unlock()

@@ -1,0 +1,386 @@
+"""Starts a robot's processes, restarts those that crash, and leaves none behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from navloom.config import Loaded
+from navloom.config.schema import LiveTable
+from navloom.hosting.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
+from navloom.hosting.directory import Fate, RobotFolder
+from navloom.hosting.folder_keeper import FolderKeeper
+from navloom.hosting.heartbeat import HeartMonitor
+from navloom.hosting.node_main import share_to_json
+from navloom.hosting.node_process import HUNG, Share, longest_seizure
+from navloom.hosting.nursery import READY, Born, Nursery
+from navloom.hosting.process import SEIZED, link_to_json
+from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, older_log
+from navloom.hosting.shared_memory import remove_orphans
+from navloom.transport.links import Link
+
+__all__ = ["Worker", "Supervisor", "ProcessTask", "node_task", "router_task"]
+
+NODE = "navloom.hosting.node_main"
+FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
+"""s before the first restart, and at most before a later one."""
+HEALTHY = 5.0
+"""s a process must run for its next crash to count as a first one."""
+STOP_WAIT = 1.0
+"""s each group of processes may take to end in order, before it is killed."""
+CHORES = 0.5
+"""Time between two looks at what has no haste, the folder and orphans, s."""
+WRITE_AGAIN = 1.0
+"""Time between two tries to write what has become of the processes, where that failed, s."""
+
+
+@dataclass(frozen=True)
+class ProcessTask:
+    """What a process is started with.
+
+    Attributes:
+        name: Of the process.
+        module: Python module that is run with the path of a JSON file.
+        given: What the file holds.
+        roles: Of the nodes it runs, for the order in which processes end.
+        patience: How long one of its nodes may hold the GIL, s; None where it may do so for ever.
+    """
+
+    name: str
+    module: str
+    given: Mapping[str, Any]
+    roles: frozenset[str] = frozenset()
+    patience: float | None = None
+
+
+def node_task(loaded: Loaded, share: Share) -> ProcessTask:
+    """The process of a share."""
+    given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
+    roles = frozenset(role for role, _ in share.sources)
+    # Ticks that are held together have no deadline.
+    patience = None if share.barrier else longest_seizure(share.sources, loaded.config.live.hang_timeout)
+    return ProcessTask(share.name, NODE, given, roles, patience)
+
+
+def router_task(link: Link) -> ProcessTask:
+    """The process of a router."""
+    return ProcessTask("router", "navloom.hosting.router_main", {"link": link_to_json(link)})
+
+
+@dataclass(eq=False)
+class Worker:
+    """A process and its fate.
+
+    Attributes:
+        task: What it does.
+        process: It, while there is one.
+        crashes: Times of those within the window, s, monotonic.
+        restarts: How often it was started again.
+        state: starting, running, waiting (for its restart), failed or ended.
+        why: How it ended last.
+        verdict: Why the supervisor has killed it; empty where it has not.
+        log: What it writes.
+        heart: Its signs of life, where it must give some.
+        spec: Open file with what it was started with, in memory; -1 for none.
+    """
+
+    task: ProcessTask
+    log: ProcessLog
+    heart: HeartMonitor
+    process: subprocess.Popen[bytes] | Born | None = None
+    started: float = 0.0
+    again_at: float = 0.0
+    wait: float = FIRST_WAIT
+    crashes: deque[float] = field(default_factory=deque)
+    restarts: int = 0
+    state: str = "starting"
+    why: str = ""
+    verdict: str = ""
+    spec: int = -1
+
+
+class Supervisor:
+    """Keeps the processes of one host running.
+
+    Args:
+        live: Limits of restarts.
+        folder: The robot's.
+        tasks: What each process does.
+        say: Told what happens to them.
+        recall: What a process that is started must know of the time before, as JSON.
+    """
+
+    def __init__(
+        self,
+        live: LiveTable,
+        folder: RobotFolder,
+        tasks: Sequence[ProcessTask],
+        say: Callable[[str], None],
+        recall: Callable[[], bytes] = bytes,
+    ) -> None:
+        self._live, self._folder, self._say, self._recall = live, folder, say, recall
+        self.children = {
+            task.name: Worker(task, ProcessLog(folder.path / f"{task.name}.log"), HeartMonitor()) for task in tasks
+        }
+        self._groups: set[int] = set()
+        self._keeper = FolderKeeper(folder, list(self.children), say)
+        self._cannot_write = ""
+        self._write_again = math.inf
+        self._chores_at = 0.0
+        self._nursery: Nursery | None = None
+        if Nursery.is_possible() and any(task.module == NODE for task in tasks):
+            self._nursery = Nursery(folder.path / "nursery.log", mark(folder.path))
+
+    def start(self) -> None:
+        """Start all of them, after what an earlier supervisor has left was ended."""
+        left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
+        if left:
+            self._say(f"ended what was left of an earlier robot of this name: {_listed(left)}")
+        if self._nursery is not None:
+            self._nursery.start()
+        for child in self.children.values():
+            self._start(child, READY)
+
+    def poll(self, restarts: bool = True) -> list[Worker]:
+        """Look after them: those that ended by themselves since the last look; they are started again in due time."""
+        fallen = []
+        now = time.monotonic()
+        if now >= self._chores_at:
+            self._chores_at = now + CHORES
+            self._do_chores()
+        for child in self.children.values():
+            self._bound(child)
+            if child.process is not None and child.process.poll() is not None:
+                self._repair_folder()  # where others read what became of it, and the next one listens
+                self._bury(child, now)
+                fallen.append(child)
+            elif child.state == "waiting" and restarts and now >= child.again_at:
+                child.restarts += 1
+                self._start(child, 0.0)
+            elif child.state == "running":
+                self._watch(child)
+                if now - child.started > HEALTHY:
+                    child.wait = FIRST_WAIT
+        if now > self._write_again:
+            self._write_down()
+        return fallen
+
+    def _do_chores(self) -> None:
+        """Repair the folder, and reap orphans."""
+        self._repair_folder()
+        reap_orphans(self._groups, self._own_pids())
+
+    def _repair_folder(self) -> None:
+        """Make the folder again where it was deleted."""
+        if self._keeper.look():
+            for child in self.children.values():
+                child.log.link()
+            self._write_down()
+
+    def stop(self) -> None:
+        """End them in order: those that compute, the gate, which stops the robot, the platform, and the router."""
+        if self._nursery is not None:
+            self._nursery.close()
+        for group in (self._group(lambda roles: bool(roles) and not roles & {"gate", "platform"}),
+                      self._group(lambda roles: "gate" in roles and "platform" not in roles),
+                      self._group(bool),
+                      self._group(lambda roles: True)):  # fmt: skip
+            for child in group:
+                _send(child, signal.SIGTERM)
+            limit = time.monotonic() + STOP_WAIT
+            for child in group:
+                self._await_end(child, limit)
+        me, path = os.getpid(), self._folder.path
+        left = end_all(lambda: [one for one in descendants() if (one.supervisor, one.folder) == (me, path)])
+        reap_orphans(self._groups, self._own_pids())
+        if left:
+            self._say(f"ended what its processes left: {_listed(left)}")
+        for child in self.children.values():
+            child.log.close()
+            child.heart.close()
+            _close(child)
+        self._keeper.close()
+        remove_orphans()
+
+    def tail(self, child: Worker, lines: int = 3) -> str:
+        """The last lines a process wrote."""
+        return self._folder.last_words(child.task.name, lines)
+
+    def _start(self, child: Worker, patience: float) -> None:
+        """Start a process; patience is the s to wait for the nursery to be ready."""
+        name, module = child.task.name, child.task.module
+        heart = child.heart.path if child.task.patience is not None else ""
+        known = {"parent": os.getpid(), "known": self._recall().decode(), "heart": heart}
+        spec = self._hand_over(child, json.dumps({**child.task.given, **known}))
+        self._keeper.forget(name)
+        child.heart.reset()
+        child.log.reopen()
+        child.process = None
+        if self._nursery is not None and module == NODE:
+            child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
+        if child.process is None:
+            self._end_descendants(name)  # the nursery may have forked one all the same, and said so too late
+            child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})
+        self._groups.add(child.process.pid)
+        child.started = time.monotonic()
+        child.state, child.verdict = "running", ""
+        self._write_down()
+
+    def _hand_over(self, child: Worker, text: str) -> Path:
+        """A file for a process to read; in memory, where the system has that: a full disk must not stop a restart."""
+        _close(child)
+        if sys.platform == "linux":
+            child.spec = os.memfd_create("task", os.MFD_CLOEXEC)
+            with open(child.spec, "w", encoding="utf-8", closefd=False) as file:
+                file.write(text)
+            return Path(f"/proc/{os.getpid()}/fd/{child.spec}")
+        path = self._folder.path / f"{child.task.name}.task.json"
+        path.write_text(text, "utf-8")
+        return path
+
+    def _watch(self, child: Worker) -> None:
+        """Kill a process in which a node holds the GIL for too long, sleeping or not."""
+        patience, process = child.task.patience, child.process
+        if patience is not None and process is not None and child.heart.silence(process.pid) > patience:
+            child.verdict = f"was ended: a node held the GIL for {patience:g} s"
+            process.kill()
+
+    def _bound(self, child: Worker) -> None:
+        """Keep a process's log within its bounds, and say so the first time that something of it is lost."""
+        before = child.log.cut
+        child.log.bound()
+        if child.log.cut > before:
+            self._write_again = min(self._write_again, time.monotonic() + WRITE_AGAIN)
+            if not before:
+                self._say(
+                    f"process {child.task.name} writes much: of {child.log.path} and {older_log(child.log.path).name} "
+                    f"the last {LARGEST_LOG >> 20} MB each are kept"
+                )
+
+    def _own_pids(self) -> set[int]:
+        """Children whose end is waited for elsewhere than in `reap_orphans`."""
+        pids = {child.process.pid for child in self.children.values() if child.process is not None}
+        return pids | ({self._nursery.pid} if self._nursery is not None and self._nursery.pid else set())
+
+    def _end_descendants(self, name: str, pid: int = -1) -> None:
+        """End what a process that is gone has started: it may hold the socket, the port or the device of the next."""
+        own = self._own_pids() | {os.getpid()}
+
+        def left() -> list[Descendant]:
+            return [
+                one for one in descendants()
+                if one.folder == self._folder.path and one.pid not in own
+                and (pid in (one.group, one.session) or one.process in (name, name[:15]))
+            ]  # fmt: skip
+
+        ended = end_all(left)
+        if ended:
+            self._say(f"ended what process {name} left: {_listed(ended)}")
+
+    def _bury(self, child: Worker, now: float) -> None:
+        assert child.process is not None
+        code, pid, name = child.process.poll(), child.process.pid, child.task.name
+        assert code is not None
+        child.process = None
+        self._end_descendants(name, pid)
+        remove_orphans()
+        child.why = child.verdict or _why(code)
+        child.crashes.append(now)
+        while child.crashes and now - child.crashes[0] > self._live.restart_window:
+            child.crashes.popleft()
+        if len(child.crashes) > self._live.restart_limit:
+            child.state = "failed"
+            self._say(
+                f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
+                f"left down. It said last: {self.tail(child)}"
+            )
+            self._write_down()
+            return
+        child.state, child.again_at = "waiting", now + child.wait
+        self._say(
+            f"process {name} {child.why}; it is started again in {child.wait:g} s. It said last: {self.tail(child)}"
+        )
+        child.wait = min(2 * child.wait, LONGEST_WAIT)
+        self._write_down()
+
+    def _write_down(self) -> None:
+        """Write the fate of each process for other programs; where that fails, say so once and try again later."""
+        fates = {
+            name: Fate(
+                child.process.pid if child.process else None, child.state, child.restarts, child.why, child.log.cut
+            )
+            for name, child in self.children.items()
+        }
+        try:
+            self._folder.write_fates(fates)
+        except OSError as error:
+            self._write_again = time.monotonic() + WRITE_AGAIN
+            if self._cannot_write != str(error):
+                self._cannot_write = str(error)
+                self._say(f"{error}; the robot goes on, `navloom doctor` does not see what becomes of its processes")
+        else:
+            self._cannot_write, self._write_again = "", math.inf
+
+    def _group(self, belongs: Callable[[frozenset[str]], bool]) -> list[Worker]:
+        return [child for child in self.children.values() if child.process is not None and belongs(child.task.roles)]
+
+    def _await_end(self, child: Worker, limit: float) -> None:
+        process = child.process
+        if process is None:
+            return
+        try:
+            process.wait(max(0.0, limit - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        child.process, child.state = None, "ended"
+
+
+def _popen(module: str, spec: Path, log: ProcessLog, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", module, str(spec)],
+        stdin=subprocess.DEVNULL,
+        stdout=log.file,
+        stderr=log.file,
+        env={**os.environ, **environment},
+        # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session: when
+        # the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
+        process_group=0,
+    )
+
+
+def _close(child: Worker) -> None:
+    if child.spec >= 0:
+        os.close(child.spec)
+        child.spec = -1
+
+
+def _listed(ended: Sequence[Descendant]) -> str:
+    return ", ".join(map(str, ended))
+
+
+def _send(child: Worker, number: signal.Signals) -> None:
+    if child.process is not None:
+        with contextlib.suppress(ProcessLookupError):
+            child.process.send_signal(number)
+            child.process.send_signal(signal.SIGCONT)  # one that was stopped could not end
+
+
+def _why(code: int) -> str:
+    if code == -SEIZED:
+        return "was ended: a node computed without ever letting go of Python"
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return f"was ended by {signal.Signals(-code).name}"
+    return "gave up a node that hangs" if code == HUNG else f"ended with code {code}"

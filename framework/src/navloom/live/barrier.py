@@ -1,0 +1,126 @@
+"""What holds ticks together over the wire: readers wait for reports, and let messages in by their high-water marks.
+
+Every node reports every tick with the mark of each port. A message belongs to the tick in whose report its sequence
+number first appears, so the order in which the network delivers does not matter. Alternatives are not waited for.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from navloom.live.cell import Source
+from navloom.live.mailbox import Inlet, Mailbox
+from navloom.messages import Envelope, Message, StepReport
+
+__all__ = ["Barrier", "BarrierEnded", "InstanceProgress"]
+
+LOOK_UP = 0.2
+"""s between looks at whether the run was ended, while waiting."""
+
+
+class BarrierEnded(Exception):
+    """The process ends, so nobody waits any more."""
+
+
+@dataclass
+class InstanceProgress:
+    """How far an instance is: the last tick it reported, the marks of its ports then, what it waits for, and its first
+    fault.
+    """
+
+    done: int = -1
+    marks: dict[str, int] = field(default_factory=dict)
+    enabled: bool = False
+    duration_ns: int = 0
+    waiting: str = ""
+    fault: tuple[int, str] | None = None
+
+
+@dataclass(eq=False)
+class _Stream:
+    """Messages of one port: those that are here, and the marks of the ticks not used yet."""
+
+    inlet: Inlet
+    taken: int = 0
+    opened: deque[tuple[Message, Envelope]] = field(default_factory=deque)
+    marks: deque[tuple[int, int]] = field(default_factory=deque)
+
+
+class Barrier:
+    """Reports and streams of several instances, read tick by tick by one thread.
+
+    Args:
+        mailbox: Woken by all of them.
+        reports: Inlet of the step reports by source.
+        streams: Inlets of the ports read, each with its source and port.
+        check: Called while waiting; raises BarrierEnded, or what else should end it.
+    """
+
+    def __init__(
+        self,
+        mailbox: Mailbox,
+        reports: Mapping[Source, Inlet],
+        streams: Mapping[Inlet, tuple[Source, str]],
+        check: Callable[[], None],
+    ) -> None:
+        self.progress = {source: InstanceProgress() for source in reports}
+        self._mailbox, self._reports, self._check = mailbox, dict(reports), check
+        self._streams = {inlet: _Stream(inlet) for inlet in streams}
+        self._ports: dict[Source, list[tuple[str, _Stream]]] = {}
+        for inlet, (source, port) in streams.items():
+            self._ports.setdefault(source, []).append((port, self._streams[inlet]))
+        self._seen = 0
+
+    def await_report(self, source: Source, tick: int) -> InstanceProgress:
+        """Wait for an instance's report of a tick."""
+        progress = self.progress[source]
+        while progress.done < tick:
+            self._hear(source)
+            if progress.done < tick:
+                self._wait()
+        return progress
+
+    def missing(self, sources: Sequence[Source], tick: int) -> list[Source]:
+        """Those that have not reported a tick."""
+        return [source for source in sources if self.progress[source].done < tick]
+
+    def read(self, inlet: Inlet, upto: int, waits: bool = True) -> Iterator[tuple[Message, Envelope, int]]:
+        """Messages of the ticks up to one, each with its tick; those still on their way are waited for, or left."""
+        stream = self._streams[inlet]
+        while stream.marks and stream.marks[0][0] <= upto:
+            tick, mark = stream.marks[0]
+            while stream.taken < mark:
+                while not stream.opened:
+                    stream.opened.extend(inlet.take())
+                    if not stream.opened:
+                        if not waits:
+                            return
+                        self._wait()
+                message, envelope = stream.opened.popleft()
+                stream.taken = envelope.sequence
+                yield message, envelope, tick
+            stream.marks.popleft()
+
+    def hear_all(self) -> None:
+        """Take note of every report that is here."""
+        for source in self.progress:
+            self._hear(source)
+
+    def _hear(self, source: Source) -> None:
+        progress = self.progress[source]
+        for message, envelope in self._reports[source].take():
+            assert isinstance(message, StepReport)
+            progress.done, progress.enabled = envelope.tick, message.enabled
+            progress.duration_ns = message.duration_ns if message.trigger else 0
+            progress.waiting = "" if message.trigger else message.told
+            progress.marks = {mark.port: mark.sequence for mark in message.published}
+            if message.fault and progress.fault is None:
+                progress.fault = (envelope.tick, message.fault)
+            for port, stream in self._ports.get(source, ()):
+                stream.marks.append((envelope.tick, progress.marks[port]))
+
+    def _wait(self) -> None:
+        self._seen = self._mailbox.wait(self._seen, LOOK_UP)
+        self._check()

@@ -1,0 +1,171 @@
+"""Conducts a run under the barrier from outside the nodes: it lets ticks begin, and collects what they came to."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from navloom.engine.build import System
+from navloom.engine.lockstep import Observer, RunLog
+from navloom.engine.trace import TraceWriter
+from navloom.errors import NavloomError
+from navloom.live.barrier import Barrier
+from navloom.live.cell import Source
+from navloom.live.cells import all_sources
+from navloom.live.mailbox import Inlet, Mailbox
+from navloom.live.switchboard import Switchboard
+from navloom.messages import Envelope, Feedback, GateStatus, GoalResult, Message, OperatorRequest, PortMark, Selection
+from navloom.messages.codec import schema_label
+from navloom.messages.steps import StepReport
+from navloom.transport.keyspace import STEP
+
+__all__ = ["BarrierError", "Conductor"]
+
+STALL = 30.0
+"""s without any progress after which the run has failed."""
+
+
+class BarrierError(NavloomError, RuntimeError):
+    """A node did not report a tick, so the run ends; the text names it."""
+
+    exit_code = 1
+
+
+class Conductor:
+    """The operator's node of a run under the barrier, and the keeper of its trace.
+
+    Args:
+        system: The robot; no plugin of it is made here.
+        board: Streams of this process.
+        requests: Operators' requests by tick.
+        observers: Who looks on; they are shown the messages of those in charge, in the order of lockstep.
+        trace: Where their messages go.
+        check: Called while waiting; raises what should end the run.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        board: Switchboard,
+        requests: Mapping[int, Sequence[OperatorRequest]],
+        observers: Sequence[Observer],
+        trace: TraceWriter,
+        check: Callable[[], None],
+    ) -> None:
+        self.system, self.requests, self.observers, self.trace = system, dict(requests), observers, trace
+        self.log = RunLog()
+        mailbox = Mailbox()
+        sources = all_sources(system)
+        self._own = ("operator", "main")
+        self._requests = board.outlet(self._own, "request")
+        self._steps = board.outlet(self._own, STEP)
+        self._inlets: dict[Source, dict[str, Inlet]] = {
+            (spec.role, name): {port: board.inlet((spec.role, name), port, mailbox, None) for port in spec.outputs}
+            for spec in system.specs
+            for role, name in sources
+            if role == spec.role and role != "operator"
+        }
+        streams = {inlet: (source, port) for source, ports in self._inlets.items() for port, inlet in ports.items()}
+        reports = {source: board.inlet(source, STEP, mailbox, None) for source in sources if source != self._own}
+        self._barrier = Barrier(mailbox, reports, streams, self._while_waiting)
+        self._check = check
+        self._chosen = {role: system.config.role_table(role).instance for role in system.config.roles}
+        self._selection: Selection | None = None
+        self._idle = True
+        self._moved_at = 0.0
+        self._reported = 0
+        self._tick = 0
+
+    def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
+        """Until the last goal has ended, but no more than this many ticks.
+
+        Raises:
+            BarrierError: A node that should have reported did not.
+        """
+        last_request = max(self.requests, default=0)
+        began = time.perf_counter_ns()
+        self._moved_at = time.monotonic()
+        self._let_begin(0)
+        for number in range(ticks):
+            before = time.perf_counter_ns()
+            self._tick = number
+            self._let_begin(number + 1)
+            self._collect(number)
+            self.log.tick_ns.append(time.perf_counter_ns() - before)
+            if progress is not None and number % 16 == 0:
+                progress(number)
+            if self._idle and number >= last_request + 1:
+                break
+        self.log.wall_ns = time.perf_counter_ns() - began
+        self.log.ticks = len(self.log.tick_ns)
+        self.log.trace_sha256 = self.trace.sha256()
+        return self.log
+
+    def _let_begin(self, number: int) -> None:
+        """What operators ask for in a tick, and leave to step it."""
+        time_ns = round(number * self.system.config.run.period * 1e9)
+        for request in self.requests.get(number, ()):
+            self._requests.publish(request, number, time_ns, time_ns, 0)
+        marks = (PortMark("request", self._requests.sequence), PortMark("command", 0))
+        report = StepReport("tick", (), marks, True, 0, 0, 0, "")
+        self._steps.publish(report, number, time_ns, time_ns, 0)
+
+    def _collect(self, number: int) -> None:
+        """Wait for everyone's report of a tick, and take in what they published."""
+        if self._selection is not None and number >= self._selection.from_tick:
+            self._chosen |= self._selection.chosen
+            self.log.swaps = self._selection.epoch
+            self._selection = None
+        time_ns = round(number * self.system.config.run.period * 1e9)
+        for request in self.requests.get(number, ()):
+            at = Envelope(self._requests.key, 0, number, time_ns, time_ns, self.log.swaps)
+            self._keep(self._own, "request", request, at)
+        for source, ports in self._inlets.items():
+            role, name = source
+            if self._chosen.get(role, name) != name:
+                for inlet in ports.values():
+                    for _ in self._barrier.read(inlet, number, waits=False):
+                        pass
+                continue
+            report = self._barrier.await_report(source, number)
+            if role in self.log.step_ns and report.duration_ns:
+                self.log.step_ns[role].append(report.duration_ns)
+            if report.fault is not None and report.fault[0] == number:
+                self.log.faults.append(f"{role} {name} failed: {report.fault[1]}")
+            for port, inlet in ports.items():
+                for message, envelope, tick in self._barrier.read(inlet, number):
+                    if tick == number:
+                        self._keep(source, port, message, envelope)
+        self.trace.end_tick(number)
+
+    def _keep(self, source: Source, port: str, message: Message, at: Envelope) -> None:
+        role, name = source
+        label = f"{role} {name} {port} {schema_label(type(message))}".encode()
+        self.trace.entries.append((label, message, at[2:], at.key))
+        for observer in self.observers:
+            if observer.wants is None or (role, port) in observer.wants:
+                observer.on_message(role, name, True, port, message, at)
+        if isinstance(message, Selection) and message.epoch:
+            self._selection = message
+        elif isinstance(message, GateStatus):
+            self.log.hear_gate(message)
+        elif isinstance(message, GoalResult):
+            self.log.results.append(message)
+        elif isinstance(message, Feedback):
+            self._idle = message.goal_id == 0
+
+    def _while_waiting(self) -> None:
+        self._check()
+        reported = sum(progress.done for progress in self._barrier.progress.values())
+        now = time.monotonic()
+        if reported != self._reported:
+            self._reported, self._moved_at = reported, now
+        elif now - self._moved_at > STALL:
+            self._barrier.hear_all()
+            sources = [s for s in self._barrier.progress if self._chosen.get(s[0], s[1]) == s[1]]
+            behind = min(self._barrier.progress[source].done for source in sources)
+            named = [f"{r} {n}" for r, n in sources if self._barrier.progress[(r, n)].done == behind]
+            raise BarrierError(
+                f"tick {self._tick}: nothing moved for {STALL:g} s; "
+                f"not reported since tick {behind}: {', '.join(named)}"
+            )

@@ -1,0 +1,241 @@
+"""The command gate live: it decides once a platform tick, and looks whenever something may have gone stale since."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+
+from navloom.engine.build import System
+from navloom.engine.node import Tick
+from navloom.engine.own_nodes import GateNode
+from navloom.engine.told import Obeyed
+from navloom.live.cell import Feed, Source
+from navloom.live.cells import Hosted, all_sources
+from navloom.live.live import LiveRunner
+from navloom.live.run_clock import RunClock
+from navloom.messages import Command, Envelope, OperatorRequest, StepReport
+from navloom.navigation.gate import ENDING
+
+__all__ = ["BETWEEN", "CHECK", "LiveGate", "held_rate", "hold"]
+
+CHECK = 0.05
+"""s between two looks, at most."""
+AFTER = 0.0002
+"""s after which something has gone stale that it is looked at: not a moment before."""
+BETWEEN = "check"
+"""Trigger of a step record of a stop between two ticks."""
+LEAD = 2
+"""Ticks a selection is announced ahead, so that every host knows it when it begins to hold."""
+HOLD, HOLD_MOST, HOLD_LEAST = 0.4, 0.8, 0.008
+"""Share of the period that a tick's commands may take to come in; of a short period more, so that they have 8 ms."""
+CHAINS = 1000
+"""Ticks whose commands' times are kept."""
+CHAIN = ("controller", "avoider")
+"""Whose commands belong to each tick of a robot that follows a trajectory."""
+GOAL_SILENCE = 0.5
+"""s the goal may not step before what it authorised ends."""
+
+
+def hold(period: float) -> float:
+    """s after a platform stamp that the gate waits for the commands of its tick.
+
+    Longer would cost a robot with ticks of 50 ms its way past one late command: decided on late as well, the command of
+    the tick before would go stale.
+    """
+    return min(HOLD_MOST * period, max(HOLD * period, HOLD_LEAST))
+
+
+def held_rate(seconds: float) -> float:
+    """Ticks per s, at most, whose commands are waited for where they take s to come in: the inverse of `hold`."""
+    return (HOLD_MOST if seconds <= HOLD_LEAST else HOLD) / seconds
+
+
+class LiveGate(LiveRunner):
+    """Steps the gate.
+
+    Args:
+        hosted, clock, period, ends: See `LiveRunner`.
+        deadline: s without a platform stamp after which it is silent.
+        is_alive: Whether an instance's liveliness token is there.
+        system: The robot.
+
+    Attributes:
+        chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
+    """
+
+    def __init__(
+        self,
+        hosted: Hosted,
+        clock: RunClock,
+        period: float,
+        ends: Callable[[], bool],
+        deadline: float,
+        is_alive: Callable[[Source], bool],
+        system: System,
+    ) -> None:
+        super().__init__(hosted, clock, period, ends)
+        assert isinstance(self.cell.node, GateNode)
+        self.gate = self.cell.node
+        self.gate.is_warm = self._is_warm
+        self.gate.lead = LEAD
+        self.deadline, self.is_alive = deadline, is_alive
+        self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
+        self._marks: dict[Source, tuple[dict[str, int], bool]] = {}
+        self._began_ns = time.monotonic_ns()
+        self._catalogue, required = system.catalogue, system.catalogue.required_roles()
+        self._needed = [source for source in all_sources(system) if source[0] in required]
+        self._looked_ns = 0
+        self._may_wait, self._waiting = system.may_wait, dict[Source, str]()
+        self.gate.find_waiting = self._find_waiting
+        self.chains_s: deque[float] = deque(maxlen=CHAINS)
+        self._chain: tuple[int, int] | None = None
+
+    def run(self) -> None:
+        """Until the process ends; then the robot is told to stand."""
+        super().run()
+        tick = self._tick(self.clock.tick)
+        outputs = self.stepper.run(tick, lambda tick: self.gate.stop(ENDING, tick.time_ns))
+        self.cell.publish(outputs, tick, self.cause_of(tick))
+
+    def begin_anew(self, tick: int) -> None:
+        """Selections hold at once by the new clock."""
+        super().begin_anew(tick)
+        self._chain = None
+        self.gate.begin_anew()
+
+    def rings(self, feed: Feed) -> bool:
+        """What the goal says, and an attempt of a recovery; of ticks and their commands see `_await_tick`."""
+        return feed.wire.input.name in ("drive", "recovering", "recovery")
+
+    def wait_time(self) -> float:
+        """s to wait for news at most: until something that was fresh at the last look may have gone stale."""
+        if not self.clock.is_known:
+            return CHECK
+        coming = [limit_ns for limit_ns in self._limits_ns() if limit_ns >= self._looked_ns]
+        return min(CHECK, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + AFTER))
+
+    def _limits_ns(self) -> Iterator[int]:
+        """Run clock up to which each of what is here counts, ns. What the goal says is good for longer than CHECK."""
+        stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
+        held_ns = round(hold(self.period) * 1e9)
+        yield stamp_ns + round(self.deadline * 1e9)
+        if self.clock.tick > self.stepper.stepped:
+            yield stamp_ns + held_ns
+        yield stamp_ns + round(self.period * 1e9) + held_ns  # of the next tick, which may not wake it
+        for offer in (gate.operator, gate.recovery, gate.controller, gate.avoider):
+            if offer.when is not None:
+                yield offer.when[2] + limits.stop_deadline_ns
+        for scan in gate.required.values():
+            if scan.when is not None:
+                yield scan.when[1] + limits.sensor_timeout_ns
+
+    def act(self) -> None:
+        """Decide where a tick is complete or has waited long enough; in between, stop where something is wrong."""
+        clock, stepper = self.clock, self.stepper
+        if not clock.is_known:
+            self._await_tick()
+            return
+        self.gate.now_ns = self._looked_ns = clock.now_ns()
+        self.gate.is_silent = clock.silence_s() > self.deadline
+        self.gate.gone = self._gone()
+        for source in [source for source in self.cell.reports if not self.is_alive(source)]:
+            self.cell.reports[source].clear()  # what takes its place has to warm up anew
+            self._marks.pop(source, None)
+        number = clock.tick
+        self._time_chain(number)
+        if number > stepper.stepped and (self._is_complete(number) or clock.silence_s() >= hold(self.period)):
+            self.step("tick", number)
+        else:
+            self._look(number)
+        self._await_tick()
+
+    def _look(self, number: int) -> None:
+        """Stop between two ticks where something is wrong by now."""
+        tick, stepper = self._tick(number), self.stepper
+        stepper.prepare(number + 1, number)
+        outputs = stepper.run(tick, self.gate.check)
+        if outputs or stepper.fault:
+            self.note()
+            self.tell(outputs, tick, BETWEEN, self.cell.read_marks(number + 1, number))
+
+    def obey(self, request: OperatorRequest) -> None:
+        """Take an operator's request, on the gate's own thread."""
+        slot = self._feeds["operator"].slot
+        driving = slot.message if isinstance(slot.message, Command) else None
+        sequence = 0 if driving is None else slot.sequence
+        self.gate.obeyed.append(Obeyed(request.do, request.role, request.instance, sequence))
+        self.gate.obey(request, driving)
+
+    def step(self, trigger: str, number: int) -> None:
+        """One decision."""
+        self.step_once(self._tick(number), trigger, number - 1)
+
+    def cause_of(self, tick: Tick) -> int:
+        """Platform stamp that what was decided derives from."""
+        return self.gate.cause_ns
+
+    def _tick(self, number: int) -> Tick:
+        time_ns = max(0, self.clock.stamp_ns)
+        return Tick(max(0, number), time_ns * 1e-9, time_ns, self.cell.epoch)
+
+    def _is_complete(self, number: int) -> bool:
+        """Every command that this tick can bring is here."""
+        recovering = self._feeds["recovering"].wire.slot.message
+        if recovering is not None and getattr(recovering, "active", False):
+            return self._feeds["recovery"].wire.slot.tick >= number
+        return not self._follows() or all(self._feeds[role].wire.slot.tick >= number for role in CHAIN)
+
+    def _follows(self) -> bool:
+        """A trajectory is to be followed."""
+        return bool(getattr(self._feeds["drive"].wire.slot.message, "path_id", 0))
+
+    def _time_chain(self, number: int) -> None:
+        """Note how long the commands of a tick took; of one that is not complete when the next begins as well."""
+        if self._chain is None and number > self.stepper.stepped and self._follows():
+            self._chain = number, self.clock.stamp_ns
+        if self._chain is not None and self._is_complete(self._chain[0]):
+            if self._follows():
+                self.chains_s.append(max(0, self.clock.now_ns() - self._chain[1]) * 1e-9)
+            self._chain = None
+
+    def _await_tick(self) -> None:
+        """Have the last thing that the next decision lacks wake the gate: what comes before it waits for that.
+
+        Of a robot that follows a trajectory that is a command, which comes some ms after the tick it is for.
+        """
+        number = self.stepper.stepped + 1 if self._chain is None else self._chain[0]
+        missing = [role for role in CHAIN if self._feeds[role].wire.slot.tick < number] if self._follows() else []
+        last = missing[-1] if missing else "odometry"
+        for feed in self.cell.feeds:
+            if feed.wire.input.name == last:
+                feed.inlet.listen()
+            elif feed.wire.input.name in (*CHAIN, "odometry"):
+                feed.inlet.rings = False
+
+    def _find_waiting(self) -> str:
+        """Which active instance waits for a stream, as far as its reports say."""
+        for source in self._may_wait:
+            self.hear(source)
+        found = [self._waiting.get(source, "") for source in self._may_wait if self.cell.in_charge(source)]
+        return next(filter(None, found), "")
+
+    def _gone(self) -> str:
+        goals = [inlet.heard_ns for (role, _), inlet in self.cell.reports.items() if role == "goal"]
+        if time.monotonic_ns() - max(self._began_ns, *goals) > GOAL_SILENCE * 1e9:
+            return "goal main does not step"
+        for role, name in self._needed:
+            if self.cell.in_charge((role, name)) and not self.is_alive((role, name)):
+                return f"{role} {name}"
+        return ""
+
+    def _is_warm(self, role: str, name: str) -> bool:
+        if (role, name) in self.cell.reports:
+            self.hear((role, name))
+        marks, is_enabled = self._marks.get((role, name), ({}, False))
+        ports = self._catalogue.warming_ports(role)
+        return is_enabled and (not ports or any(marks.get(port, 0) for port in ports))
+
+    def _hear(self, source: Source, report: StepReport, at: Envelope) -> None:
+        self._marks[source] = {mark.port: mark.sequence for mark in report.published}, report.enabled
+        self._waiting[source] = "" if report.trigger else report.told

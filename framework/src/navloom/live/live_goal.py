@@ -1,0 +1,101 @@
+"""The goal live: it goes on when nothing comes in, so that a robot whose parts are gone does not keep its goal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from navloom.engine.own_nodes import GoalNode
+from navloom.live.cell import Source
+from navloom.live.cells import Hosted
+from navloom.live.live import BACKWARDS, LiveRunner
+from navloom.live.run_clock import RunClock
+from navloom.messages import Envelope, OperatorRequest, StepReport
+
+__all__ = ["LiveGoal", "began_anew"]
+
+CHECK = 0.05
+"""s between two looks, at least, while no pose comes."""
+WITHOUT_POSE = 0.2
+"""s without a pose after which the goal steps by itself."""
+PLATFORM_SILENCE = 1.0
+"""s without the platform after which a goal waits for it."""
+BROKEN = 20
+"""Steps in a row that a plugin may fail in before its goal has failed."""
+
+
+def began_anew(last: Envelope, at: Envelope) -> bool:
+    """Whether a publisher's message comes from another life than the last one, not from before it by a slower way."""
+    was_overtaken = last.tick - BACKWARDS < at.tick <= last.tick
+    return at.sequence < last.sequence and not was_overtaken
+
+
+class LiveGoal(LiveRunner):
+    """Steps the goal's node."""
+
+    def __init__(self, hosted: Hosted, clock: RunClock, period: float, ends: Callable[[], bool]) -> None:
+        super().__init__(hosted, clock, period, ends)
+        assert isinstance(self.cell.node, GoalNode)
+        self.goal = self.cell.node
+        self._request = next(wire for wire in self.stepper.wires if wire.input.name == "request")
+        self._stepped_at = time.monotonic()
+        self.faults: dict[Source, tuple[int, str]] = {}
+        self._platform_said: Envelope | None = None
+        self._began_anew = self._is_asked = False
+
+    def wait_time(self) -> float:
+        """s to wait for news at most."""
+        left = WITHOUT_POSE + self._stepped_at - time.monotonic()
+        return min(super().wait_time(), max(CHECK, left))
+
+    def act(self) -> None:
+        """Step with each pose, and without one when it does not come, or where something was asked for."""
+        super().act()
+        silence = time.monotonic() - self._stepped_at
+        if (self._is_asked or silence > WITHOUT_POSE) and self.clock.is_known:
+            # Never ahead of the platform for long: the poses of ticks that have been stepped are passed over.
+            self.step("tick", self.stepper.stepped + max(1, int(silence / self.period)))
+
+    def step(self, trigger: str, number: int) -> None:
+        """One step of the goal's state machine, which is told what the process knows to be broken."""
+        for _, envelope in self.cell.platform.take() if self.cell.platform is not None else ():
+            self._follow_platform(envelope)
+        for source, inlet in self.cell.faults.items():
+            for message, envelope in inlet.take():
+                if isinstance(message, StepReport):
+                    self._blame(source, message, envelope)
+        self.goal.fault = self._trouble()
+        self.goal.is_lost = self.clock.silence_s() > PLATFORM_SILENCE
+        self._stepped_at, self._is_asked = time.monotonic(), False
+        super().step(trigger, number)
+
+    def submit(self, request: OperatorRequest) -> None:
+        """Take an operator's request, on the goal's own thread."""
+        assert self._request.queue is not None
+        self.goal.submitted.append(request)
+        self._request.queue.append((2**62, request, 0))
+        self._is_asked = True
+
+    def _follow_platform(self, at: Envelope) -> None:
+        last = self._platform_said
+        self._began_anew = self._began_anew or (last is not None and began_anew(last, at))
+        if last is None or self._began_anew or at.sequence > last.sequence:
+            self._platform_said = at
+
+    def _blame(self, source: Source, report: StepReport, at: Envelope) -> None:
+        """Count a node's faults in a row; a process that began anew counts from its first."""
+        before = self.faults.get(source, (0, ""))[0] if at.sequence > 1 else 0
+        if report.fault:
+            self.faults[source] = (before + 1, report.fault)
+        else:
+            self.faults.pop(source, None)
+
+    def _trouble(self) -> str:
+        if self._began_anew:
+            self._began_anew = False
+            return "the platform began anew, and where the robot is now is not known"
+        for (role, name), (times, text) in self.faults.items():
+            if times >= BROKEN and self.cell.in_charge((role, name)) and role not in self.goal.optional:
+                del self.faults[role, name]  # the next goal has another try
+                return f"{role} {name} failed {times} times in a row: {text}"
+        return ""

@@ -1,0 +1,161 @@
+"""The platform live: the source of the run clock, and the last to stop the wheels where the gate falls silent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from navloom.engine.node import Outputs, Tick
+from navloom.engine.role_nodes import PlatformNode
+from navloom.engine.stepper import fault_text
+from navloom.live.cell import Feed
+from navloom.live.cells import Hosted
+from navloom.live.live import IDLE, LiveRunner
+from navloom.live.run_clock import RunClock
+from navloom.messages import Command, InputRead, Twist2D
+
+__all__ = ["LivePlatform"]
+
+CHECK = 0.01
+"""s between two tries to begin, or to tell the wheels what they did not take."""
+AFTER = 0.0002
+"""s after which a command has gone stale that it is looked at: not a moment before."""
+STILL = Twist2D(0.0, 0.0, 0.0)
+UNTOLD = 1.0
+"""s that the wheels may not be told anything: then the process is given up, and another opens them anew."""
+
+
+class LivePlatform(LiveRunner):
+    """Ticks by the wall clock and hands commands to the platform as they come.
+
+    Args:
+        hosted, clock, period, ends: See `LiveRunner`.
+        deadline: s after which a command has gone stale.
+        start_ns: This host's monotonic clock at run clock 0.
+        may_begin: Asked before the first tick.
+
+    Attributes:
+        ticks, late: Ticks begun, and those begun more than half a period late or passed over.
+        driven, own: Ticks in which the wheels turned, and those of them whose own command came before the next tick.
+        stops: How often the wheels were stopped here because no fresh command was there.
+    """
+
+    def __init__(
+        self,
+        hosted: Hosted,
+        clock: RunClock,
+        period: float,
+        ends: Callable[[], bool],
+        deadline: float,
+        start_ns: int,
+        may_begin: Callable[[], bool] = lambda: True,
+    ) -> None:
+        super().__init__(hosted, clock, period, ends)
+        assert isinstance(self.cell.node, PlatformNode)
+        self.node = self.cell.node
+        self.platform = self.node.plugin
+        self.deadline_ns, self.start_ns = round(deadline * 1e9), start_ns
+        self.period_ns = round(period * 1e9)
+        self._may_begin = may_begin
+        self.ticks = self.late = self.stops = self.driven = self.own = 0
+        self._feeds = {feed.wire.input.name: feed for feed in self.cell.feeds}
+        self._taken: object = None
+        self._twist = STILL
+        self._untold_since: float | None = None
+        self._refusal = ""
+        self._cause_ns = -1
+        self._next = -1
+
+    def run(self) -> None:
+        """Until the process ends; then the wheels stand."""
+        while not self._may_begin() and not self.ends():
+            time.sleep(CHECK)
+        self._next = max(0, -(-self._now_ns() // self.period_ns))
+        try:
+            super().run()
+        finally:
+            self._drive(STILL)
+
+    def wait_time(self) -> float:
+        """s to the next tick, or until the gate's command goes stale."""
+        now_ns = self._now_ns()
+        left = (self._next * self.period_ns - now_ns) * 1e-9
+        if self._twist != STILL:
+            left = min(left, (self._cause_ns + self.deadline_ns - now_ns) * 1e-9 + AFTER)
+        if self._untold_since is not None:
+            left = min(left, CHECK)
+        return min(IDLE, max(0.0, left))
+
+    def rings(self, feed: Feed) -> bool:
+        """The gate's command is handed on as it comes."""
+        return feed.wire.input.name == "command"
+
+    def act(self) -> None:
+        """Hand on what the gate said; stop where that has gone stale; tick where it is time.
+
+        Raises:
+            RuntimeError: The wheels cannot be told anything any more.
+        """
+        self._follow_gate()
+        if self._untold_since is not None and time.monotonic() - self._untold_since > UNTOLD:
+            raise RuntimeError(f"the wheels could not be told anything for {UNTOLD:g} s: {self._refusal or self.fault}")
+        now_ns = self._now_ns()
+        if now_ns < self._next * self.period_ns:
+            return
+        number = now_ns // self.period_ns
+        if self._twist != STILL:
+            self.driven += number - self._next + 1
+            self.own += self._cause_ns >= (self._next - 1) * self.period_ns
+        self.ticks += 1
+        self.late += number - self._next + (now_ns - number * self.period_ns > self.period_ns // 2)
+        self._next = number + 1
+        self._advance(number)
+
+    def _follow_gate(self) -> None:
+        slot, now_ns = self._feeds["command"].slot, self._now_ns()
+        message, envelope = slot.message, slot.envelope
+        wanted = None if self._untold_since is None else self._twist
+        if message is not self._taken and isinstance(message, Command) and envelope is not None:
+            self._taken = message
+            if 0 <= now_ns - envelope.cause_ns <= self.deadline_ns:
+                self._cause_ns, wanted = envelope.cause_ns, message.twist
+        if self._twist != STILL and now_ns - self._cause_ns > self.deadline_ns:
+            self.stops += 1
+            wanted = STILL
+        if wanted is not None:
+            self._drive(wanted)
+
+    def _drive(self, twist: Twist2D) -> None:
+        """Tell the wheels; where that fails it is tried again at the next look, and the tick's report says so."""
+        self._twist = twist
+        try:
+            self.platform.drive(twist, max(0, self._now_ns()))
+            self._untold_since = None
+        except (Exception, SystemExit) as error:
+            self._refusal = fault_text(error, self.node)
+            self._untold_since = time.monotonic() if self._untold_since is None else self._untold_since
+
+    def _advance(self, number: int) -> None:
+        time_ns = number * self.period_ns
+        tick = Tick(number, time_ns * 1e-9, time_ns, self.cell.epoch)
+        self.node.driven = Command(self._twist)
+        self.step_once(tick, "tick", number - 1)
+
+    def note(self) -> None:
+        """Keep what the last step took and raised, and what the wheels refused since the one before."""
+        super().note()
+        if self._refusal:
+            self.fault = self.fault or self._refusal
+            self.faulted, self._refusal = max(1, self.faulted), ""
+
+    def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
+        """What triggers the others goes out when all that belongs to it is on its way."""
+        self.clock.observe(tick.time_ns, time.monotonic_ns(), tick.number)
+        super().tell(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, trigger, read)
+
+    def cause_of(self, tick: Tick) -> int:
+        """Its own stamp."""
+        return tick.time_ns
+
+    def _now_ns(self) -> int:
+        return time.monotonic_ns() - self.start_ns

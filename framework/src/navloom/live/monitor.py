@@ -1,0 +1,69 @@
+"""What every process keeps an eye on: the run clock, and what must outlive any one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from navloom.engine.build import System
+from navloom.live.mailbox import Inlet, Mailbox
+from navloom.live.memory import Memory
+from navloom.live.run_clock import RunClock
+from navloom.live.switchboard import Switchboard
+from navloom.messages import Odometry
+
+__all__ = ["MemoryReader"]
+
+
+LOOK = 0.25
+"""s between two looks at the platform's clock; all else is noted as it comes."""
+
+
+class MemoryReader:
+    """Reads the streams that a process remembers.
+
+    Args:
+        system: The robot.
+        board: Streams of the process.
+        clock, memory: What is kept; without a clock the platform is not listened to.
+        wake: Told of each "role instance" that is to take over.
+        ends: Whether the process is ending.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        board: Switchboard,
+        clock: RunClock | None,
+        memory: Memory,
+        wake: Callable[[str], None],
+        ends: Callable[[], bool],
+    ) -> None:
+        self._clock, self._memory, self._wake, self._ends = clock, memory, wake, ends
+        self._mailbox = Mailbox()
+        streams = [(("gate", "main"), "selection"), (("gate", "main"), "status"), (("goal", "main"), "feedback")]
+        if clock is not None:
+            streams.append((("platform", system.config.platform.instance), "odometry"))
+        streams += [(source, "parameters") for source in system.parts]
+        self._inlets: list[tuple[tuple[str, str], Inlet]] = [
+            (source, _inlet(board, source, port, self._mailbox)) for source, port in streams
+        ]
+
+    def run(self) -> None:
+        """Until the process ends."""
+        seen = 0
+        while not self._ends():
+            seen = self._mailbox.wait(seen, LOOK)
+            for source, inlet in self._inlets:
+                for message, envelope in inlet.take():
+                    if isinstance(message, Odometry) and self._clock is not None:
+                        self._clock.observe(envelope.stamp_ns, inlet.arrived_ns, envelope.tick)
+                    else:
+                        for entry in getattr(message, "pending", ()):
+                            self._wake(entry)
+                        self._memory.note(source, message, envelope)
+
+
+def _inlet(board: Switchboard, source: tuple[str, str], port: str, mailbox: Mailbox) -> Inlet:
+    """A stream that is remembered: of the odometry the newest message is enough, and wakes nobody."""
+    is_clock = port == "odometry"
+    return board.inlet(source, port, mailbox, 1 if is_clock else 16, rings=not is_clock)

@@ -1,0 +1,35 @@
+"""Which process runs which node."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from navloom.config.schema import OWN_NODES, ROLE_TABLES, Config
+from navloom.live.cell import Source
+
+__all__ = ["goes_first", "spread"]
+
+PLANNING = frozenset({"mapper", "planner"})
+"""Roles that only compute: their processes go last."""
+
+
+def goes_first(roles: Collection[str]) -> bool:
+    """Whether a process takes the processor from others: one that drives, and neither maps nor plans beside it."""
+    return PLANNING.isdisjoint(roles) and any(role in ROLE_TABLES or role in OWN_NODES for role in roles)
+
+
+def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:
+    """Nodes of each process of a host, or of all. An alternative lives with its role unless it is placed by name.
+
+    Args:
+        config: With the `[live]` table.
+        sources: Every instance.
+        host: Name of the host; None for all processes.
+    """
+    placed = {node: process for process, nodes in config.live.processes.items() for node in nodes}
+    shares: dict[str, list[Source]] = {process: [] for process in config.live.processes}
+    for role, name in sources:
+        if role != "operator":
+            shares[placed.get(f"{role}.{name}", placed[role])].append((role, name))
+    wanted = config.live.hosts[host] if host is not None else list(shares)
+    return {process: tuple(found) for process, found in shares.items() if found and process in wanted}

@@ -1,0 +1,120 @@
+"""A process's streams: which of its nodes read what, from a node beside them or from the network."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+from navloom.engine.catalogue import FRAMEWORK, Catalogue
+from navloom.live.mailbox import Inlet, Mailbox, Packet
+from navloom.live.outlet import Outlet
+from navloom.messages import Message
+from navloom.transport.keyspace import KeySpace
+from navloom.transport.quality import PARAMETERS, is_retained, kind_of, most_of, retained_ports
+from navloom.transport.questions import TOO_MANY
+from navloom.transport.zenoh_bus import Bus
+
+__all__ = ["Switchboard"]
+
+PAUSE, TRIES = 0.03, 5
+"""s between two questions for a kept message, and how often it is asked for again where none answers, or too many ask:
+a router drops what comes too soon after another question of its kind, see `access.PACES`."""
+
+
+class Switchboard:
+    """Makes inlets and outlets, then connects them.
+
+    Args:
+        bus: The process's session.
+        keys: Of the robot.
+        lossless: No stream may drop a message.
+        age: Age in s of what derives from a Platform stamp, where it is known.
+        catalogue: What is known of the robot's streams.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        keys: KeySpace,
+        lossless: bool,
+        age: Callable[[int], float | None] | None = None,
+        catalogue: Catalogue = FRAMEWORK,
+    ) -> None:
+        self.bus, self.keys, self.lossless, self.catalogue = bus, keys, lossless, catalogue
+        self._age = age
+        self._inlets: dict[str, list[Inlet]] = {}
+        self._kinds: dict[str, type[Message] | None] = {}
+        self._outlets: dict[str, Outlet] = {}
+
+    def inlet(
+        self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None, rings: bool = True
+    ) -> Inlet:
+        """A reader of a stream; a lossless one has no limit and always rings."""
+        key, is_lossless = self.keys.port(*source, port), self.lossless
+        inlet = Inlet(
+            key, mailbox, None if is_lossless else limit, self._age, source[0] == "platform", rings or is_lossless
+        )
+        self._inlets.setdefault(key, []).append(inlet)
+        self._kinds[key] = kind_of(source[0], port, self.catalogue)
+        return inlet
+
+    def outlet(self, source: tuple[str, str], port: str) -> Outlet:
+        """A stream that leaves this process."""
+        key = self.keys.port(*source, port)
+        if key in self._outlets:
+            return self._outlets[key]
+        declared = self.catalogue.port(source[0], port)
+        outlet = self._outlets[key] = Outlet(
+            key,
+            self.bus,
+            self.lossless,
+            is_retained(source[0], port, self.catalogue),
+            None if declared is None else declared.quality,
+        )
+        kind = kind_of(source[0], port, self.catalogue)
+        if kind is not None:
+            outlet.prepare(kind)
+        return outlet
+
+    def connect(self) -> None:
+        """Lead every inlet to its stream: a neighbour's by reference, all others over the bus."""
+        for key, inlets in self._inlets.items():
+            if key in self._outlets:
+                self._outlets[key].readers = inlets
+            else:
+                self.bus.subscribe(key, self._receive, most_of(self._kinds[key]))
+
+    def fetch(self, source: tuple[str, str]) -> None:
+        """Ask an instance that came up for the last messages of what it keeps."""
+        role, _ = source
+        for port in (PARAMETERS, *(port for _, port in retained_ports(role, self.catalogue))):
+            key = self.keys.port(*source, port)
+            if key in self._inlets and key not in self._outlets:
+                self._fetch(key)
+
+    def _fetch(self, key: str) -> None:
+        """Ask for one stream's last message; while others ask too much, again and again for a moment."""
+        for pause in (*[PAUSE] * TRIES, 0.0):
+            asked_ns, answers = time.monotonic_ns(), list(self.bus.ask(key))
+            for answer in answers:
+                if not answer.refusal:
+                    self._receive(answer.key, answer.data, answer.label, asked_ns)
+            if answers and not any(answer.refusal == TOO_MANY for answer in answers):
+                return
+            time.sleep(pause)
+
+    def inlets(self) -> Iterable[tuple[str, list[Inlet]]]:
+        """Every stream read here, with its readers."""
+        return self._inlets.items()
+
+    def _receive(self, key: str, data: bytes | None, label: str, asked_ns: int = 0) -> None:
+        inlets = self._inlets.get(key, ())
+        if data is None:
+            kind = self._kinds.get(key)
+            carries = "no message" if kind is None else f"no {kind.__name__}"
+            for inlet in inlets:
+                inlet.refuse(f"{carries} is larger than {most_of(kind)} bytes")
+            return
+        packet = Packet(data, label, key, self._kinds.get(key), asked_ns)
+        for inlet in inlets:
+            inlet.give(packet)

@@ -1,0 +1,200 @@
+"""What tools ask of a live robot, over its own network."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+from navloom.errors import NavloomError
+from navloom.hosting.directory import RobotFolder
+from navloom.messages import Message
+from navloom.messages.codec import CodecError, decode
+from navloom.transport.keyspace import KeySpace
+from navloom.transport.once import REQUEST
+from navloom.transport.questions import TOO_MANY
+from navloom.transport.zenoh_bus import TIMED_OUT, Answer, Bus
+
+__all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused", "Unanswered"]
+
+AGAIN = 0.1
+"""s between two questions of one kind: a router drops what comes sooner, see `access.PACES`."""
+JOIN = 2.0
+"""s until a tool has found the robot's processes."""
+ATTEMPT = 2.4
+"""s to wait for an answer before asking again, which is longer than a service takes."""
+UNKNOWN = "whether it was done is not known: `navloom status` shows it, `navloom doctor` why there was no answer"
+
+OPEN: Mapping[str, Any] = {
+    **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
+    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s")),
+    **{key: {} for key in ("versions", "published", "carries", "streams", "places", "hosts")},
+    "clock_ns": -1,
+    "faulted": 0,
+    "fault": "",
+    "config_sha256": "",
+    "shares_memory": False,
+    "shared_memory_mb": None,
+}
+"""What a node that does not answer leaves open, and one of another version perhaps."""
+_NUMBER, _NONE = (int, float), type(None)
+_TYPES: Mapping[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
+    **dict.fromkeys(("pid", "tick", "epoch", "clock_ns", "faulted", "wall_ns"), int),
+    **dict.fromkeys(("ticks", "late_ticks", "driven_ticks", "own_ticks"), int),
+    **dict.fromkeys(("active", "enabled", "shares_memory"), bool),
+    **dict.fromkeys(("busy_s", "silence_s", "period_s", "step_s", "shared_memory_mb", "up_s"), (*_NUMBER, _NONE)),
+    **dict.fromkeys(("chain_p50_s", "chain_p99_s"), _NUMBER),
+    **dict.fromkeys(("versions", "published", "carries", "streams", "places", "hosts"), dict),
+    "plugin": (str, _NONE),
+}
+"""What an instance says of itself, as far as others reckon with it."""
+_COUNTED = frozenset({"received", "dropped", "malformed", "late", "latest"})
+"""What it says of each stream that it reads."""
+
+
+class ClientError(NavloomError, RuntimeError):
+    """Nobody answers; the text says who was asked and what to do."""
+
+    exit_code = 1
+
+
+class Unanswered(ClientError):
+    """It was asked and gave no answer, so that it may have been done or not."""
+
+
+class Refused(NavloomError, ValueError):
+    """The robot answered, but does not do it; the text says why."""
+
+
+class Client:
+    """Asks the nodes of one robot.
+
+    Args:
+        bus: A session on its network.
+        keys: Its names.
+        home: Its folder, where it was started on this host.
+    """
+
+    def __init__(self, bus: Bus, keys: KeySpace, home: RobotFolder | None = None) -> None:
+        self.bus, self.keys, self._home = bus, keys, home
+
+    @property
+    def was_ended(self) -> bool:
+        """Whether what ran the robot on this host does so no more."""
+        return self._home is not None and not self._home.is_claimed()
+
+    def has_nodes(self) -> bool:
+        """Whether any node of the robot is there."""
+        return bool(self.bus.alive(self.keys.alive("*", "*", "*")))
+
+    def lives(self, role: str, instance: str) -> set[str]:
+        """Lives in which an instance is there: one, of which another takes the place when it begins anew."""
+        return {key.rpartition("/")[2] for key in self.bus.alive(self.keys.alive(role, instance, "*"))}
+
+    def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 5.0) -> Any:
+        """What an instance answers, within this many s.
+
+        The request has a name of its own, so that the instance does it once, however often it is asked again because
+        an answer was lost. Where another life of the instance has taken over meanwhile, it is not asked again.
+
+        Raises:
+            Refused: It says no; ClientError: nobody is there; Unanswered: somebody is, and no answer came.
+        """
+        who, data = f"{role} {instance}", json.dumps({**given, REQUEST: uuid.uuid4().hex}).encode()
+        began, asked = time.monotonic(), frozenset[str]()
+        while (left := began + timeout - time.monotonic()) > 0.0:
+            lives = self.lives(role, instance)
+            if asked and lives - asked:
+                raise Unanswered(
+                    f"robot {self.keys.prefix}: {who} began anew while it was asked ({service}); {UNKNOWN}"
+                )
+            answer = (
+                self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
+            )
+            if answer is not None:
+                try:
+                    return json.loads(answer.data)
+                except ValueError:
+                    raise ClientError(f"robot {self.keys.prefix}: {who} answers {service} with no JSON") from None
+            asked |= lives
+            if not asked and time.monotonic() - began > JOIN:
+                break
+            time.sleep(AGAIN)
+        if asked:
+            raise Unanswered(
+                f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({service}); {UNKNOWN}; "
+                "a certificate may not be let ask this"
+            )
+        raise ClientError(
+            f"robot {self.keys.prefix}: {who} does not answer ({service}): it is not there; `navloom list` shows who "
+            "is, `navloom doctor` why not"
+        )
+
+    def _asked_once(self, key: str, data: bytes, timeout: float) -> Answer | None:
+        """One try: the answer, or None where there was none. Raises Refused."""
+        for answer in self.bus.ask(key, data, timeout):
+            if answer.refusal in ("", TIMED_OUT, TOO_MANY):
+                return None if answer.refusal else answer
+            raise Refused(answer.refusal)
+        return None
+
+    def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
+        """The last message of a stream whose publisher keeps it; None where there is none."""
+        for answer in self.ask_again(self.keys.port(role, instance, port), timeout):
+            if not answer.refusal:
+                with contextlib.suppress(CodecError):
+                    return decode(answer.data, answer.label)[0]
+        return None
+
+    def ask_again(self, key: str, timeout: float) -> list[Answer]:
+        """What answers there are; where there is none, it is asked once more, in case it came too soon."""
+        answers = list(self.bus.ask(key, timeout=timeout))
+        if not answers:
+            time.sleep(AGAIN)
+            answers = list(self.bus.ask(key, timeout=timeout))
+        return answers
+
+    def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
+        """Every instance that answers, in order of role and name."""
+        found = {}
+        for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
+            if not answer.refusal:
+                described = self.described(answer)
+                if described is not None:
+                    found[answer.key] = described
+        return [found[key] for key in sorted(found)]
+
+    def described(self, answer: Answer) -> dict[str, Any] | None:
+        """What an instance says of itself; None for what is no description.
+
+        Who it is its key tells: a shadow's plugin may answer anything, but only under its own name.
+        """
+        try:
+            given = json.loads(answer.data)
+        except ValueError:
+            return None
+        if not _is_description(given):
+            return None
+        role, instance, _ = self.keys.split(answer.key)
+        return {**OPEN, **given, "role": role, "instance": instance}
+
+
+def _is_description(given: Any) -> bool:
+    """It has no entry of another type than others reckon with; what it leaves out is open."""
+    if not isinstance(given, dict):
+        return False
+    if not all(isinstance(given[name], kinds) for name, kinds in _TYPES.items() if name in given):
+        return False
+    places, hosts, streams = (given.get(name, {}) for name in ("places", "hosts", "streams"))
+    names = [name for table in (places, hosts, given.get("versions", {})) for pair in table.items() for name in pair]
+    return (
+        all(isinstance(name, str) for name in names)
+        and all(" " in node for node in places)
+        and all(isinstance(counts, dict) and counts.keys() >= _COUNTED for counts in streams.values())
+        and all(isinstance(counts[name], int) for counts in streams.values() for name in _COUNTED)
+        and all(isinstance(counts.get("misrouted", 0), int) for counts in streams.values())
+    )

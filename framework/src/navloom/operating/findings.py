@@ -1,0 +1,263 @@
+"""What is wrong with a live robot, as far as its nodes' own words tell, and what to do about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from navloom.live.live_gate import held_rate
+from navloom.operating.looking import waiting
+from navloom.roles import ROLES, is_patient
+from navloom.transport import links
+
+__all__ = ["Finding", "LoopRate", "differing", "failing", "flowing", "is_slow", "is_stuck", "lagging", "loop_rate",
+           "sharing", "unheard"]  # fmt: skip
+
+LOW = 8.0
+"""MB of free shared memory below which a process that starts cannot join."""
+POOL = links.POOL / 2**20
+"""MB of shared memory a process takes for large messages."""
+BUSY, BUSY_LONG = 0.5, 5.0
+"""s in one step after which a node is said to be busy, and one that may compute for long."""
+SILENT = 1.0
+"""s without the platform after which a process does not hear it."""
+FEW = 20
+"""Messages a node may lose, or ticks that may be late, before it is said."""
+OLD = 0.05
+"""Share of a robot's ticks that may be driven by the command of an earlier tick."""
+SMALL = ("odometry", "contact", "truth", "step", "parameters")
+"""Ports of a platform that are no sensor's."""
+
+Node = Mapping[str, Any]
+Severity = Literal["problem", "note"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something about a robot that its people should know.
+
+    Attributes:
+        severity: "problem" where the robot does not do what it should, else "note".
+        what: What there is.
+        remedy: What to do.
+    """
+
+    severity: Severity
+    what: str
+    remedy: str
+
+
+def named(node: Node) -> str:
+    """Role and instance."""
+    return f"{node['role']} {node['instance']}"
+
+
+def where(node: Node) -> str:
+    """Process and host."""
+    return f"{node['process']} on {node['host']}"
+
+
+def _is_patient(node: Node) -> bool:
+    """Its step may take long: no motor waits for it."""
+    said: bool = node.get("is_patient", is_patient(node["role"]))
+    return said
+
+
+def is_slow(node: Node) -> bool:
+    """Its usual step takes longer than its period. A mapper or a planner may: nothing waits for it in each tick."""
+    return not _is_patient(node) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
+
+
+def is_stuck(node: Node) -> bool:
+    """It has been in one step for longer than its role may take."""
+    return (node["busy_s"] or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
+
+
+def failing(nodes: Sequence[Node]) -> list[Finding]:
+    """Plugins that raise, hang, are late or ask for far too much.
+
+    Ticks of a platform that is slow itself are late for that.
+    """
+    found = []
+    for node in nodes:
+        if node["faulted"]:
+            times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
+            remedy = f"repair the plugin; {_instead(node, nodes)}"
+            found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
+        if node["active"] and node.get("waits_for"):
+            found.append(Finding("problem", *waiting(named(node), " and ".join(node["waits_for"]))))
+        for note in node.get("notes", ()):
+            found.append(Finding("note", note, "check the units in its code and parameters: rad/s and m/s"))
+        if is_stuck(node):
+            what = f"{named(node)} has been in one step for {node['busy_s']:.1f} s"
+            remedy = f"its plugin hangs or is too slow; live.hang_timeout ends its process; {_instead(node, nodes)}"
+            found.append(Finding("problem", what, remedy))
+        if is_slow(node):
+            what = f"{named(node)} takes {node['step_s'] * 1e3:.0f} ms a step, longer than its period"
+            remedy = f"make it faster, or run.period longer; {_instead(node, nodes)}"
+            if node["plugin"] is None:
+                remedy = "its host is overloaded: end other programs there, or make run.period longer"
+            severity: Severity = "problem" if node["active"] else "note"
+            found.append(Finding(severity, f"{what} of {node['period_s'] * 1e3:.0f} ms", remedy))
+        elif node.get("late_ticks", 0) > max(FEW, node.get("ticks", 0) // 100):
+            what = f"{named(node)}: {node['late_ticks']} of {node['ticks']} ticks since its start came late"
+            remedy = "its host is overloaded: end other programs there, make run.period longer, or move mapper and "
+            found.append(Finding("problem", what, remedy + "planner to another host (live.hosts)"))
+    return found
+
+
+def lagging(nodes: Sequence[Node]) -> list[Finding]:
+    """A robot that is driven by commands of earlier ticks, with what it could be run at."""
+    found = []
+    for node in nodes:
+        driven, old = node.get("driven_ticks", 0), node.get("driven_ticks", 0) - node.get("own_ticks", 0)
+        if old <= max(FEW, driven * OLD):
+            continue
+        what = f"{old} of {driven} ticks were driven by the command of an earlier tick"
+        remedy = "end other programs on its hosts, or make run.period longer"
+        rate = loop_rate(nodes)
+        if rate is not None:
+            what += f"; {rate}"
+        found.append(Finding("problem", what, remedy))
+    return found
+
+
+@dataclass(frozen=True)
+class LoopRate:
+    """How fast a robot's processes go round.
+
+    Attributes:
+        median_s, most_s: From a platform stamp to the tick's last command at the gate: median, 99th percentile.
+        holds_hz: Ticks per s at which 99 of 100 would be driven by commands of their own.
+    """
+
+    median_s: float
+    most_s: float
+    holds_hz: float
+
+    def __str__(self) -> str:
+        took = f"a tick's commands take {self.median_s * 1e3:.1f} ms (99 %: {self.most_s * 1e3:.1f} ms)"
+        return f"{took}: these processes hold {self.holds_hz:.0f} Hz"
+
+
+def loop_rate(nodes: Sequence[Node]) -> LoopRate | None:
+    """As the gate has seen it in its last drives; None where it has seen too little."""
+    for node in nodes:
+        if node.get("chain_p99_s", 0.0) > 0.0:
+            return LoopRate(node["chain_p50_s"], node["chain_p99_s"], held_rate(node["chain_p99_s"]))
+    return None
+
+
+def _instead(node: Node, nodes: Sequence[Node]) -> str:
+    """What can be put in the place of a node that does not do its work."""
+    role = node["role"]
+    if node["plugin"] is None:
+        return "it is a node of navloom itself: report this with the log of its process"
+    if role == "platform":
+        return "a platform cannot be swapped: restart the robot with another plugin in [platform]"
+    if not node["active"]:
+        return "it is not active, so the robot drives without it"
+    others = [other["instance"] for other in nodes if other["role"] == role and not other["active"]]
+    if others:
+        return f"`navloom swap {role} {others[0]}` makes another active"
+    table = f"[{role}]" if role in ROLES else f"[[node]] {role}"
+    return f"the config has no other {role} to swap to: restart the robot with another plugin in {table}"
+
+
+def flowing(nodes: Sequence[Node]) -> list[Finding]:
+    """Streams with messages that nobody could read, or that were dropped unread where each counts."""
+    found = []
+    for node in nodes:
+        for stream, counts in node["streams"].items():
+            if counts["malformed"]:
+                what = f"{named(node)}: {counts['malformed']} malformed messages on {stream}: {counts['complaint']}"
+                found.append(
+                    Finding("problem", what, "find who sends them; both ends need the same version of navloom")
+                )
+            if counts.get("misrouted"):
+                found.append(_misrouted(f"{named(node)}: {counts['misrouted']} messages on {stream}", counts))
+            if not is_slow(node) and not counts["latest"] and counts["dropped"] > max(FEW, counts["received"] // 10):
+                what = f"{named(node)}: {counts['dropped']} of {counts['received']} messages on {stream} dropped unread"
+                remedy = "it is slower than the stream: give its process a core of its own, or lower the rate"
+                found.append(Finding("problem", what, remedy))
+    return found
+
+
+def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
+    """Messages of other streams: a few come of restarts, many of somebody who publishes under a wrong key."""
+    what = f"{which} belong to another stream and were refused, the last to {counts.get('origin', 'an unknown one')}"
+    if counts["misrouted"] <= FEW:
+        remedy = "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"
+        return Finding("note", what, remedy)
+    remedy = "find who publishes there, such as a replay or a second robot of this name; if nobody does, restart its "
+    return Finding("problem", what, remedy + "router, or the robot where it has none")
+
+
+def differing(nodes: Sequence[Node]) -> list[Finding]:
+    """Versions and configs that are not the same everywhere."""
+    found = []
+    for package in sorted({package for node in nodes for package in node["versions"]}):
+        by_version = _grouped((node["versions"].get(package, "none"), where(node)) for node in nodes)
+        if len(by_version) > 1:
+            what = f"{package} is not of one version: {_listed(by_version)}"
+            found.append(Finding("problem", what, "install the same version on every host"))
+    by_config = _grouped((node["config_sha256"][:8], where(node)) for node in nodes)
+    if len(by_config) > 1:
+        what = f"the processes have different configs: {_listed(by_config)}"
+        remedy = "start all of them with the same file, --set and --seed; `navloom config check --json` tells its hash"
+        found.append(Finding("problem", what, remedy))
+    return found
+
+
+def unheard(nodes: Sequence[Node]) -> list[Finding]:
+    """Processes that do not hear a platform which is heard by others."""
+    silent = {where(node): node for node in nodes if node["silence_s"] is not None}
+    if not silent or min(node["silence_s"] for node in silent.values()) > SILENT:
+        return []
+    home = {node["host"] for node in nodes if node["role"] == "platform"}
+    found = []
+    for process, node in silent.items():
+        if node["silence_s"] > SILENT:
+            remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
+            if node["host"] in home:
+                remedy = f"it hangs, or its host gives it no time: `kill -KILL {node['pid']}` restarts it"
+            what = f"process {process} has not heard the platform for {node['silence_s']:.1f} s"
+            found.append(Finding("problem", what, remedy))
+    return found
+
+
+def sharing(nodes: Sequence[Node]) -> list[Finding]:
+    """Shared memory that is short, and large messages that cannot pass through it."""
+    found = []
+    for host, free in {node["host"]: node["shared_memory_mb"] for node in nodes if node["shares_memory"]}.items():
+        remedy = f"give /dev/shm {POOL:.0f} MB for each process there (containers: --shm-size)"
+        if free is None or free < LOW:
+            amount = "no shared memory" if free is None else f"only {free:.1f} MB of shared memory left"
+            found.append(Finding("problem", f"{host} has {amount}: a process that starts there cannot join", remedy))
+        elif free < POOL:
+            found.append(Finding("note", f"{host} has {free:.0f} MB of shared memory left", remedy))
+    hosts = {f"{node['role']}/{node['instance']}": node["host"] for node in nodes}
+    for node in nodes:
+        for stream, counts in node["streams"].items():
+            source, _, port = stream.rpartition("/")
+            is_scan = source.startswith("platform/") and port not in SMALL
+            is_large = is_scan or (source.startswith("mapper/") and port == "map")
+            if is_large and counts["received"] and hosts.get(source, node["host"]) != node["host"]:
+                what = f"{named(node)} on {node['host']} gets {stream} over the network, from {hosts[source]}"
+                remedy = "it takes less within a host: where its age is high (`navloom hz`), move it there"
+                found.append(Finding("note", what, remedy))
+    return found
+
+
+def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for value, process in pairs:
+        if process not in found.setdefault(value, []):
+            found[value].append(process)
+    return found
+
+
+def _listed(groups: Mapping[str, Sequence[str]]) -> str:
+    return "; ".join(f"{value} in {', '.join(sorted(who))}" for value, who in sorted(groups.items()))

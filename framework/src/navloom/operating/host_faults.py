@@ -1,0 +1,91 @@
+"""What is wrong on this host: robots that died and left their folder, processes that do not stay up."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Container
+
+from navloom.hosting.descendants import Descendant, descendants, status_of
+from navloom.hosting.directory import Fate, RobotFolder, runtime_folder
+from navloom.operating.findings import Finding
+
+__all__ = ["fate_in_words", "is_stopped", "left_behind", "left_running", "restarting", "strays"]
+
+
+def left_behind() -> list[Finding]:
+    """Folders of robots that say they are up and are not. The next `navloom up` of that robot clears its own."""
+    found = []
+    for path in sorted(runtime_folder().glob("*.*/robot.json")):
+        realm, _, robot = path.parent.name.partition(".")
+        folder = RobotFolder(realm, robot)
+        told = folder.told()
+        if told is None:
+            what = f"{path} cannot be read"
+        elif folder.read() is None:
+            what = f"robot {realm}/{robot} died without an end: its process {told.pid} is gone, its folder is not"
+        else:
+            continue
+        found.append(Finding("note", what, f"`rm -r {path.parent}`; `navloom up` of that robot does it too"))
+    return found
+
+
+def strays(robot: str | None = None) -> dict[str, list[Descendant]]:
+    """Processes of this user's robots whose `navloom up` is gone, by REALM/NAME; of one robot, or of all."""
+    found: dict[str, list[Descendant]] = {}
+    for one in descendants():
+        realm, _, name = one.folder.name.partition(".")
+        is_wanted = robot in (None, name, f"{realm}/{name}")
+        if one.is_left and one.folder.parent == runtime_folder() and is_wanted:
+            found.setdefault(f"{realm}/{name}", []).append(one)
+    return found
+
+
+def left_running() -> list[Finding]:
+    """Processes that robots which are down have left."""
+    return [
+        Finding(
+            "problem",
+            f"{', '.join(map(str, left))}: left of robot {robot}, which is down",
+            f"`navloom down --robot {robot}` ends them, and so does the next `navloom up` of that robot",
+        )
+        for robot, left in strays().items()
+    ]
+
+
+def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
+    """Processes of a robot of this host that were started again, or are left down; without those told of already."""
+    found = []
+    for name, fate in folder.fates().items():
+        if fate.state == "failed" and name not in told:
+            what, remedy = fate_in_words(folder, name, fate)
+            found.append(Finding("problem", f"process {name}: {what}", remedy))
+        elif fate.restarts and fate.state == "running":
+            times = "once" if fate.restarts == 1 else f"{fate.restarts} times"
+            what = f"process {name} was started again {times}: it {fate.why}"
+            found.append(Finding("note", what, f"see {folder.path / f'{name}.log'}"))
+        if fate.cut:
+            what = f"process {name} writes so much that {fate.cut * 1e-6:.1f} MB of its log were not kept"
+            found.append(Finding("note", what, f"have its plugins print less; see {folder.path / f'{name}.log'}"))
+    return found
+
+
+def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, str]:
+    """What has become of a process, and what to do about it."""
+    log = folder.path / f"{process}.log"
+    if fate.state == "running":
+        if fate.pid is not None and is_stopped(fate.pid):
+            return f"it is stopped (process {fate.pid})", f"`kill -CONT {fate.pid}` lets it go on"
+        again = f"`kill -KILL {fate.pid}` has `navloom up` start it anew"
+        return f"it runs (process {fate.pid}), but is not ready, or hangs", f"look again, see {log}; {again}"
+    said = folder.last_words(process)
+    what = f"it {fate.why}" + (f" and said last: {said}" if said else "")
+    if fate.state == "failed":
+        return f"{what}; it is left down", "repair what it says, then `navloom down` and `navloom up`"
+    return what, f"`navloom up` starts it again by itself; what it says is in {log}"
+
+
+def is_stopped(pid: int) -> bool:
+    """Somebody has stopped a process of this host, with Ctrl-Z or SIGSTOP."""
+    with contextlib.suppress(OSError, IndexError):
+        return status_of(pid)[1] in ("T", "t")
+    return False

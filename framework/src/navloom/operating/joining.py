@@ -1,0 +1,106 @@
+"""How a tool finds and joins a robot that is up."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from navloom.hosting.directory import DirectoryError, RobotFolder, Running, robots
+from navloom.operating.client import Client
+from navloom.plugins.registry import close_to
+from navloom.transport.keyspace import KeySpace
+from navloom.transport.links import Link, certificate
+from navloom.transport.tool_sessions import expiring, joined
+
+__all__ = ["find_robot", "join", "split_name"]
+
+
+def find_robot(robot: str | None) -> Running:
+    """The robot named REALM/NAME, or NAME where that is unique; without a name, the only one that is up.
+
+    Raises:
+        DirectoryError: None is up, or none of that name, or several.
+    """
+    found = list(robots())
+    names = [f"{one.realm}/{one.robot}" for one in found]
+    if robot is None:
+        if len(found) == 1:
+            return found[0]
+        if not found:
+            raise DirectoryError(
+                "no robot of this user is up on this host: start one with `navloom up CONFIG`, "
+                "or reach one elsewhere with --connect ENDPOINT"
+            )
+        raise DirectoryError(f"several robots are up: {', '.join(names)}; choose one with --robot")
+    matches = [one for one, name in zip(found, names, strict=True) if robot in (name, one.robot)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        full = [f"{one.realm}/{one.robot}" for one in matches]
+        raise DirectoryError(f"--robot {robot}: several robots of that name are up: {', '.join(full)}; add the realm")
+    up = f"; up are {', '.join(names)}" if names else "; none is up"
+    raise DirectoryError(f"--robot {robot}: it is not up on this host{up}{close_to(robot, names)}")
+
+
+def split_name(robot: str) -> tuple[str, str]:
+    """REALM and NAME of a robot. Raises DirectoryError for what is no name: a wildcard would speak to several."""
+    named = re.fullmatch(r"([A-Za-z0-9_-]+)/([A-Za-z0-9_-]+)", robot)
+    if named is None:
+        raise DirectoryError(f"--robot {robot}: expected REALM/NAME of letters, digits, - and _, as in lab/r1")
+    return named[1], named[2]
+
+
+def _shown(keys: str | None, identity: str) -> tuple[Path | None, str | None]:
+    """Folder and name of the certificate that a tool shows."""
+    folder, name = certificate(Path(keys) if keys else None, identity)
+    if folder is not None and name == "viewer" and not (folder / "viewer.pem").exists():
+        name = "operator" if (folder / "operator.pem").exists() else name
+    return folder, name
+
+
+@contextmanager
+def join(
+    robot: str | None = None,
+    connect: str | None = None,
+    keys: str | None = None,
+    identity: str = "operator",
+    insecure: bool = False,
+    say: Callable[[str], None] = lambda text: print(f"navloom: {text}", file=sys.stderr, flush=True),
+) -> Iterator[Client]:
+    """Join a robot's network as a tool, for the time of a `with` statement.
+
+    Args:
+        robot: REALM/NAME, or NAME where that is unique; None for the only one that is up. With `connect` it must be
+            REALM/NAME, and None is lab/r1.
+        connect: Endpoint of a router elsewhere; None looks on this host.
+        keys: Folder of certificates, or one in it; None takes those the robot was started with.
+        identity: Name of the certificate, where `keys` names none. An operator's does for a viewer's.
+        insecure: Plain TCP to another host was asked for.
+        say: Told of certificates that expire soon.
+
+    Raises:
+        DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
+    """
+    home: RobotFolder | None = None
+    if connect is not None:
+        realm, name = split_name(robot or "lab/r1")
+        link = Link("client", (), (connect,), *_shown(keys, identity), insecure, realm, name)
+    else:
+        running = find_robot(robot)
+        realm, name = running.realm, running.robot
+        home = RobotFolder(realm, name)
+        if running.via_router:
+            shown = _shown(keys or running.keys, identity)
+            link = Link("client", (), running.endpoints, *shown, insecure, realm, name)
+        else:
+            # A process that is just restarting has no socket: it is called all the same, until it is there. Peers pass
+            # nothing on, so that without a link of its own a tool would get no word from it, in all its session.
+            sockets = sorted({*RobotFolder(realm, name).sockets(), *running.endpoints})
+            link = Link("peer", (), tuple(sockets), realm=realm, robot=name)
+    for warning in expiring(link.credentials):
+        say(warning)
+    with joined(link) as bus:
+        yield Client(bus, KeySpace(realm, name), home)

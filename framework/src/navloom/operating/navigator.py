@@ -1,0 +1,258 @@
+"""Driving a live robot from Python: goals with feedback and results, stops, swaps and parameters."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from navloom.live.mailbox import Inlet, Mailbox, Packet
+from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
+from navloom.operating.client import Client, ClientError, Refused
+from navloom.operating.joining import join
+from navloom.transport.quality import kind_of, most_of
+
+__all__ = ["GoalHandle", "Navigator"]
+
+ASK_AGAIN = 1.0
+"""s between looks at the robot's last result, in case it came while the link was down."""
+FORGOTTEN = 3.0
+"""s after which a goal's node that began anew, and has said nothing of a goal since, does not know it."""
+GONE = 15.0
+"""s without any node of the robot after which it counts as gone; a restart takes less."""
+
+
+class Streams(NamedTuple):
+    """Where what is told of goals waits."""
+
+    results: Inlet
+    feedbacks: Inlet
+    gate: Inlet
+    odometry: Inlet
+
+
+def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
+    """The result of a goal that was refused at once."""
+    place = Point2D(x, y) if math.isfinite(x) and math.isfinite(y) else Point2D(0.0, 0.0)
+    return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), place)
+
+
+class GoalHandle:
+    """A goal on its way.
+
+    Attributes:
+        goal_id: Its number.
+        feedback: The newest, or None.
+        result: How it ended, or None.
+        gate: What the gate said last: who drives, or why nothing does.
+        speed: Forward speed that the platform measured last, m/s, or None.
+    """
+
+    def __init__(self, client: Client, mailbox: Mailbox, streams: Streams, goal_id: int) -> None:
+        self.goal_id = goal_id
+        self.feedback: Feedback | None = None
+        self.result: GoalResult | None = None
+        self.gate: GateStatus | None = None
+        self.speed: float | None = None
+        self._client, self._mailbox, self._streams = client, mailbox, streams
+        self._asked = self._seen = self._known = time.monotonic()
+        self._lives = client.lives("goal", "main")
+        self._note(client.last("gate", "main", "status"))
+
+    def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
+        """Feedback as it comes, until the goal has ended; also while nodes of the robot restart.
+
+        Raises:
+            TimeoutError: It has not ended within s; ClientError: the robot is gone.
+        """
+        began = time.monotonic()
+        seen = 0
+        while self.result is None:
+            seen = self._mailbox.wait(seen, 0.1)
+            streams = self._streams
+            for message, _ in (*streams.results.take(), *streams.gate.take(), *streams.odometry.take()):
+                self._note(message)
+            for message, _ in self._streams.feedbacks.take():
+                if isinstance(message, Feedback) and message.goal_id == self.goal_id:
+                    self.feedback = message
+                    yield message
+            now = time.monotonic()
+            if self.result is None and now - self._asked > ASK_AGAIN:
+                self._asked = now
+                self._note(self._client.last("goal", "main", "result"))
+                if self.result is None:
+                    self._refuse_to_wait_for_nobody()
+            if timeout is not None and self.result is None and now - began > timeout:
+                raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
+
+    def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
+        """Wait for the result. Raises TimeoutError where it does not come within s, ClientError with the robot gone."""
+        for feedback in self.updates(timeout):
+            if on_feedback is not None:
+                on_feedback(feedback)
+        assert self.result is not None
+        return self.result
+
+    def cancel(self) -> None:
+        """End it."""
+        self._client.call("goal", "main", "cancel", {})
+
+    def _refuse_to_wait_for_nobody(self) -> None:
+        client, now = self._client, time.monotonic()
+        lives = client.lives("goal", "main")
+        if lives or client.has_nodes():
+            self._seen = now
+        elif client.was_ended:
+            raise ClientError(f"robot {client.keys.prefix} went down, and goal {self.goal_id} with it")
+        elif now - self._seen > GONE:
+            raise ClientError(
+                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
+                f"goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
+            )
+        self._lives = self._lives or lives
+        if not lives or lives & self._lives:
+            self._known = now
+        elif now - self._known > FORGOTTEN:
+            raise ClientError(
+                f"robot {client.keys.prefix}: its goal node began anew and knows nothing of goal {self.goal_id}, "
+                "which has ended with the node before"
+            )
+
+    def _note(self, message: object) -> None:
+        if isinstance(message, GateStatus):
+            self.gate = message
+        elif isinstance(message, Odometry):
+            self.speed = message.twist.vx
+        elif isinstance(message, GoalResult):
+            if message.goal_id == self.goal_id:
+                self.result = message
+            elif message.goal_id > self.goal_id:
+                why = f"goal {message.goal_id} came after it, and its own result was missed"
+                self.result = GoalResult(self.goal_id, "cancelled", why, message.place)
+
+
+class Navigator:
+    """A live robot, to be used in a `with` statement.
+
+    Args:
+        robot: REALM/NAME, or NAME where that is unique; None for the only one that is up on this host.
+        connect: Endpoint of a router elsewhere.
+        keys: Folder of certificates, see `navloom keys`.
+        insecure: Plain TCP to another host is wanted.
+
+    Raises:
+        DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
+    """
+
+    def __init__(
+        self,
+        robot: str | None = None,
+        connect: str | None = None,
+        keys: str | Path | None = None,
+        insecure: bool = False,
+    ) -> None:
+        self._stack = ExitStack()
+        self._given = (robot, connect, str(keys) if keys is not None else None, insecure)
+        self._mailbox = Mailbox()
+        self._client: Client | None = None
+
+    @property
+    def client(self) -> Client:
+        """What asks the robot's nodes. Raises RuntimeError outside of a `with` statement."""
+        if self._client is None:
+            raise RuntimeError("a Navigator joins its robot in a `with` statement: `with Navigator() as robot:`")
+        return self._client
+
+    def __enter__(self) -> Navigator:
+        robot, connect, keys, insecure = self._given
+        self._client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
+        self._streams = Streams(
+            self._inlet("goal", "main", "result"),
+            self._inlet("goal", "main", "feedback"),
+            self._inlet("gate", "main", "status"),
+            self._inlet("platform", "*", "odometry", limit=1),
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def go(
+        self, x: float, y: float, heading: float | None = None, via: Sequence[tuple[float, float]] = ()
+    ) -> GoalHandle:
+        """Send the robot to a place, m and rad, map frame, over some points. A goal on its way is pre-empted.
+
+        Raises:
+            Refused: Rejected at once, with the reason; ClientError: the goal's node does not answer.
+        """
+        given = {"x": x, "y": y, "heading": heading, "via": [list(point) for point in via]}
+        for name, value in (("x", x), ("y", y), ("heading", 0.0 if heading is None else heading)):
+            if not math.isfinite(value):
+                raise Refused(f"rejected: {name} is {value}, expected a finite number")
+        answer = self.client.call("goal", "main", "submit", given)
+        return GoalHandle(self.client, self._mailbox, self._streams, int(answer["goal_id"]))
+
+    def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
+        """Send the robot to a place and wait for the result; a rejected goal is a result too."""
+        try:
+            handle = self.go(x, y, heading)
+        except Refused as refusal:
+            return rejection(refusal, x, y)
+        return handle.wait(timeout)
+
+    def cancel(self) -> bool:
+        """End the goal on its way; False where there is none."""
+        return bool(self.client.call("goal", "main", "cancel", {})["goal_id"])
+
+    def stop(self) -> None:
+        """Stop the robot until `resume`."""
+        self.client.call("gate", "main", "stop", {})
+
+    def resume(self) -> None:
+        """Let the robot drive again after a stop or a contact."""
+        self.client.call("gate", "main", "resume", {})
+
+    def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
+        """Put another instance in charge once it has warmed up; gives the selection's epoch.
+
+        Raises:
+            Refused: There is no such instance; TimeoutError: it did not warm up within s.
+        """
+        answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
+        limit = time.monotonic() + timeout
+        while answer["selected"] != instance:
+            if time.monotonic() > limit:
+                raise TimeoutError(
+                    f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
+                    f"{answer['selected']} stays in charge until it has"
+                )
+            time.sleep(0.05)
+            answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
+        return int(answer["epoch"])
+
+    def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
+        """Parameters of an instance."""
+        values: dict[str, Any] = self.client.call(role, instance, "params/get", {})["values"]
+        return values
+
+    def set_parameters(self, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
+        """Change parameters between two ticks, all or none; TOML assignments `name = value`. Raises Refused."""
+        values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
+        return values
+
+    def _inlet(self, role: str, instance: str, port: str, limit: int = 64) -> Inlet:
+        key = self.client.keys.port(role, instance, port)
+        inlet = Inlet(key, self._mailbox, limit)
+
+        def receive(key: str, data: bytes | None, label: str) -> None:
+            if data is not None:
+                inlet.give(Packet(data, label))
+
+        self.client.bus.subscribe(key, receive, most_of(kind_of(role, port)))
+        return inlet

@@ -1,0 +1,360 @@
+"""Mappers and avoiders on an imported log: what they would have made of what another robot saw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.config import ConfigError, Loaded
+from navloom.config.schema import Config
+from navloom.engine.build import assemble, make_plugins, role_nodes
+from navloom.engine.differences import differences
+from navloom.engine.fed import FedNode
+from navloom.engine.node import Tick
+from navloom.engine.reference import ReferenceNode
+from navloom.geometry.angles import wrap
+from navloom.geometry.frames import compose, inverse
+from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
+from navloom.recording.reader import Recorded, Recording
+from navloom.recording.recorded_platform import discovery
+from navloom.recording.shadows import Disagreement
+from navloom.recording.substitutes import Substitute
+
+__all__ = ["DRIVER", "LogReplay", "place_in_map", "replay_log"]
+
+Floats = NDArray[np.float64]
+DRIVER = "the driver"
+"""Whom an avoider's answers are compared with: the velocity that was driven."""
+WAY_STEP = 0.2
+"""m between points of the way ahead."""
+ENDED = 0.1
+"""m left of the driven way from which there is nothing to compare."""
+TRACK = 4096
+
+
+@dataclass(eq=False)
+class LogReplay:
+    """What came of a log.
+
+    Attributes:
+        seconds: Length of the log, s.
+        ticks: Stepped.
+        map: The last map; None without a mapper or where it made none.
+        maps: How many it made.
+        way: (n, 2) where the robot was, m, map frame.
+        avoider: Compared with the driver; None without an avoider.
+        has_mapper: A mapper was stepped.
+        localizer: Name of the localizer that was asked for; empty for none.
+        poses: (n, 7) time, s, then x, y, m, heading, rad, by recorded odometry and by the localizer, both in the map
+            frame; None where no localizer was asked for.
+        faults: What a plugin raised, by tick.
+    """
+
+    seconds: float = 0.0
+    ticks: int = 0
+    map: MapUpdate | None = None
+    maps: int = 0
+    way: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    avoider: Substitute | None = None
+    has_mapper: bool = False
+    localizer: str = ""
+    poses: Floats | None = None
+    faults: list[str] = field(default_factory=list)
+
+    def summary(self) -> dict[str, Any]:
+        """For `replay --json`."""
+        steps = np.diff(self.way, axis=0)
+        found: dict[str, Any] = {
+            "seconds": self.seconds,
+            "ticks": self.ticks,
+            "driven_m": float(np.hypot(steps[:, 0], steps[:, 1]).sum()),
+            "faults": len(self.faults),
+            "first_fault": self.faults[0] if self.faults else None,
+        }
+        if self.map is not None:
+            cells = self.map.grid.cells
+            found["map"] = {
+                "updates": self.maps,
+                "resolution_m": self.map.grid.resolution,
+                "cells": int(cells.size),
+                "free": int((cells == 0).sum()),
+                "occupied": int((cells >= 50).sum()),
+                "unknown": int((cells < 0).sum()),
+                "segments": len(self.map.segments),
+            }
+        if self.poses is not None:
+            found["localizer"] = {"instance": self.localizer, "poses": len(self.poses), **self._offsets(self.poses)}
+        if self.avoider is not None:
+            found["avoider"] = self.avoider.summary()
+        return found
+
+    def _offsets(self, poses: Floats) -> dict[str, dict[str, float | None]]:
+        """How far the localizer's poses are from those of odometry, m and rad."""
+        away = np.hypot(*(poses[:, 4:6] - poses[:, 1:3]).T)
+        turned = np.abs(wrap(poses[:, 6] - poses[:, 3]))
+        return {
+            name: {
+                "rms": float(np.sqrt((values**2).mean())) if values.size else None,
+                "max": float(values.max()) if values.size else None,
+                "end": float(values[-1]) if values.size else None,
+            }
+            for name, values in (("position", away), ("heading", turned))
+        }
+
+    def pose_table(self) -> str:
+        """The poses as CSV."""
+        names = "time_s,odometry_x,odometry_y,odometry_heading,localizer_x,localizer_y,localizer_heading"
+        rows = [] if self.poses is None else self.poses.tolist()
+        return "\n".join([names, *(",".join(f"{value:.6f}" for value in row) for row in rows)]) + "\n"
+
+
+def place_in_map(
+    recording: Recording, loaded: Loaded, map_ref: str | None, start: tuple[float, float, float] | None
+) -> Loaded:
+    """An imported log's config with a map and the place of the odometry's frame in it.
+
+    Args:
+        recording: The log.
+        loaded: Its config.
+        map_ref: A world's reference, or the .yaml of a map_server; None for no map.
+        start: x, y, m, heading, rad, of the robot in the map when the log begins; None where the odometry's frame is
+            the map's.
+    """
+    tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
+    if map_ref is not None:
+        is_yaml = map_ref.endswith((".yaml", ".yml")) and ":" not in map_ref
+        tree["map"] = {"ref": f"rosmap:{map_ref}" if is_yaml else map_ref}
+    if start is not None:
+        first = next(one.message for one in recording.messages(["platform/*/odometry"]))
+        assert isinstance(first, Odometry)
+        pose = np.array([first.pose.x, first.pose.y, first.pose.heading])
+        x, y, heading = compose(np.array(start), inverse(pose)).tolist()
+        place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}
+        tree["navigation"] = {**tree.get("navigation", {}), "start": place}
+    return replace(loaded, config=Config.model_validate(tree))
+
+
+def replay_log(
+    recording: Recording, loaded: Loaded, roles: Sequence[str], say: Callable[[str], None] = lambda text: None
+) -> LogReplay:
+    """Step localizer and mapper, or localizer and avoider, or all of them, on what an imported log holds.
+
+    The avoider is given the way that was driven as its trajectory, and the velocity that was driven as the one wanted.
+
+    Args:
+        recording: An imported one.
+        loaded: Its config with the plugins to try.
+        roles: Of "mapper" and "avoider", which to step.
+        say: Told what is being prepared.
+
+    Raises:
+        ConfigError: A role that a log cannot feed, or a plugin that needs a map where none is given.
+    """
+    wrong = [role for role in roles if role not in ("mapper", "avoider", "localizer")]
+    if wrong:
+        raise ConfigError(f"--{wrong[0]}: an imported log feeds mappers, avoiders and localizers: it holds no plans")
+    if loaded.config.map is None:
+        plugins = discovery()
+        for role in roles:
+            name = loaded.config.role_table(role).plugin
+            if plugins.role(role, name).needs_map:
+                raise ConfigError(f"--{role} {name}: needs a map, and an imported log has none: give --map WORLD")
+    runner = _Runner(recording, loaded, roles, say)
+    return runner.run()
+
+
+class _Runner:
+    """Steps the nodes, tick by tick of the log."""
+
+    def __init__(self, recording: Recording, loaded: Loaded, roles: Sequence[str], say: Callable[[str], None]) -> None:
+        self.recording, self.config = recording, loaded.config
+        self.system = assemble(loaded, discovery())
+        used = {"localizer", *roles}
+        wanted = {(role, self.config.role_table(role).instance) for role in used}
+        make_plugins(self.system, say, wanted)
+        nodes = role_nodes(self.system, wanted)
+        self.nodes = {role: FedNode(self.system.wiring[role, name], nodes[role, name]) for role, name in wanted}
+        self.sensors = {
+            spec.role: [one.name for one in spec.inputs if one.name.startswith("scan.")] for spec in self.system.specs
+        }
+        self.reference = ReferenceNode.of(self.config, self.system.robot)
+        self.result = LogReplay()
+        if "avoider" in roles:
+            name = self.config.avoider.instance
+            self.result.avoider = Substitute(Disagreement("avoider", name))
+        self.result.has_mapper = "mapper" in roles
+        if "localizer" in roles:
+            self.result.localizer = self.config.localizer.instance
+        self.track: list[PoseEstimate] = []
+        self.estimates: list[PoseEstimate | None] = []
+        self.taken = 0
+        self.waiting: list[tuple[str, RangeScan | Sweep]] = []
+
+    def run(self) -> LogReplay:
+        """Through the whole log."""
+        way = self._driven()
+        period_ns = round(self.config.run.period * 1e9)
+        first_ns = last_ns = 0
+        for number, messages in self._ticks(period_ns):
+            stamps = [one.envelope.stamp_ns for one in messages]
+            first_ns = first_ns or min(stamps)
+            last_ns = max(last_ns, *stamps)
+            tick = Tick(number, last_ns * 1e-9, last_ns, 0)
+            self._take(tick, messages)
+            ready = self._covered()
+            self._map(tick, ready)
+            self._avoid(tick, messages, way)
+            self.result.ticks += 1
+        self.result.seconds = (last_ns - first_ns) * 1e-9
+        self.result.way = np.array([(pose.x, pose.y) for pose in way[1]]).reshape(-1, 2)
+        if self.result.avoider is not None:
+            self.result.avoider.recorded_map = self.result.map
+            self.result.avoider.way = self._at
+        return self.result
+
+    def _ticks(self, period_ns: int) -> Iterator[tuple[int, list[Recorded]]]:
+        """Messages by tick, in the order they were received."""
+        held: list[Recorded] = []
+        number = -1
+        for one in self.recording.messages(["platform/*/*"]):
+            tick = max(number, one.envelope.tick)
+            if tick != number and held:
+                yield number, held
+                held = []
+            number = tick
+            held.append(one)
+        if held:
+            yield number, held
+
+    def _driven(self) -> tuple[Floats, list[Any]]:
+        """Run times, ns, and poses of the whole log: the way an avoider is given as its trajectory."""
+        stamps, poses = [], []
+        rows: list[tuple[float, ...]] = []
+        scans: dict[str, list[Message]] = {name: [] for name in self.sensors["localizer"]}
+        start = self.system.start
+        odometry_to_map = np.array([start.x, start.y, start.heading])
+        for one in self.recording.messages(["platform/*/*"]):
+            name = f"scan.{one.key.rsplit('/', 1)[1]}"
+            if name in scans:
+                scans[name].append(one.message)
+            if not isinstance(one.message, Odometry):
+                continue
+            estimate = self._localized(one, scans)
+            self.estimates.append(estimate)
+            if estimate is not None:
+                stamps.append(one.envelope.stamp_ns)
+                poses.append(estimate.pose)
+                driven = one.message.pose
+                seen = compose(odometry_to_map, np.array([driven.x, driven.y, driven.heading])).tolist()
+                found = estimate.pose
+                rows.append(((stamps[-1] - stamps[0]) * 1e-9, *seen, found.x, found.y, found.heading))
+        if self.result.localizer:
+            self.result.poses = np.array(rows).reshape(-1, 7)
+        points = np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)
+        steps = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.empty(0)
+        self.along = np.concatenate([[0.0], np.cumsum(steps)])
+        self.points = points
+        self._at: list[tuple[int, float, float]] = []
+        return np.array(stamps, dtype=np.int64), poses
+
+    def _localized(self, one: Recorded, scans: dict[str, list[Message]]) -> PoseEstimate | None:
+        """The pose at an odometry, from it and the scans since the one before, which are used up."""
+        given: dict[str, Any] = {name: tuple(found) for name, found in scans.items()}
+        for found in scans.values():
+            found.clear()
+        tick = Tick(one.envelope.tick, one.envelope.stamp_ns * 1e-9, one.envelope.stamp_ns, 0)
+        outputs = self._step(self.nodes["localizer"], tick, given | {"odometry": one.message, "map": None})
+        pose = dict(outputs).get("pose")
+        return pose if isinstance(pose, PoseEstimate) else None
+
+    def _take(self, tick: Tick, messages: Sequence[Recorded]) -> None:
+        """Take the pose of every odometry, and put the scans in wait for poses that cover them."""
+        for one in messages:
+            port = one.key.rsplit("/", 1)[1]
+            if isinstance(one.message, Odometry):
+                pose = self.estimates[self.taken]
+                self.taken += 1
+                if pose is not None and (not self.track or pose.stamp_ns > self.track[-1].stamp_ns):
+                    self.track.append(pose)
+            elif isinstance(one.message, (RangeScan, Sweep)):
+                self.waiting.append((f"scan.{port}", one.message))
+        del self.track[:-TRACK]
+
+    def _covered(self) -> dict[str, list[Message]]:
+        """Scans that the track covers by now, by input; those from before its beginning never will be."""
+        ready: dict[str, list[Message]] = {}
+        left = []
+        for name, scan in self.waiting:
+            if not self.track or _end_ns(scan) > self.track[-1].stamp_ns:
+                left.append((name, scan))
+            elif scan.stamp_ns >= self.track[0].stamp_ns:
+                ready.setdefault(name, []).append(scan)
+        self.waiting = left
+        return ready
+
+    def _map(self, tick: Tick, ready: dict[str, list[Message]]) -> None:
+        node = self.nodes.get("mapper")
+        if node is None or not any(name in ready for name in self.sensors["mapper"]):
+            return
+        given: dict[str, Any] = {name: tuple(ready.get(name, ())) for name in self.sensors["mapper"]}
+        for _, message in self._step(node, tick, given | {"track": list(self.track), "clear": ()}):
+            if isinstance(message, MapUpdate):
+                self.result.map, self.result.maps = message, self.result.maps + 1
+
+    def _avoid(self, tick: Tick, messages: Sequence[Recorded], way: tuple[Floats, list[Any]]) -> None:
+        node, result = self.nodes.get("avoider"), self.result.avoider
+        if node is None or result is None or not self.track:
+            return
+        driven = next((one.message for one in reversed(messages) if isinstance(one.message, Odometry)), None)
+        if driven is None:
+            return
+        pose = self.track[-1]
+        reference = self._reference(pose, driven, int(np.searchsorted(way[0], pose.stamp_ns)))
+        if reference is None:
+            return
+        scans: dict[str, list[Message]] = {name: [] for name in self.sensors["avoider"]}
+        for one in messages:
+            name = f"scan.{one.key.rsplit('/', 1)[1]}"
+            if name in scans:
+                scans[name].append(one.message)
+        wanted = Command(driven.twist)
+        given: dict[str, Any] = {"desired": wanted, **{name: tuple(found) for name, found in scans.items()}}
+        outputs = dict(self._step(node, tick, given | {"pose": pose, "reference": reference}))
+        result.steps += 1
+        self._at.append((tick.number, pose.pose.x, pose.pose.y))
+        if "command" in outputs:
+            result.last = outputs["command"]
+            found = differences("avoider", wanted, outputs["command"])
+            result.found.add(tick.number, tick.time, DRIVER, found)
+
+    def _reference(self, pose: PoseEstimate, driven: Odometry, place: int) -> Reference | None:
+        """The way that was driven from here on, as the reference node would say it."""
+        place = min(place, len(self.along) - 1)
+        progress = float(self.along[place])
+        left = float(self.along[-1]) - progress
+        if left < ENDED:
+            return None
+        reach = min(self.reference.look_ahead, left)
+        arcs = progress + np.append(np.arange(0.0, reach, WAY_STEP), reach)
+        way = np.column_stack([np.interp(arcs, self.along, self.points[:, axis]) for axis in (0, 1)])
+        target = Point2D(float(way[-1, 0]), float(way[-1, 1]))
+        twist = driven.twist
+        return Reference(
+            1, progress, left, pose.pose, twist.vx, twist.wz, 0.0, target, way, self.reference.corridor, None
+        )
+
+    def _step(self, node: FedNode, tick: Tick, given: dict[str, Any]) -> list[tuple[str, Message]]:
+        outputs = node.step(tick, given)
+        if node.fault:
+            self.result.faults.append(f"tick {tick.number}: {node.fault}")
+        return outputs
+
+
+def _end_ns(scan: RangeScan | Sweep) -> int:
+    """When the last of a scan was measured, ns."""
+    offsets = scan.frame_times if isinstance(scan, Sweep) else scan.time_offsets
+    return scan.stamp_ns + (round(float(offsets.max()) * 1e9) if offsets.size else 0)

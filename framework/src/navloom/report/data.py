@@ -1,0 +1,194 @@
+"""What a report is made of: the folder that `navloom compare` left, read and checked."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from sys import intern
+from typing import Any
+
+import numpy as np
+
+from navloom.config import ConfigError
+from navloom.geometry.world import World
+from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
+from navloom.inputs.texts import json_of
+from navloom.plugins import Discovery, PluginError
+from navloom.plugins.registry import nearest
+from navloom.study.episode_key import EpisodeKey
+from navloom.study.metrics import METRICS, Metric, all_metrics
+from navloom.study.statistics import Comparison, compare_methods
+from navloom.study.tracks import StoredWay, read_track
+from navloom.study.worldset import world_digest
+
+__all__ = ["StudyFiles", "read_study"]
+
+SEED = 0
+"""Of the resamples: the same study gives the same intervals."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyFiles:
+    """A finished study.
+
+    Attributes:
+        folder: Where it is.
+        request: `study.json`.
+        rows: `episodes.csv`, one a line.
+        open_loop: `open_loop.csv`, empty where there is none.
+        timing: `timing.json`, empty where there is none.
+        metrics: In the order of the table.
+        baseline: The method the others are compared with.
+        discovery: Finds worlds.
+    """
+
+    folder: Path
+    request: dict[str, Any]
+    rows: list[dict[str, str]]
+    open_loop: list[dict[str, str]]
+    timing: dict[str, Any]
+    metrics: tuple[Metric, ...]
+    baseline: str
+    discovery: Discovery = field(default_factory=Discovery)
+
+    @property
+    def methods(self) -> list[str]:
+        """In the order they were asked for."""
+        return list(self.request["methods"])
+
+    @property
+    def worlds(self) -> list[str]:
+        """In the order they were asked for."""
+        return list(self.request["worlds"])
+
+    @property
+    def seeds(self) -> list[int]:
+        """In the order they were asked for."""
+        return [int(seed) for seed in self.request["seeds"]]
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """What the statistics say."""
+        return compare_methods(self.rows, self.baseline, self.metrics, np.random.default_rng(SEED))
+
+    @cached_property
+    def outcomes(self) -> dict[tuple[str, str], list[str]]:
+        """Of each method and world, how the episodes ended."""
+        found: dict[tuple[str, str], list[str]] = {}
+        for row in self.rows:
+            found.setdefault((row["method"], row["world"]), []).append(row["outcome"])
+        return found
+
+    def values(self, metric: str, method: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Of a method's episodes where it is defined, (n,)."""
+        told = [row[metric] for row in self.rows if row["method"] == method and row[metric] != ""]
+        return np.array([float(value) for value in told])
+
+    def metric(self, name: str) -> Metric | None:
+        """By name, or None."""
+        return next((metric for metric in self.metrics if metric.name == name), None)
+
+    def value(self, place: str) -> Any:
+        """What holds for every method at a place of the config; None where it differs, or is not known."""
+        return self.request["held_equal"].get(place)
+
+    def command(self, method: str, world: str, seed: int) -> str:
+        """What drives one episode again, for a shell."""
+        changes = [*self.request["methods"][method]["changes"], *self.request["worlds"][world]["changes"]]
+        words = ["navloom", "run", self.request["config"]]
+        for change in changes:
+            words += ["--set", change]
+        return shlex.join([*words, "--seed", str(seed)])
+
+    def track(self, method: str, world: str, seed: int) -> StoredWay | None:
+        """The way of an episode, where it was kept."""
+        return read_track(self.folder, EpisodeKey(method, world, seed))
+
+    def world(self, ref: str) -> World | None:
+        """The world as it was, or None where it cannot be found here any more or has changed."""
+        told = self.request["worlds"][ref]
+        try:
+            world = self.discovery.world(ref, self._base() if not told["changes"] else Path.cwd())
+        except (PluginError, ValueError, OSError):
+            return None
+        return world if world_digest(world) == told["sha256"] else None
+
+    def _base(self) -> Path:
+        """Folder that the config's own references start from."""
+        config = Path(self.request["config"])
+        return config.parent if config.suffix == ".toml" else Path.cwd()
+
+
+def read_study(folder: Path, baseline: str = "") -> StudyFiles:
+    """Read the folder of a finished study.
+
+    Args:
+        folder: As `--out` of `navloom compare`.
+        baseline: Name of a method; default that of the open loop, else the first.
+
+    Raises:
+        ConfigError: No study, an unfinished or damaged one, or no such method.
+    """
+    if not (folder / "study.json").is_file():
+        raise ConfigError(f"{folder}: holds no study: study.json is missing; name the --out of `navloom compare`")
+    if not (folder / "episodes.csv").is_file():
+        raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` goes on with it")
+    request = _read(folder / "study.json", _json)
+    rows = _read(folder / "episodes.csv", _table)
+    try:
+        names, told = list(request["methods"]), [intern(name) for name in request["metrics"]]  # texts, or TypeError
+        baseline = baseline or request.get("open_loop", {}).get("baseline", "") or names[0]
+        complete = len(rows) == len(names) * len(request["worlds"]) * len(request["seeds"])
+        lacking = [name for name in ("method", "world", "seed", "outcome", *told) if any(name not in r for r in rows)]
+    except (KeyError, TypeError, IndexError, AttributeError):
+        raise ConfigError(f"{folder / 'study.json'}: damaged; make the study again in another folder") from None
+    if not complete or lacking:
+        raise ConfigError(f"{folder / 'episodes.csv'}: is not the table of study.json; the same compare writes it anew")
+    if baseline not in names:
+        raise ConfigError(f"--baseline {baseline}: no such method in {folder}{nearest(baseline, names)}")
+    timing = _optional(folder / "timing.json", _json, {})
+    open_loop = _optional(folder / "open_loop.csv", _table, []) if "open_loop" in request else []
+    discovery = Discovery()
+    known = {metric.name: metric for metric in _installed(discovery)}
+    metrics = tuple(known.get(name) or _unknown(name) for name in told)
+    return StudyFiles(folder, request, rows, open_loop, timing, metrics, baseline, discovery)
+
+
+def _installed(discovery: Discovery) -> tuple[Metric, ...]:
+    """Metrics there are here; a broken plugin's costs its better side and unit, not the report."""
+    try:
+        return all_metrics(discovery)
+    except PluginError:
+        return METRICS
+
+
+def _unknown(name: str) -> Metric:
+    """A metric of a plugin that is not installed here: its numbers are there, its better side is not known."""
+    return Metric(name, "?", None, lambda trail: None, "Of a plugin that is not installed here.")
+
+
+def _table(path: Path) -> list[dict[str, str]]:
+    text = read_file(path, IMAGE_MB, ConfigError).decode("utf-8")
+    return list(csv.DictReader(io.StringIO(text, newline="")))
+
+
+def _json(path: Path) -> Any:
+    return json_of(read_file(path, TEXT_MB, ConfigError), str(path), ValueError)
+
+
+def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
+    try:
+        return reader(path)
+    except ConfigError:
+        raise
+    except (ValueError, csv.Error):
+        raise ConfigError(f"{path}: damaged; make the study again in another folder") from None
+
+
+def _optional(path: Path, reader: Callable[[Path], Any], default: Any) -> Any:
+    return _read(path, reader) if path.is_file() else default

@@ -1,0 +1,332 @@
+"""A folder of certificates for a robot that spans hosts: made, added to, renewed, and taken back from."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+from navloom.config.schema import ROLE_TABLES, TAKEN
+from navloom.inputs.bounds import TEXT_MB, read_file
+from navloom.inputs.texts import json_of
+from navloom.transport.access import IDENTITIES, KINDS, AccessError, Identity, read_identities
+from navloom.transport.certificates import (
+    AUTHORITY_DAYS,
+    SERVING,
+    KeysError,
+    Request,
+    alternative_name,
+    hosts_of,
+    make_authority,
+    make_certificate,
+    read_authority,
+    write_new,
+)
+from navloom.transport.validity import AUTHORITY
+
+__all__ = ["DAYS", "add_identity", "new_authority", "renew", "revoke"]
+
+DAYS = 825
+"""Days a certificate is good for, where nothing else is asked."""
+
+
+def new_authority(folder: Path, order: Request) -> tuple[Identity, ...]:
+    """Make a folder with an authority and certificates of router, nodes, operator and viewer: all of it, or nothing.
+
+    Args:
+        folder: Must not exist yet.
+        order: What they are for.
+
+    Returns:
+        The identities made.
+
+    Raises:
+        KeysError: The folder exists, cannot be written, or the order does not fit.
+    """
+    _check_order(order)
+    if folder.exists() or folder.is_symlink():
+        has_keys = (folder / "identities.json").exists()
+        add = f", or add one certificate with `navloom keys add {folder} NAME --kind viewer`" if has_keys else ""
+        raise KeysError(f"{folder}: exists already and is not overwritten; name another folder{add}")
+    made = tuple(Identity(kind, kind) for kind in KINDS if kind != "shadow")
+    with _writing(folder.parent) as draft:
+        authority = make_authority(draft, order)
+        for identity in made:
+            make_certificate(draft, authority, identity, order)
+        _write_list(draft, _Listed(order.realm, order.robot, made, {}))
+        try:
+            draft.rename(folder)
+        except OSError as error:
+            raise KeysError(f"{folder}: {error.strerror}") from None
+    return made
+
+
+def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: int, now: datetime) -> None:
+    """Make one more certificate in a folder that `new_authority` made.
+
+    Args:
+        folder: With the authority's private key.
+        identity: Whose; its name must be free. That of a revoked one is: its certificate is the next generation.
+        hosts: Where it listens; for kinds that are connected to.
+        days: It is good for.
+        now: Time of the order, with its time zone.
+
+    Raises:
+        KeysError: The name is taken or unfit, or there is no authority; nothing was changed.
+    """
+    if hosts and identity.kind not in SERVING:
+        raise KeysError(f"--host {hosts[0]}: only for --kind nodes; nobody connects to a {identity.kind}")
+    _check_identity(identity)
+    with _changing(folder) as (draft, listed):
+        order = Request(listed.realm, listed.robot, tuple(hosts), days, now)
+        _check_order(order)
+        files = _files(identity.name)
+        if any((folder / file).exists() for file in files) or identity.name in listed.by_name:
+            raise KeysError(f"{folder}: there is a certificate of {identity.name!r} already; choose another name")
+        made = replace(identity, generation=listed.revoked.get(identity.name, 0) + 1)
+        make_certificate(draft, read_authority(folder), made, order)
+        _write_list(draft, replace(listed, identities=(*listed.identities, made)))
+        _install(draft, folder, (*files, IDENTITIES))
+
+
+def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, now: datetime) -> tuple[Identity, ...]:
+    """Make new certificates with new keys in place of those there are: all that are named, or none.
+
+    The old ones stay valid until they end, so that whoever still uses one is not cut off.
+
+    Args:
+        folder: With the authority's private key.
+        names: Whose certificates; empty for everybody's.
+        hosts: Where those listen that are connected to; empty for where they do now.
+        days: The new ones are good for, at most as long as the authority.
+        now: Time of the order, with its time zone.
+
+    Returns:
+        The identities whose certificates are new.
+
+    Raises:
+        KeysError: A name is not known, or there is no authority; nothing was changed.
+    """
+    with _changing(folder) as (draft, listed):
+        chosen = [_known(folder, listed, name) for name in names] or list(listed.identities)
+        if hosts and all(identity.kind not in SERVING for identity in chosen):
+            raise KeysError(f"--host {hosts[0]}: only for router and nodes; nobody connects to others")
+        authority = read_authority(folder)
+        for identity in chosen:
+            order = _order_again(folder, listed, identity, hosts, days, now)
+            make_certificate(draft, authority, identity, order)
+        _install(draft, folder, [file for identity in chosen for file in _files(identity.name)])
+    return tuple(chosen)
+
+
+def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None = None) -> Identity | None:
+    """Strike an identity from the list that listeners go by. Its certificate lets nobody in from then on.
+
+    Args:
+        folder: Of the certificates; with the authority's private key where there is a replacement.
+        name: Whose certificate.
+        now: Time of the order, with its time zone.
+        replacement_days: Make another certificate of that name, good for so many days; None for no replacement.
+
+    Returns:
+        The identity of the replacement, where there is one.
+
+    Raises:
+        KeysError: The name is not known, or the robot cannot do without it; nothing was changed.
+    """
+    with _changing(folder) as (draft, listed):
+        identity = _known(folder, listed, name)
+        if identity.kind == "router":
+            raise KeysError(
+                f"{folder}: the router's certificate cannot be revoked, since no list stands between it and those who "
+                "connect to it; make a new folder with `navloom keys new`, which no certificate of this one fits"
+            )
+        if name == "nodes" and replacement_days is None:
+            raise KeysError(
+                f"{folder}: without the certificate of nodes the robot cannot run; --replace makes another in its place"
+            )
+        rest = tuple(other for other in listed.identities if other is not identity)
+        revoked = {**listed.revoked, name: identity.generation}
+        if replacement_days is None:
+            _write_list(draft, replace(listed, identities=rest, revoked=revoked))
+            _install(draft, folder, (IDENTITIES,), _files(name))
+            return None
+        made = replace(identity, generation=identity.generation + 1)
+        order = _order_again(folder, listed, identity, (), replacement_days, now)
+        make_certificate(draft, read_authority(folder), made, order)
+        _write_list(draft, replace(listed, identities=(*rest, made), revoked=revoked))
+        _install(draft, folder, (*_files(name), IDENTITIES))
+        return made
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """The list of a folder.
+
+    Attributes:
+        realm, robot: Whose.
+        identities: Who is let in.
+        revoked: Newest generation that was revoked, by name.
+    """
+
+    realm: str
+    robot: str
+    identities: tuple[Identity, ...]
+    revoked: Mapping[str, int]
+
+    @property
+    def by_name(self) -> dict[str, Identity]:
+        """Who is let in, by name."""
+        return {identity.name: identity for identity in self.identities}
+
+
+def _known(folder: Path, listed: _Listed, name: str) -> Identity:
+    found = listed.by_name.get(name)
+    if found is None:
+        if name == AUTHORITY:
+            raise KeysError(f"{folder}: the authority is not renewed; make a new folder with `navloom keys new`")
+        if name in listed.revoked:
+            raise KeysError(f"{folder}: {name} is revoked; `navloom keys add {folder} {name}` makes another")
+        raise KeysError(f"{folder}: no certificate of {name!r}; there are {', '.join(listed.by_name)}")
+    return found
+
+
+def _order_again(
+    folder: Path, listed: _Listed, identity: Identity, hosts: Sequence[str], days: int, now: datetime
+) -> Request:
+    """The order for another certificate of an identity."""
+    if identity.kind not in SERVING:
+        hosts = ()
+    elif not hosts:
+        hosts = hosts_of(folder / f"{identity.name}.pem")
+    order = Request(listed.realm, listed.robot, tuple(hosts), days, now)
+    _check_order(order)
+    return order
+
+
+def _files(name: str) -> tuple[str, str]:
+    """The certificate last: who watches it finds its key in place."""
+    return f"{name}-key.pem", f"{name}.pem"
+
+
+def _check_order(order: Request) -> None:
+    for what, name in (("--realm", order.realm), ("--robot", order.robot)):
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+            raise KeysError(f"{what} {name!r}: expected letters, digits, _ and -")
+    if not 1 <= order.days <= AUTHORITY_DAYS:
+        raise KeysError(f"--days {order.days}: expected 1 to {AUTHORITY_DAYS}")
+    for host in order.hosts:
+        alternative_name(host)
+
+
+def _check_identity(identity: Identity) -> None:
+    name = identity.name
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) or name == AUTHORITY or name.endswith("-key"):
+        raise KeysError(f"name {name!r}: expected letters, digits, . _ and -, not 'ca' and not ending in -key")
+    if identity.kind not in KINDS or identity.kind == "router":
+        raise KeysError(f"--kind {identity.kind}: expected {', '.join(kind for kind in KINDS if kind != 'router')}")
+    if identity.kind != "shadow":
+        if identity.instance:
+            raise KeysError(f"--instance {identity.instance}: only for --kind shadow")
+        return
+    role, _, instance = identity.instance.partition(".")
+    shadowed = [role for role in ROLE_TABLES if role != "platform"]
+    is_node = re.fullmatch(r"[a-z][A-Za-z0-9_]*", role) and role not in TAKEN
+    if not (role in shadowed or is_node) or not re.fullmatch(r"[A-Za-z0-9_-]+", instance):
+        raise KeysError(
+            f"--instance {identity.instance or '(none)'}: a shadow is one instance, expected ROLE.NAME, as "
+            f"avoider.forces; roles are {', '.join(shadowed)}, and the names of a config's [[node]] tables"
+        )
+
+
+def _write_list(folder: Path, listed: _Listed) -> None:
+    given = {
+        "realm": listed.realm,
+        "robot": listed.robot,
+        "identities": [asdict(identity) for identity in listed.identities],
+        "revoked": dict(listed.revoked),
+    }
+    write_new(folder / IDENTITIES, json.dumps(given, indent=2).encode() + b"\n", 0o644)
+
+
+def _read_list(folder: Path) -> _Listed:
+    try:
+        given = json_of(read_file(folder / IDENTITIES, TEXT_MB, KeysError), str(folder / IDENTITIES), KeysError)
+        realm, robot = str(given["realm"]), str(given["robot"])
+        revoked = {str(name): int(generation) for name, generation in given.get("revoked", {}).items()}
+    except OSError as error:
+        raise KeysError(f"{folder / IDENTITIES}: {error.strerror}; make the folder with `navloom keys new`") from None
+    except KeysError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise KeysError(f"{folder / IDENTITIES}: not a list of identities; restore it, or make a new folder") from None
+    try:
+        return _Listed(realm, robot, read_identities(folder, realm, robot), revoked)
+    except AccessError as error:
+        raise KeysError(str(error)) from None
+
+
+@contextlib.contextmanager
+def _changing(folder: Path) -> Iterator[tuple[Path, _Listed]]:
+    """A draft for new files of a folder, and its list, which no other process changes meanwhile."""
+    _read_list(folder)  # says what is wrong with a folder that is none
+    with _alone(folder), _writing(folder) as draft:
+        yield draft, _read_list(folder)
+
+
+@contextlib.contextmanager
+def _writing(parent: Path) -> Iterator[Path]:
+    """A folder for files that are not finished, for this user alone; gone in the end unless it was renamed."""
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=parent, prefix=".keys-"))
+    except OSError as error:
+        raise KeysError(f"{parent}: {error.strerror}") from None
+    try:
+        yield draft
+    except OSError as error:
+        raise KeysError(f"{error.filename or draft}: {error.strerror}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Two that add at once would each lose the other's identity."""
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(number)
+
+
+def _install(draft: Path, folder: Path, files: Sequence[str], removed: Sequence[str] = ()) -> None:
+    """Put finished files in place, in this order, and remove others: all of it, or nothing."""
+    kept = draft / "kept"
+    kept.mkdir()
+    done: list[str] = []
+    try:
+        for file in (*files, *removed):
+            if (folder / file).exists():
+                shutil.copy2(folder / file, kept / file)
+            done.append(file)
+            if file in removed:
+                (folder / file).unlink(missing_ok=True)
+            else:
+                (draft / file).replace(folder / file)
+    except OSError:
+        for file in done:
+            if (kept / file).exists():
+                (kept / file).replace(folder / file)
+            else:
+                (folder / file).unlink(missing_ok=True)
+        raise

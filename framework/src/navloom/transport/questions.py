@@ -1,0 +1,179 @@
+"""What a question may cost: its size, nesting, rank and rate, all checked before anything is done for it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from navloom.transport.zenoh_bus import Question
+
+__all__ = [
+    "RANKS",
+    "TOO_MANY",
+    "WAITING",
+    "Allowance",
+    "Desk",
+    "KeptJson",
+    "QuestionError",
+    "largest_of",
+    "read_question",
+]
+
+LARGEST, LARGEST_LIST = 1024, 65_536
+"""Bytes of a question, and of one that may hold a list: places to drive by, or parameters."""
+DEEPEST = 16
+"""Levels of lists and objects in each other; a goal's list of places has three."""
+RANKS: Mapping[str, int] = {
+    "stop": 0,
+    **dict.fromkeys(("cancel", "resume", "release"), 1),
+    **dict.fromkeys(("submit", "swap", "enter_unseen", "params/set", "memory"), 2),
+}
+"""Rank of each service, the most important first. Services that only read come last."""
+READING = 3
+"""Rank of a service that is not in RANKS, and number of the last rank."""
+WAITING = 64
+"""Questions of one rank that wait at most."""
+RATE, BURST = 100.0, 100.0
+"""Questions of one service that are answered, 1/s in the long run, and at once."""
+REFUSALS = 20.0
+"""Refusals of one process, 1/s in the long run and at once. What is beyond is dropped: a refusal costs as much as an
+answer."""
+TOO_MANY = "too many questions: ask again in 1 s"
+"""Refusal of a question beyond the rate."""
+FRESH = 0.05
+"""s for which an answer that only reads may be given again."""
+_BRACKETS = b"[]{}"
+_OTHERS = bytes(set(range(256)) - set(_BRACKETS))
+
+
+class QuestionError(ValueError):
+    """A question that is not answered; the text says why."""
+
+
+class Allowance:
+    """A rate that allows bursts: it fills again with time.
+
+    Args:
+        rate: 1/s in the long run.
+        burst: What may be spent at once.
+    """
+
+    def __init__(self, rate: float, burst: float) -> None:
+        self._rate, self._burst = rate, burst
+        self._left, self._at = burst, time.monotonic()
+
+    def spend(self, cost: float = 1.0) -> bool:
+        """Whether there is as much left; then it is spent."""
+        now = time.monotonic()
+        self._left = min(self._burst, self._left + (now - self._at) * self._rate)
+        self._at = now
+        if self._left < cost:
+            return False
+        self._left -= cost
+        return True
+
+
+class Desk:
+    """Answers the questions to one process, the most important first.
+
+    There is one thread for each rank. It answers its own rank and the more important ones, so that a question never
+    waits for a less important one, and questions that only read take one thread at most.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[deque[tuple[Question, Callable[[Question], None]]]] = [
+            deque() for _ in range(READING + 1)
+        ]  # fmt: skip
+        self._news = threading.Condition()
+        self._refusals = Allowance(REFUSALS, REFUSALS)
+        for rank in range(READING + 1):
+            threading.Thread(target=self._work, args=(rank,), name=f"service {rank}", daemon=True).start()
+
+    def window(self, service: str, answer: Callable[[Question], None]) -> Callable[[Question], None]:
+        """What takes questions of a service, on the network's thread, and has them answered on another one."""
+        allowance, largest, waiting = Allowance(RATE, BURST), largest_of(service), self._waiting[rank_of(service)]
+
+        def take(question: Question) -> None:
+            if question.size > largest:
+                self._refuse(question, f"a question of {question.size} bytes: {service} takes {largest} at most")
+            elif len(waiting) >= WAITING or not allowance.spend():
+                self._refuse(question, TOO_MANY)
+            else:
+                with self._news:
+                    waiting.append((question, answer))
+                    self._news.notify_all()
+
+        return take
+
+    def _refuse(self, question: Question, reason: str) -> None:
+        if self._refusals.spend():
+            question.refuse(reason)
+        else:
+            question.drop()
+
+    def _work(self, rank: int) -> None:
+        own = self._waiting[: rank + 1]
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: any(own))
+                question, answer = next(queue for queue in own if queue).popleft()
+            try:
+                answer(question)
+            except Exception as error:  # a thread that ended would leave a whole rank without answers
+                question.refuse(f"request not understood: {type(error).__name__}: {error}")
+
+
+class KeptJson:
+    """JSON that is made again after FRESH s, with entries that are always new.
+
+    Args:
+        make: Makes what may be so old.
+        now: Gives the other entries.
+    """
+
+    def __init__(self, make: Callable[[], Mapping[str, Any]], now: Callable[[], Mapping[str, Any]]) -> None:
+        self._make, self._now = make, now
+        self._kept, self._made = b"", -1.0
+
+    def to_bytes(self) -> bytes:
+        """The JSON object."""
+        time_now = time.monotonic()
+        if self._made < 0.0 or time_now - self._made > FRESH:
+            self._kept, self._made = json.dumps(self._make()).encode(), time_now
+        return self._kept[:-1] + b", " + json.dumps(self._now()).encode()[1:]
+
+
+def rank_of(service: str) -> int:
+    """Rank of a service, 0 for the most important."""
+    return RANKS.get(service, READING)
+
+
+def largest_of(service: str) -> int:
+    """Bytes that a question to a service may have."""
+    return LARGEST_LIST if service in ("submit", "params/set") else LARGEST
+
+
+def read_question(data: bytes) -> dict[str, Any]:
+    """The JSON object of a question; an empty one is an empty object.
+
+    Raises:
+        QuestionError: It is no JSON object, or nested more than DEEPEST levels deep.
+    """
+    if not data:
+        return {}
+    depth = 0
+    for bracket in data.translate(None, _OTHERS):  # brackets in a text count too; no request has many
+        depth += 1 if bracket in b"[{" else -1
+        if depth > DEEPEST:
+            raise QuestionError(f"request not understood: nested more than {DEEPEST} levels deep")
+    try:
+        given = json.loads(data.decode())
+    except ValueError as error:
+        raise QuestionError(f"request not understood: {error}") from None
+    if not isinstance(given, dict):
+        raise QuestionError(f"request not understood: got {type(given).__name__}, expected an object")
+    return given

@@ -1,0 +1,129 @@
+"""Runtime folders: for one user, of one robot, and never in the way once their robot is gone."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import stat
+import threading
+from pathlib import Path
+
+import pytest
+from navloom.hosting.directory import DirectoryError, RobotFolder, Running, robots
+from navloom.operating.joining import find_robot
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / "rt"))
+    return tmp_path / "rt"
+
+
+def running(robot: str, pid: int, realm: str = "lab") -> Running:
+    return Running(realm, robot, pid, ("unixsock-stream//x",), False, "paper", False)
+
+
+def made(robot: str, pid: int, is_up: bool = True, realm: str = "lab") -> RobotFolder:
+    place = RobotFolder(realm, robot)
+    place.make()
+    assert place.lock()
+    place.write(running(robot, pid, realm))
+    if not is_up:
+        place.unlock()
+    return place
+
+
+def test_a_robot_is_found_while_its_process_lives() -> None:
+    place = made("r1", os.getpid())
+    assert place.read() == running("r1", os.getpid())
+    assert list(robots()) == [running("r1", os.getpid())]
+    assert find_robot(None).robot == find_robot("lab/r1").robot == "r1"
+
+
+def test_one_whose_process_died_is_no_robot() -> None:
+    child = os.fork()
+    if child == 0:
+        made("r1", os.getpid())
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert RobotFolder("lab", "r1").told() == running("r1", child)
+    assert list(robots()) == []
+    with pytest.raises(DirectoryError, match="no robot of this user is up on this host: start one with"):
+        find_robot(None)
+
+
+def test_one_that_died_is_no_robot_though_another_process_has_its_number_now() -> None:
+    place = made("r1", os.getpid(), is_up=False)
+    assert place.told() == running("r1", os.getpid())
+    assert place.read() is None and list(robots()) == []
+
+
+def test_looking_whether_it_is_up_does_not_keep_a_robot_from_being_claimed() -> None:
+    place = made("r1", os.getpid(), is_up=False)
+    look = os.open(place.path / "lock", os.O_RDONLY)
+    fcntl.flock(look, fcntl.LOCK_SH)
+    threading.Timer(0.002, os.close, [look]).start()
+    assert place.lock()
+
+
+def test_several_need_a_name_and_a_wrong_one_is_answered_with_the_nearest() -> None:
+    made("r1", os.getpid())
+    made("r2", os.getpid())
+    with pytest.raises(DirectoryError, match="several robots are up: lab/r1, lab/r2; choose one with --robot"):
+        find_robot(None)
+    with pytest.raises(DirectoryError, match="--robot lab/r22: it is not up on this host; up are lab/r1, lab/r2; did"):
+        find_robot("lab/r22")
+
+
+def test_a_name_without_its_realm_is_enough_where_one_robot_has_it() -> None:
+    made("r1", os.getpid())
+    made("r2", os.getpid())
+    assert find_robot("r2") == find_robot("lab/r2") == running("r2", os.getpid())
+    with pytest.raises(DirectoryError, match=r"--robot r3: it is not up on this host; up are lab/r1, lab/r2$"):
+        find_robot("r3")
+
+
+def test_a_name_that_several_realms_have_is_answered_with_all_of_them() -> None:
+    made("r1", os.getpid())
+    made("r1", os.getpid(), realm="field")
+    wanted = r"^--robot r1: several robots of that name are up: field/r1, lab/r1; add the realm$"
+    with pytest.raises(DirectoryError, match=wanted):
+        find_robot("r1")
+    assert find_robot("field/r1").realm == "field"
+
+
+def test_the_folder_is_for_this_user_alone(folder: Path) -> None:
+    place = made("r1", 1)
+    assert stat.S_IMODE(place.path.stat().st_mode) == 0o700
+
+
+def test_a_robot_is_claimed_once() -> None:
+    first, second = made("r1", 1), RobotFolder("lab", "r1")
+    assert not second.lock()
+    first.unlock()
+    assert second.lock()
+
+
+def test_a_path_too_long_for_a_socket_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(tmp_path / ("x" * 90)))
+    with pytest.raises(DirectoryError, match="too long for a socket; set NAVLOOM_RUNTIME_DIR to a shorter path"):
+        RobotFolder("lab", "r1").socket("drive")
+
+
+def test_clearing_takes_what_a_robot_leaves() -> None:
+    place = made("r1", 1)
+    (place.path / "drive.sock").touch()
+    place.clear()
+    assert place.read() is None and place.sockets() == []
+
+
+def test_clearing_leaves_the_socket_of_a_node_that_is_there() -> None:
+    place = made("r1", 1)
+    for name in ("gone", "there"):
+        (place.path / f"{name}.sock").touch()
+        (place.path / f"{name}.sock.lock").touch()
+    with (place.path / "there.sock.lock").open("rb") as held:  # as Zenoh keeps it while it listens
+        fcntl.flock(held, fcntl.LOCK_EX)
+        place.clear()
+    assert [Path(end).name for end in place.sockets()] == ["there.sock"]
+    assert (place.path / "there.sock.lock").exists() and not (place.path / "gone.sock.lock").exists()

@@ -1,0 +1,203 @@
+"""The gate live: who may take over."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from navloom.config import load_config
+from navloom.engine.assembly import own_node
+from navloom.engine.build import assemble
+from navloom.engine.own_nodes import GateNode
+from navloom.live.cell import Source
+from navloom.live.cells import Hosted, all_sources, make_cell
+from navloom.live.live_gate import LiveGate, held_rate, hold
+from navloom.live.run_clock import RunClock
+from navloom.live.switchboard import Switchboard
+from navloom.messages import Command, Drive, Envelope, Odometry, OperatorRequest, PortMark, Pose2D, StepReport, Twist2D
+from navloom.transport.keyspace import KeySpace
+
+PERIOD = 0.05
+KEYS = KeySpace("lab", "r1")
+OTHER = ("avoider", "other")
+SYSTEM = assemble(load_config("paper", ['alternative=[{name="other", role="avoider", plugin="vfh"}]']))
+PLATFORM = ("platform", SYSTEM.config.platform.instance)
+STILL, AHEAD, ORIGIN = Twist2D(0.0, 0.0, 0.0), Twist2D(0.1, 0.0, 0.0), Pose2D(0.0, 0.0, 0.0)
+
+
+class SetClock(RunClock):
+    """A run clock on a monotonic one that the test sets, ns."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: self.now)
+        self.now = 0
+
+    def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
+        super().observe(stamp_ns, self.now, tick)
+
+
+class Gate:
+    """The gate's runner, with who is alive set by the test."""
+
+    def __init__(self) -> None:
+        self.alive, self.clock = {OTHER}, SetClock()
+        bus: Any = SimpleNamespace(
+            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
+            serve=lambda *given, **more: None,
+        )
+        node = own_node(SYSTEM, "gate", lambda role, name: False, is_live=True)
+        assert isinstance(node, GateNode)
+        self.hosted: Hosted = make_cell(SYSTEM, ("gate", "main"), node, Switchboard(bus, KEYS, lossless=False))
+        self.runner = LiveGate(
+            self.hosted, self.clock, PERIOD, lambda: False, 0.1, lambda source: source in self.alive, SYSTEM
+        )
+        self.node = node
+
+    def tick(self, tick: int) -> None:
+        """The platform ticks."""
+        stamp = round(tick * PERIOD * 1e9)
+        self.give(PLATFORM, "odometry", Odometry(stamp, ORIGIN, STILL), tick)
+        self.look()
+
+    def report(self, source: Source, published: int, tick: int) -> None:
+        """A node says what it has published."""
+        marks = (PortMark("command", published),)
+        self.give(source, "step", StepReport("tick", (), marks, True, 0, 0, 0, "", ""), tick)
+
+    def look(self) -> None:
+        """It looks at what came in."""
+        self.runner.take_in()
+        self.runner.act()
+
+    def give(self, source: Source, port: str, message: Any, tick: int) -> None:
+        """A node says something."""
+        key = KEYS.port(*source, port)
+        inlets = [feed.inlet for feed in self.hosted.cell.feeds] + list(self.hosted.cell.reports.values())
+        for inlet in inlets:
+            if inlet.key == key:
+                inlet.give((message, Envelope(key, tick + 1, tick, 0, 0, 0)))
+
+
+def test_what_died_has_to_warm_up_anew_before_it_takes_over() -> None:
+    gate = Gate()
+    gate.report(OTHER, 5, 0)
+    gate.tick(0)
+    gate.alive = set()
+    gate.runner.obey(OperatorRequest("swap", None, *OTHER))
+    gate.tick(1)
+    assert gate.node.pending == ["avoider other"] and gate.node.epoch == 0
+    gate.alive = {OTHER}
+    gate.tick(2)
+    assert gate.node.pending == ["avoider other"]
+    gate.report(OTHER, 1, 3)
+    gate.tick(3)
+    assert gate.node.pending == [] and gate.node.epoch == 1 and gate.node.selected["avoider"] == "other"
+
+
+def test_where_the_run_clock_begins_anew_the_gate_decides_by_the_new_one() -> None:
+    gate = Gate()
+    gate.report(OTHER, 5, 0)
+    for tick in (72_000, 3):
+        gate.tick(tick)
+    assert gate.hosted.cell.stepper.stepped == 3
+    gate.runner.obey(OperatorRequest("swap", None, *OTHER))
+    gate.tick(4)
+    assert gate.node.epoch == 1
+
+
+def test_a_stop_that_is_asked_for_while_it_stands_is_told_at_once() -> None:
+    """What is not told nobody remembers: the next gate would drive."""
+    gate = Gate()
+    gate.tick(0)
+    gate.runner.deadline = -1.0  # the platform is not heard
+    gate.tick(0)
+    gate.runner.obey(OperatorRequest("stop"))
+    gate.runner.act()
+    status = gate.hosted.cell.outlets["status"].last
+    assert status is not None and status[0].reason == "operator" and status[0].latched  # type: ignore[attr-defined]
+    sequence = status[1].sequence
+    gate.runner.act()
+    assert gate.hosted.cell.outlets["status"].sequence == sequence
+
+
+def test_its_last_word_says_that_it_ends() -> None:
+    gate = Gate()
+    gate.tick(0)
+    gate.runner.ends = lambda: True
+    gate.runner.run()
+    status = gate.hosted.cell.outlets["status"].last
+    assert status is not None and status[0].reason == "ending"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("period", "seconds"), [(0.05, 0.02), (0.02, 0.008), (0.0125, 0.008), (0.01, 0.008), (0.005, 0.004)]
+)
+def test_it_waits_two_fifths_of_a_period_but_8_ms_where_that_is_less(period: float, seconds: float) -> None:
+    assert hold(period) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("seconds", [0.004, 0.008, 0.0081, 0.02])
+def test_the_rate_it_holds_is_the_highest_at_which_it_waits_long_enough(seconds: float) -> None:
+    rate = held_rate(seconds)
+    assert hold(1.0 / rate) >= seconds * (1.0 - 1e-9)
+    assert hold(1.0 / (1.01 * rate)) < seconds
+
+
+def test_it_notes_when_the_commands_of_a_tick_were_here_in_time_or_not() -> None:
+    gate = Gate()
+    gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
+    for tick, late in ((1, 4), (2, 30)):
+        gate.tick(tick)
+        gate.clock.now += late * 1_000_000
+        for role in ("controller", "avoider"):
+            gate.give((role, gate.node.selected[role]), "command", Command(STILL), tick)
+        gate.look()
+    assert list(gate.runner.chains_s) == pytest.approx([0.004, 0.03])
+
+
+def follow(gate: Gate) -> None:
+    """A trajectory is followed; the commands of its first tick come in 4 ms after it."""
+    gate.alive |= set(all_sources(SYSTEM))
+    gate.give(("goal", "main"), "drive", Drive(1, 1, None, False), 0)
+    gate.tick(0)
+    gate.clock.now += 4_000_000
+    for role in ("controller", "avoider"):
+        gate.give((role, gate.node.selected[role]), "command", Command(AHEAD), 0)
+    gate.look()
+    assert gate.hosted.cell.stepper.stepped == 0
+
+
+def rings(gate: Gate) -> set[str]:
+    return {feed.wire.input.name for feed in gate.hosted.cell.feeds if feed.inlet.rings}
+
+
+def test_it_is_woken_by_the_last_command_of_a_tick_alone() -> None:
+    gate = Gate()
+    gate.tick(0)
+    assert "odometry" in rings(gate) and not {"controller", "avoider"} & rings(gate)  # nothing is followed
+    gate = Gate()
+    follow(gate)
+    assert "avoider" in rings(gate) and not {"controller", "odometry"} & rings(gate)
+    gate.give(("avoider", gate.node.selected["avoider"]), "command", Command(AHEAD), 1)
+    gate.tick(1)
+    assert "controller" in rings(gate)  # which is still missing
+    gate.give(("controller", gate.node.selected["controller"]), "command", Command(AHEAD), 1)
+    gate.look()
+    gate.give(("controller", gate.node.selected["controller"]), "command", Command(AHEAD), 2)
+    gate.give(("avoider", gate.node.selected["avoider"]), "command", Command(AHEAD), 2)
+    gate.look()
+    assert gate.hosted.cell.stepper.stepped == 1 and "odometry" in rings(gate)  # they overtook their tick
+
+
+def test_it_looks_again_when_what_it_decided_on_goes_stale() -> None:
+    gate = Gate()
+    follow(gate)
+    began_ns, looks = gate.clock.now, 0
+    while not (status := gate.hosted.cell.outlets["status"].last)[0].stopped:  # type: ignore[index, attr-defined]
+        gate.clock.now += max(1, round(gate.runner.wait_time() * 1e9))
+        gate.look()
+        looks += 1
+    # Stamps are 0 in this rig: 100 ms after that the platform is silent, and both commands are stale.
+    assert status is not None and looks < 10  # of 10 ms each it would be as many
+    assert 0.0 < (gate.clock.now - began_ns) * 1e-9 <= 0.1

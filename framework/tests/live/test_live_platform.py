@@ -1,0 +1,172 @@
+"""The platform live: what its wheels are told, also where telling them fails."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from navloom.config import load_config
+from navloom.engine.build import assemble
+from navloom.engine.role_nodes import PlatformNode
+from navloom.live import live, live_platform
+from navloom.live.cells import Hosted, make_cell
+from navloom.live.live_platform import LivePlatform
+from navloom.live.run_clock import RunClock
+from navloom.live.switchboard import Switchboard
+from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, RangeScan, Twist2D
+from navloom.roles import PlatformOutput
+from navloom.transport.keyspace import KeySpace
+
+PERIOD, DEADLINE = 0.05, 0.1
+SYSTEM = assemble(load_config("paper"))
+SOURCE = ("platform", SYSTEM.config.platform.instance)
+KEYS = KeySpace("lab", "r1")
+AHEAD, STILL = Twist2D(0.3, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
+
+
+class Base:
+    """A base whose line to the wheels can break; `told` is what got there."""
+
+    role = "platform"
+    sensor_kinds = {"ring": RangeScan}
+
+    def __init__(self) -> None:
+        self.context = SimpleNamespace(sensors=[SimpleNamespace(name="sonars", kind="ring")])
+        self.scans: dict[str, Any] = {}
+        self.told: list[Twist2D] = []
+        self.broken = 0
+
+    def drive(self, command: Twist2D, time_ns: int) -> None:
+        if self.broken:
+            self.broken -= 1
+            raise OSError(5, "Input/output error")
+        self.told.append(command)
+
+    def advance(self, given: Any) -> PlatformOutput:
+        pose = Pose2D(0.0, 0.0, 0.0)
+        return PlatformOutput(Odometry(given.time_ns, pose, STILL), self.scans, Contact(False), None)
+
+
+class Robot:
+    """A platform's runner on a clock that the test sets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        self.base = Base()
+        self.ended = False
+        clock = SimpleNamespace(
+            monotonic=lambda: self.now, monotonic_ns=lambda: round(self.now * 1e9), sleep=lambda s: None
+        )
+        for module in (live, live_platform):
+            monkeypatch.setattr(module, "time", clock)
+        bus: Any = SimpleNamespace(
+            publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
+            serve=lambda *given, **more: None,
+        )
+        node = PlatformNode(self.base)  # type: ignore[arg-type]
+        self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(bus, KEYS, lossless=False))
+        self.runner = LivePlatform(
+            self.hosted, RunClock(clock.monotonic_ns), PERIOD, lambda: self.ended, DEADLINE, clock.monotonic_ns()
+        )
+        self.runner._next = 0  # as `run` does
+
+    def command(self, twist: Twist2D, sequence: int, age: float = 0.0) -> None:
+        """The gate says something that derives from a stamp of some s ago."""
+        key = KEYS.port("gate", "main", "command")
+        (inlet,) = [feed.inlet for feed in self.hosted.cell.feeds if feed.inlet.key == key]
+        stamp = round((self.now - 1000.0 - age) * 1e9)
+        inlet.give((Command(twist), Envelope(key, sequence, sequence, stamp, stamp, 0)))
+
+    def turn(self, seconds: float) -> None:
+        """Looks every 10 ms for some s."""
+        for _ in range(round(seconds / 0.01)):
+            self.runner.take_in()
+            self.runner.act()
+            self.now += 0.01
+
+
+@pytest.fixture
+def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
+    return Robot(monkeypatch)
+
+
+def test_without_the_gate_the_wheels_stand_after_the_deadline(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(DEADLINE)
+    assert robot.base.told == [AHEAD]
+    robot.turn(0.03)
+    assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
+
+
+@pytest.mark.parametrize(("age", "own"), [(0.0, 6), (0.03, 0)], ids=["its own", "of the tick before"])
+def test_ticks_are_counted_that_are_driven_by_a_command_of_their_own(robot: Robot, age: float, own: int) -> None:
+    for number in range(1, 8):
+        robot.turn(0.02)  # of the tick; the next begins after 30 ms more
+        robot.command(AHEAD, number, age)
+        robot.turn(0.03)
+    assert (robot.runner.driven, robot.runner.own) == (6, own)
+
+
+def test_ticks_that_are_passed_over_are_driven_by_an_old_command(robot: Robot) -> None:
+    robot.turn(0.02)
+    robot.command(AHEAD, 1)
+    robot.turn(0.01)
+    robot.now += 0.05
+    robot.turn(0.01)
+    assert (robot.runner.driven, robot.runner.own) == (1, 1)
+    robot.command(AHEAD, 2)
+    robot.turn(0.01)
+    robot.now += 0.07  # to 0.17 s: the tick at 0.1 s was passed over
+    robot.turn(0.01)
+    assert (robot.runner.driven, robot.runner.own) == (3, 2)
+
+
+def test_a_stop_that_does_not_get_through_is_told_again_until_it_does(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+    robot.base.broken = 4
+    robot.command(STILL, 2)
+    robot.turn(0.03)
+    assert robot.base.told == [AHEAD] and robot.base.broken == 1
+    assert "Input/output error" in robot.runner.fault
+    robot.turn(0.02)
+    assert robot.base.told == [AHEAD, STILL]
+    robot.turn(0.1)
+    assert robot.runner.fault == "" and robot.base.told == [AHEAD, STILL]
+
+
+def test_the_platforms_own_stop_is_told_again_as_well(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+    robot.base.broken = 9
+    robot.turn(0.2)
+    assert robot.base.told == [AHEAD, STILL] and robot.runner.stops == 1
+
+
+def test_a_scan_of_a_sensor_that_is_not_there_is_the_plugins_fault(robot: Robot) -> None:
+    robot.base.scans = {"sonar": None}
+    robot.turn(0.1)
+    assert "advance() gave a scan of 'sonar', expected one of sonars" in robot.runner.fault
+
+
+def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+    robot.base.broken = 10_000
+    with pytest.raises(RuntimeError, match=r"could not be told anything for 1 s: .*Input/output error"):
+        robot.turn(3.0)
+    assert 1001.1 < robot.now < 1001.3
+
+
+def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot.command(AHEAD, 1)
+    robot.turn(0.05)
+
+    def breaks(*given: object) -> None:
+        raise KeyError("unknown port")
+
+    monkeypatch.setattr(robot.hosted.cell, "tell", breaks)
+    with pytest.raises(KeyError):
+        robot.runner.run()
+    assert robot.base.told[-1] == STILL

@@ -1,0 +1,28 @@
+"""Files that are replaced while a process runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from navloom.transport.file_watch import FileWatch
+
+
+def test_a_file_that_is_replaced_is_told_of_once_and_not_while_it_changes(tmp_path: Path) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_text("1", "utf-8")
+    watch = FileWatch([one, other])
+    assert not watch.has_changed()
+    one.write_text("12", "utf-8")
+    assert not watch.has_changed()
+    other.write_text("3", "utf-8")
+    assert not watch.has_changed()  # it has just changed again: a copy may be under way
+    assert watch.has_changed()
+    assert not watch.has_changed()
+
+
+def test_what_was_taken_otherwise_is_not_told_of(tmp_path: Path) -> None:
+    one = tmp_path / "one"
+    watch = FileWatch([one])
+    one.write_text("1", "utf-8")
+    watch.take()
+    assert not watch.has_changed() and not watch.has_changed()

@@ -1,0 +1,102 @@
+"""How long certificates are valid: what is said ahead, and what is refused. The time is handed in."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from navloom.config import load_config
+from navloom.engine.build import assemble
+from navloom.hosting.network import Network
+from navloom.hosting.robot import LiveRobot
+from navloom.transport.access import Identity
+from navloom.transport.certificates import AUTHORITY_DAYS, HOSTS, Request
+from navloom.transport.keys import add_identity, new_authority
+from navloom.transport.links import Link, LinkError, settings
+from navloom.transport.validity import expiry_warnings
+
+NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
+END = "tls/10.0.0.1:7447"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Certificates that are good for 100 days, alice's for 60."""
+    made = tmp_path / "keys"
+    new_authority(made, Request("lab", "r1", HOSTS, 100, NOW))
+    add_identity(made, Identity("alice", "viewer"), (), 60, NOW)
+    return made
+
+
+def after(days: float) -> datetime:
+    return NOW + timedelta(days=days)
+
+
+def test_nothing_is_said_more_than_thirty_days_ahead(folder: Path) -> None:
+    assert expiry_warnings(folder, after(29.9)) == ()
+
+
+def test_the_first_to_expire_is_named_with_its_day_and_the_command_that_renews_it(folder: Path) -> None:
+    assert expiry_warnings(folder, after(49)) == (
+        f"in {folder} the certificate of alice expires on 2026-04-30, in 11 days; "
+        f"`navloom keys renew {folder} alice` renews, on the host with ca-key.pem",
+    )
+
+
+def test_one_line_names_all_that_expire_on_a_day(folder: Path) -> None:
+    told = expiry_warnings(folder, after(98.5))
+    assert len(told) == 2
+    assert "the certificate of alice expired on 2026-04-30 12:00 UTC; `navloom keys renew" in told[0]
+    assert "certificates of nodes, operator, router, viewer expire on 2026-06-09, in 1 day; " in told[1]
+    assert f"renew {folder} nodes operator router viewer`" in told[1]
+
+
+def test_the_end_of_the_authority_is_the_end_of_all(folder: Path) -> None:
+    word = expiry_warnings(folder, after(AUTHORITY_DAYS - 7))[-1]
+    assert f"the authority of {folder}, and with it every certificate it made, expires on 2036-02-27, in 7 days" in word
+    assert "`navloom keys new`" in word
+
+
+def test_a_folder_without_certificates_has_nothing_to_say(tmp_path: Path) -> None:
+    (tmp_path / "broken.pem").write_text("-----BEGIN NOTHING", "utf-8")
+    assert expiry_warnings(tmp_path, NOW) == ()
+
+
+@pytest.mark.parametrize(
+    ("mode", "identity", "day", "words"),
+    [
+        ("client", "alice", 60, r"/alice\.pem expired on 2026-04-30 12:00 UTC; `navloom keys renew .* alice`"),
+        ("router", "router", 101, r"certificate .*/router\.pem expired on 2026-06-09 12:00 UTC; `navloom keys renew"),
+        ("client", "alice", 3651, r"certificate .*/ca\.pem expired on 2036-02-27 12:00 UTC; make a new folder"),
+        ("client", "alice", -2, r"ca\.pem is valid from 2026-02-28 12:00 UTC on, .* says 2026-02-27 .*set the clock"),
+    ],
+    ids=["own", "router's", "authority's", "clock"],
+)  # fmt: skip
+def test_a_certificate_that_is_not_valid_is_refused_by_name(
+    folder: Path, mode: str, identity: str, day: float, words: str
+) -> None:
+    ends = {"client": ((), (END,)), "router": ((END,), ())}
+    link = Link(mode, *ends[mode], folder, identity)
+    assert settings(link, after(59))["mode"] == mode
+    with pytest.raises(LinkError, match=words):
+        settings(link, after(day))
+
+
+def test_a_key_of_another_certificate_and_a_broken_one_are_refused_by_name(folder: Path) -> None:
+    link = Link("client", (), (END,), folder, "alice")
+    (folder / "alice-key.pem").write_bytes((folder / "viewer-key.pem").read_bytes())
+    with pytest.raises(LinkError, match=r"alice-key\.pem does not belong to .*alice\.pem"):
+        settings(link, NOW)
+    (folder / "alice.pem").write_text("-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n", "utf-8")
+    with pytest.raises(LinkError, match=r"alice\.pem: broken"):
+        settings(link, NOW)
+
+
+def test_who_brings_a_robot_up_is_told_once_a_day(folder: Path) -> None:
+    said: list[str] = []
+    network = Network("lab", "r1", END, True, folder)
+    robot = LiveRobot(assemble(load_config("paper")), network, None, False, said.append)
+    robot.warn_of_expiry()
+    robot.warn_of_expiry()
+    assert sum("alice" in text for text in said) == 1

@@ -161,10 +161,11 @@ def test_the_graph_tells_names_types_and_quality(node):
     robot.publisher("scan", SCAN, SENSOR)
     robot.service("~/reset", "std_srvs/srv/Empty", lambda call: call.answer())
     assert linked(ours, "/r1/base/reset", "SS")
+    assert ours.wait_for(lambda graph: graph.find("/r1/scan", ("MP",)), 5.0)
     (scan,) = ours.graph.find("/r1/scan", ("MP",))
     assert (scan.full_node_name, scan.type_name, scan.qos) == ("/r1/base", SCAN, SENSOR)
     assert scan.type_hash == KILTED.hash_of(SCAN)
-    assert "/r1/base" in ours.graph.nodes()
+    assert ours.wait_for(lambda graph: "/r1/base" in graph.nodes(), 5.0)
     robot.close()
     assert ours.wait_for(lambda graph: not graph.find("/r1/scan", ("MP",)), 5.0)
 

@@ -65,6 +65,9 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
     left = subprocess.Popen(["sleep", "60"], env=environment)
     try:
         what = f"process {left.pid} (sleep 60) of drive"
+        limit = time.monotonic() + 10.0
+        while not left_running() and time.monotonic() < limit:  # its environment is there a moment after it is
+            time.sleep(0.01)
         (found,) = left_running()
         assert found.what == f"{what}: left of robot lab/r1, which is down"
         assert found.remedy.startswith("`navloom down --robot lab/r1` ends them")

@@ -252,6 +252,13 @@ def test_a_broken_command_is_one_line_and_fatal_only_if_used(
     assert code == 2 and told in err and len(err.splitlines()) == 1
 
 
+def test_the_list_of_plugins_loads_no_compiler() -> None:
+    words = [sys.executable, "-X", "importtime", "-m", "navloom", "plugins"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True)
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "navloom.plugins.discovery" in imported and "numba" not in imported
+
+
 def test_the_help_lists_what_distributions_add_without_importlib_metadata() -> None:
     assert {"bench", "paper"} <= {command.name for command in added_commands()}
     done = subprocess.run(

@@ -17,7 +17,6 @@ def plugins(
 ) -> None:
     """List the installed plugins without importing them, or show the parameters of one."""
     from navloom.cli.output import print_json, print_table
-    from navloom.engine.parts import streams_of
     from navloom.plugins.discovery import Discovery
     from navloom.plugins.registry import NODE
 
@@ -35,6 +34,8 @@ def plugins(
                 [(i.role, i.name, i.distribution, i.version) for i in infos],
             )
         return
+    from navloom.engine.parts import streams_of  # which imports numba: the list does without
+
     role, _, plugin = name.partition(".")
     cls = discovery.node(plugin) if role == NODE else discovery.role(role, plugin)
     schema = cls.Params.model_json_schema()

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from navloom.cli.tracebacks import accept_traceback
 from navloom.entry_kinds import CommandPoint, added_commands
 
 __all__ = ["Commands", "blamed"]
@@ -15,6 +16,10 @@ __all__ = ["Commands", "blamed"]
 
 class Commands(TyperGroup):
     """The commands of navloom, then those of entry points `command.NAME` whose names navloom does not have itself."""
+
+    def __init__(self, *args: Any, **given: Any) -> None:
+        super().__init__(*args, **given)
+        accept_traceback(self)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help."""
@@ -77,7 +82,7 @@ class AddedCommand(TyperCommand):
             raise PluginError(
                 f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
             ) from error
-        return made.commands[name]
+        return accept_traceback(made.commands[name])
 
 
 def blamed(error: Exception) -> str:

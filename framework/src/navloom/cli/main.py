@@ -40,6 +40,7 @@ from navloom.cli import (
     view,
     worlds,
 )
+from navloom.cli.tracebacks import tell_traceback
 from navloom.errors import NavloomError
 
 __all__ = ["app", "main"]
@@ -99,8 +100,9 @@ def main() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     try:
         _run()
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         _say("interrupted")
+        tell_traceback(error)
         sys.exit(1)
     except BrokenPipeError:
         sys.exit(1)
@@ -108,9 +110,11 @@ def main() -> None:
         code = _exit_code(error)
         if code is not None:
             _say(_words(error))
+            tell_traceback(error)
             sys.exit(code)
         internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
         _say(added.blamed(error) or internal)
+        tell_traceback(error)
         sys.exit(1)
 
 

@@ -9,7 +9,7 @@ from navloom.messages import RangeScan, Sweep
 from navloom.plugins import Discovery
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.registry import Registry
-from navloom.recording.ros_import import INSTANCE, RANGE_SCAN, SWEEP
+from navloom.recording.imported import INSTANCE, RANGE_SCAN, SWEEP
 from navloom.roles import InputError, Platform, PlatformInput, PlatformOutput
 
 __all__ = ["RecordedPlatform", "discovery", "navloom_register"]

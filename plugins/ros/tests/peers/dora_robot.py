@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 ROUTER, SHAPES, LOG, PREFIXES = sys.argv[1], sys.argv[2], sys.argv[3], sys.argv[4:]
 os.environ["AMENT_PREFIX_PATH"] = ":".join(PREFIXES)
@@ -68,7 +69,7 @@ class Robot:
         context = dora.Ros2Context(PREFIXES, dora.Ros2Transport.zenoh("rep2016", config))
         self._context = context
         node = self._node = context.new_node("base", "/", dora.Ros2NodeOptions(rosout=False))
-        shapes = json.loads(open(SHAPES).read())
+        shapes = json.loads(Path(SHAPES).read_text())
         self._arrow = {name: arrow(shape) for name, shape in shapes.items()}
         durability = dora.Ros2Durability
         flowing = dora.Ros2QosPolicies(durability=durability.Volatile, reliable=True, keep_last=10)
@@ -83,7 +84,7 @@ class Robot:
         self._odometry = publisher("/odom", "nav_msgs/Odometry", flowing)
         self._scan = publisher("/scan", "sensor_msgs/LaserScan", flowing)
         self._static = publisher("/tf_static", "tf2_msgs/TFMessage", latched)
-        self._templates = json.loads(open(SHAPES + ".empty").read())
+        self._templates = json.loads(Path(SHAPES + ".empty").read_text())
         self.pose, self.odometry, self.speed, self.turn = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.0, 0.0
         self.heard_at, self.wanted = -math.inf, (0.0, 0.0)
 

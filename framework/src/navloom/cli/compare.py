@@ -15,6 +15,7 @@ from typer.core import TyperCommand
 from navloom.cli.config import ConfigName
 from navloom.cli.live_options import a_number
 from navloom.cli.output import say_so
+from navloom.cli.plugin_files import PluginFiles
 from navloom.cli.view import Rerun, View, ViewerUrl, Web, where_of
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ def compare(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value for all methods; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDR", help="Run on a Dask cluster, as tcp://10.0.0.5:8786.")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.plugin_files import PluginFiles
 from navloom.installed import config_help
 
 __all__ = ["ConfigName", "app"]
@@ -20,7 +21,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command()
-def show(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> None:
+def show(config: ConfigName, set_: Changes = None, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Every value that holds and where it came from: default, file or --set."""
     from navloom.cli.output import print_json, print_table
     from navloom.config import load_config
@@ -57,7 +58,7 @@ def as_toml(value: Any) -> str:
 
 
 @app.command()
-def check(config: ConfigName, set_: Changes = None, as_json: AsJson = False) -> None:
+def check(config: ConfigName, set_: Changes = None, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     """Check that a config fits and can drive: plugins, parameters, world and wiring, without running it."""
     from navloom.cli.output import print_json
     from navloom.config import load_config

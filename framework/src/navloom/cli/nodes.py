@@ -9,6 +9,7 @@ import typer
 
 from navloom.cli.config import ConfigName
 from navloom.cli.live_options import Insecure, Keys
+from navloom.cli.plugin_files import PluginFiles
 
 __all__ = ["node", "router"]
 
@@ -25,6 +26,7 @@ def node(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     keys: Keys = None,
     insecure: Insecure = False,
     here: Annotated[

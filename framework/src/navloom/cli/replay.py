@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from navloom.cli.live_options import AsJson, a_number
+from navloom.cli.plugin_files import PluginFiles
 
 __all__ = ["replay"]
 
@@ -31,6 +32,7 @@ def replay(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     map_: Annotated[
         str | None,
         typer.Option("--map", metavar="WORLD", help="Imported log: map for the plugins, a world or a map's .yaml."),

@@ -14,6 +14,7 @@ import typer
 
 from navloom.cli.config import ConfigName
 from navloom.cli.output import print_json, say_so, stage
+from navloom.cli.plugin_files import PluginFiles
 from navloom.cli.summary import is_reached, print_summary, tell_faults
 from navloom.cli.view import Rerun, View, ViewerUrl, Web, where_of
 
@@ -31,6 +32,7 @@ def run(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for result.json, trace.bin and run.png.")
     ] = None,

@@ -15,6 +15,7 @@ from navloom.cli.config import ConfigName
 from navloom.cli.interrupts import ending
 from navloom.cli.live_options import RobotName
 from navloom.cli.output import say_so
+from navloom.cli.plugin_files import PluginFiles
 from navloom.cli.summary import is_reached, print_summary, tell_faults
 
 __all__ = ["down", "up"]
@@ -35,6 +36,7 @@ def up(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="With --barrier: folder for result.json, trace.bin and run.png.")
     ] = None,

@@ -6,8 +6,9 @@ A command takes such a dataclass as one parameter; `navloom.cli.command.App` tur
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,6 +30,7 @@ __all__ = [
     "ConfigOptions",
     "Insecure",
     "Keys",
+    "PluginFiles",
     "Record",
     "RobotName",
     "RobotOptions",
@@ -61,6 +63,26 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 ConfigName = Annotated[str, typer.Argument(metavar="CONFIG", help=config_help())]
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+]
+
+
+def _use_files(files: list[Path] | None) -> list[Path] | None:
+    if files:
+        from navloom.plugins.one_file import use_files
+
+        with redirect_stdout(sys.stderr):  # a file may print when it is imported
+            use_files(files)
+    return files
+
+
+PluginFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        metavar="FILE.py",
+        help="Use the plugins in a Python file too, without packaging; repeats.",
+        callback=_use_files,
+    ),
 ]
 Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")]
 Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, of shadows too.")]
@@ -131,10 +153,11 @@ class RobotOptions:
 
 @dataclass(frozen=True)
 class ConfigOptions:
-    """A config with changes."""
+    """A config with changes, and the plugins of files."""
 
     config: ConfigName
     set_: Changes = None
+    plugin: PluginFiles = None
 
     def load(self) -> Loaded:
         """Read it. Raises ConfigError."""

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
 
 __all__ = ["plugins"]
@@ -15,6 +16,7 @@ __all__ = ["plugins"]
 def plugins(
     context: typer.Context,
     name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters.")] = None,
+    plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List the installed plugins without importing them, or show the parameters of one."""
@@ -38,15 +40,15 @@ def plugins(
         return
     from navloom.engine.parts import streams_of  # which imports numba: the list does without
 
-    role, _, plugin = name.partition(".")
-    cls = discovery.node(plugin) if role == NODE else discovery.role(role, plugin)
+    role, _, own = name.partition(".")
+    cls = discovery.node(own) if role == NODE else discovery.role(role, own)
     schema = cls.Params.model_json_schema()
     kinds = _kinds(cls)
     if as_json:
-        print_json({"role": role, "name": plugin, "api": cls.api, "params": schema, **streams_of(cls), **kinds})
+        print_json({"role": role, "name": own, "api": cls.api, "params": schema, **streams_of(cls), **kinds})
         return
     summary = (cls.__doc__ or "").strip().splitlines()
-    typer.echo(f"{role}.{plugin}: {summary[0] if summary else ''}")
+    typer.echo(f"{role}.{own}: {summary[0] if summary else ''}")
     for what, streams in streams_of(cls).items():
         typer.echo(f"{what} {', '.join(f'{name} ({carries})' for name, carries in streams.items()) or 'nothing'}")
     print_table(("parameter", "default", "allowed", "meaning"), _rows(schema))

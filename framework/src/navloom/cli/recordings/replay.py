@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, a_number
+from navloom.cli.options import AsJson, PluginFiles, a_number
 from navloom.cli.output import LOG, log_of
 
 __all__ = ["replay"]
@@ -32,6 +32,7 @@ def replay(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     map_: Annotated[
         str | None,
         typer.Option("--map", metavar="WORLD", help="Imported log: map for the plugins, a world or a map's .yaml."),

@@ -18,6 +18,7 @@ KINDS = {
     "MAP": "worlds",
     "REF": "worlds",
     "DIR": "folders",
+    "FILE.py": "files",
     "FILE": "files",
     "BAG": "files",
     "SWEEP": "files",

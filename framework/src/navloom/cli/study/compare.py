@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navloom.cli.command import Command
-from navloom.cli.options import ConfigName, ViewOptions, a_number
+from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def compare(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value for all methods; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDR", help="Run on a Dask cluster, as tcp://10.0.0.5:8786.")

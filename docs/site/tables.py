@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import typer.main
+from navloom.cli.describing.plugins import kinds_of, rows_of
 from navloom.cli.main import app
-from navloom.cli.plugins import kinds_of, rows_of
-from navloom.cli.tree import CommandEntry, commands
+from navloom.cli.shells.tree import CommandEntry, commands
 from navloom.config.schema import Config
 from navloom.engine.catalogue import FRAMEWORK
 from navloom.plugins import Discovery

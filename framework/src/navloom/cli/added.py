@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from navloom.cli.tracebacks import accept_traceback
+from navloom.cli.command import App, with_groups_within
 from navloom.entry_kinds import CommandPoint, added_commands
 
 __all__ = ["Commands", "blamed"]
@@ -16,10 +16,6 @@ __all__ = ["Commands", "blamed"]
 
 class Commands(TyperGroup):
     """The commands of navloom, then those of entry points `command.NAME` whose names navloom does not have itself."""
-
-    def __init__(self, *args: Any, **given: Any) -> None:
-        super().__init__(*args, **given)
-        accept_traceback(self)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help."""
@@ -70,11 +66,11 @@ class AddedCommand(TyperCommand):
 
         name = str(self.name)
         given = Discovery().command(name)
-        around = typer.Typer(add_completion=False, rich_markup_mode=None)
+        around = App(add_completion=False, rich_markup_mode=None)
         around.callback()(lambda: None)
         try:
             if isinstance(given, typer.Typer):
-                around.add_typer(given, name=name)
+                around.add_typer(with_groups_within(given), name=name)
             else:
                 around.command(name)(given)
             made: Any = typer.main.get_command(around)
@@ -82,7 +78,7 @@ class AddedCommand(TyperCommand):
             raise PluginError(
                 f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
             ) from error
-        return accept_traceback(made.commands[name])
+        return made.commands[name]
 
 
 def blamed(error: Exception) -> str:

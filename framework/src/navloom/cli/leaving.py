@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 
-from navloom.cli.output import say_so
+from navloom.cli.output import LOG
 
 __all__ = ["end_in_time"]
 
@@ -28,7 +28,7 @@ def end_in_time(code: int, patience: float = PATIENCE) -> None:
         limit = time.monotonic() + patience
         while left := _others():
             if time.monotonic() > limit:
-                say_so("; ".join(map(_named, left)) + f": ended after {patience:g} s")
+                LOG.warning("; ".join(map(_named, left)) + f": ended after {patience:g} s")
                 for stream in (sys.stdout, sys.stderr):
                     with contextlib.suppress(OSError, ValueError):
                         stream.flush()

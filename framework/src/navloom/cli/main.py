@@ -4,48 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import sys
 
-import typer
-
-from navloom.cli import (
-    about,
-    added,
-    compare,
-    completion,
-    config,
-    doctor,
-    echo,
-    export,
-    graph,
-    hz,
-    import_log,
-    keys,
-    listing,
-    manual,
-    map,
-    messages,
-    nodes,
-    operate,
-    plan,
-    plugins,
-    record,
-    replay,
-    report,
-    run,
-    status,
-    teleop,
-    up,
-    view,
-    worlds,
-)
-from navloom.cli.tracebacks import tell_traceback
+from navloom.cli import about, added
+from navloom.cli.command import App
+from navloom.cli.describing import config, graph, messages, plugins, worlds
+from navloom.cli.live import doctor, echo, export, hz, keys, listing, nodes, operate, status, teleop, up
+from navloom.cli.recordings import import_log, record, replay, view
+from navloom.cli.shells import completion, manual
+from navloom.cli.study import compare, map, plan, report, run
+from navloom.cli.tracebacks import with_traceback
 from navloom.errors import NavloomError
+from navloom.logs import Level, set_up_logging
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
+app = App(
     cls=added.Commands,
     no_args_is_help=True,
     add_completion=False,
@@ -101,20 +77,17 @@ def main() -> None:
     try:
         _run()
     except KeyboardInterrupt as error:
-        _say("interrupted")
-        tell_traceback(error)
+        _say("interrupted", error)
         sys.exit(1)
     except BrokenPipeError:
         sys.exit(1)
     except Exception as error:
         code = _exit_code(error)
         if code is not None:
-            _say(_words(error))
-            tell_traceback(error)
+            _say(_words(error), error)
             sys.exit(code)
         internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
-        _say(added.blamed(error) or internal)
-        tell_traceback(error)
+        _say(added.blamed(error) or internal, error)
         sys.exit(1)
 
 
@@ -157,6 +130,7 @@ def _place(error: Exception) -> str:
     return "unknown place" if trace is None else f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
 
 
-def _say(text: str) -> None:
-    for line in text.splitlines() or [""]:
-        print(f"navloom: {line}", file=sys.stderr)
+def _say(text: str, error: BaseException) -> None:
+    if not logging.getLogger("navloom").handlers:  # the command did not begin
+        set_up_logging(Level.INFO, as_json=False)
+    logging.getLogger("navloom.cli").error(text, extra=with_traceback(error))

@@ -7,8 +7,8 @@ from typing import Any
 
 import typer
 
-from navloom.cli.output import print_table, say_so
-from navloom.cli.tracebacks import tell_traceback_of
+from navloom.cli.output import LOG, print_table
+from navloom.cli.tracebacks import with_traceback_of
 
 __all__ = ["is_reached", "print_summary", "tell_faults"]
 
@@ -37,10 +37,9 @@ def is_reached(summary: Mapping[str, Any]) -> bool:
 def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
     """What plugins broke, and what else is wrong with them."""
     for fault in episode.log.faults:
-        say_so(fault)
-        tell_traceback_of(fault)
+        LOG.warning(fault, extra=with_traceback_of(fault))
     for warning in summary["warnings"]:
-        say_so(f"warning: {warning['text']}")
+        LOG.warning(f"warning: {warning['text']}")
 
 
 def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:

@@ -15,6 +15,7 @@ STAYS = """
 import sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
 from navloom.cli.leaving import end_in_time
+from navloom.logs import Level, set_up_logging
 
 def work():
     {does}
@@ -23,6 +24,7 @@ if {in_pool}:
     ThreadPoolExecutor(1).submit(work)
 else:
     threading.Thread(target=work, name="stays").start()
+set_up_logging(Level.INFO, as_json=False)
 end_in_time(3, 0.2)
 sys.exit(3)
 """

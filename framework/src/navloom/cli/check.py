@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from navloom.testing.checks import Report
+    from navloom.testing.findings import Report
 
 __all__ = ["check"]
 
@@ -100,7 +100,7 @@ def _list(name: str | None, tiers: tuple[str, ...] | list[str], as_json: bool) -
 def _refuse_unknown(name: str | None, only: list[str] | tuple[str, ...], tiers: list[str] | tuple[str, ...]) -> None:
     from navloom.config import ConfigError
     from navloom.plugins.registry import nearest
-    from navloom.testing.tiers import TIERS, checks_of
+    from navloom.testing.tiers import TIERS
 
     for tier in tiers:
         if tier not in TIERS:

@@ -65,6 +65,8 @@ OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
     "ros/node.py": {"threading", "time"},
     "ros/actions.py": {"threading"},
+    "ros/link.py": {"threading", "time"},
+    "ros/guardian.py": {"time"},
 }
 """Waivers: what speaks to another network has its session, the threads that wait for it, and the clock of stamps."""
 

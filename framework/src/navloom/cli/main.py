@@ -14,7 +14,7 @@ from navloom.cli.describing import config, graph, messages, plugins, worlds
 from navloom.cli.live import doctor, echo, export, hz, keys, listing, nodes, operate, status, teleop, up
 from navloom.cli.recordings import import_log, record, replay, view
 from navloom.cli.shells import completion, manual
-from navloom.cli.study import compare, map, plan, report, run
+from navloom.cli.study import check, compare, map, plan, report, run
 from navloom.cli.tracebacks import with_traceback
 from navloom.errors import NavloomError
 from navloom.logs import Level, set_up_logging
@@ -56,6 +56,7 @@ app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("messages")(messages.messages)
+app.command("check")(check.check)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)
 app.command("completion")(completion.completion)

@@ -1,0 +1,137 @@
+"""`navloom plugins`: what is installed, the parameters of one, and a new one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.options import PluginFiles
+from navloom.cli.output import LOG
+
+__all__ = ["plugins"]
+
+
+def plugins(
+    context: typer.Context,
+    name: Annotated[
+        str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters; or the word `new`.")
+    ] = None,
+    kind_and_name: Annotated[
+        list[str] | None, typer.Argument(metavar="KIND_NAME", help="After `new`: the kind and name of the new plugin.")
+    ] = None,
+    plugin: PluginFiles = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="With `new`: folder that gets the new one; default: this one.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the installed plugins without importing them, show the parameters of one, or start a new one.
+
+    `navloom plugins new KIND NAME` writes a distribution with one plugin that works: its package, tests, README and
+    CI. KIND is a role, node, metric, panel, world, scheme or message.
+    """
+    from navloom.cli.output import print_json, print_table
+    from navloom.plugins.discovery import Discovery
+    from navloom.plugins.registry import NODE
+
+    discovery = Discovery()
+    if name == "new":
+        _new(kind_and_name or (), out or Path(), discovery, as_json)
+        return
+    if kind_and_name or out is not None:
+        given = f"--out {out}" if out is not None else " ".join(kind_and_name or ())
+        raise typer.BadParameter(f"{given}: this is for `navloom plugins new KIND NAME`")
+    if name is None:
+        infos = discovery.infos()
+        root: Any = context.find_root().command
+        for problem in (*discovery.problems(), *discovery.taken("command", root.commands)):
+            LOG.warning(problem)
+        if as_json:
+            print_json([asdict(info) for info in infos])
+        else:
+            print_table(
+                ("role", "name", "distribution", "version"),
+                [(i.role, i.name, i.distribution, i.version) for i in infos],
+            )
+        return
+    from navloom.engine.parts import streams_of  # which imports numba: the list does without
+
+    role, _, own = name.partition(".")
+    cls = discovery.node(own) if role == NODE else discovery.role(role, own)
+    schema = cls.Params.model_json_schema()
+    kinds = kinds_of(cls)
+    if as_json:
+        print_json({"role": role, "name": own, "api": cls.api, "params": schema, **streams_of(cls), **kinds})
+        return
+    summary = (cls.__doc__ or "").strip().splitlines()
+    typer.echo(f"{role}.{own}: {summary[0] if summary else ''}")
+    for what, streams in streams_of(cls).items():
+        typer.echo(f"{what} {', '.join(f'{name} ({carries})' for name, carries in streams.items()) or 'nothing'}")
+    print_table(("parameter", "default", "allowed", "meaning"), rows_of(schema))
+    for kind, one in kinds.get("sensor_kinds", {}).items():
+        typer.echo(f"sensor of kind {kind} gives {one['message']}")
+        if one["settings"] is not None:
+            print_table(("setting", "default", "allowed", "meaning"), rows_of(one["settings"]))
+
+
+def _new(kind_and_name: Sequence[str], where: Path, discovery: Any, as_json: bool) -> None:
+    """Write a distribution, and say what to do with it."""
+    from navloom.cli.output import print_json
+    from navloom.plugins.scaffold import KINDS, new_distribution
+
+    if len(kind_and_name) != 2:
+        raise typer.BadParameter(
+            f"`navloom plugins new` takes KIND and NAME, as in `navloom plugins new avoider mine`; got "
+            f"{' '.join(kind_and_name) or 'neither'}; kinds are {', '.join(KINDS)}"
+        )
+    kind, name = kind_and_name
+    made = new_distribution(kind, name, where, discovery)
+    if as_json:
+        print_json({**asdict(made), "folder": str(made.folder)})
+        return
+    typer.echo(f"{made.plugin}: {len(made.files)} files in {made.folder}")
+    typer.echo("next:")
+    for command in made.commands:
+        typer.echo(f"  {command}")
+
+
+def kinds_of(cls: Any) -> dict[str, Any]:
+    """The kinds of sensor that a platform provides: the message class of each, and what its table may hold."""
+    from navloom.roles import Platform
+
+    if not issubclass(cls, Platform):
+        return {}
+    settings = {kind: model.model_json_schema() for kind, model in cls.sensor_settings.items()}
+    return {
+        "sensor_kinds": {
+            kind: {"message": carries.__name__, "settings": settings.get(kind)}
+            for kind, carries in cls.sensor_kinds.items()
+        }
+    }
+
+
+def rows_of(schema: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    return [_row(key, field, schema) for key, field in schema.get("properties", {}).items()]
+
+
+def _row(key: str, field: dict[str, Any], schema: dict[str, Any]) -> tuple[str, str, str, str]:
+    if "$ref" in field:
+        field = {**schema["$defs"][field["$ref"].rsplit("/", 1)[-1]], **field}
+    options = [option for option in field.get("anyOf", [field]) if option.get("type") != "null"]
+    allowed = " or ".join(filter(None, map(_allowed, options)))
+    default = "(required)" if key in schema.get("required", ()) else str(field.get("default"))
+    return key, default, allowed, field.get("description", "")
+
+
+def _allowed(field: dict[str, Any]) -> str:
+    if "enum" in field:
+        return ", ".join(map(str, field["enum"]))
+    if "const" in field:
+        return str(field["const"])
+    signs = (("minimum", ">="), ("exclusiveMinimum", ">"), ("maximum", "<="), ("exclusiveMaximum", "<"))
+    bounds = [f"{sign} {field[key]:g}" for key, sign in signs if key in field]
+    return ", ".join(bounds) or str(field.get("type", ""))

@@ -18,7 +18,7 @@ from navloom.roles import ROLES
 __all__ = ["KINDS", "Made", "new_distribution"]
 
 TEMPLATES = Path(__file__).parent / "templates"
-LONGEST = 40
+LONGEST = 30
 """Characters of a name."""
 
 
@@ -42,42 +42,32 @@ class Kind:
 
 
 _DRIVE = "navloom run paper --set $kind.plugin=$name"
-_VARY = "navloom compare paper --vary $kind=$name,{} --seeds 0:2 --out study"
+_STUDY = " --seeds 0:2 --out study"
+_BESIDE = "`navloom compare` puts it beside another $kind and writes `study/report.html`."
 
 
 def _of_role(about: str, pure: str, other: str) -> Kind:
-    more = "`navloom compare` puts it beside another $kind and writes `study/report.html`."
-    return Kind(about, pure, (_DRIVE, _VARY.format(other)), more)
+    study = f"navloom compare paper --vary $kind=$name,{other}{_STUDY}"
+    return Kind(f"The $kind `$name` for navloom: {about}.", pure, (_DRIVE, study), _BESIDE)
 
 
 KINDS = {
     "avoider": _of_role(
-        "The avoider `$name` for navloom: it drives along the free direction that deviates least from the target.",
-        "directions", "improved_vfh",
+        "it drives along the free direction that deviates least from the target", "directions", "improved_vfh"
     ),
-    "controller": _of_role(
-        "The controller `$name` for navloom: it steers towards a point ahead on the reference.", "law",
-        "lyapunov_tracker",
-    ),
-    "planner": _of_role(
-        "The planner `$name` for navloom: shortest paths of a disc on the raster map (A*).", "search", "astar"
-    ),
+    "controller": _of_role("it steers towards a point ahead on the reference", "law", "lyapunov_tracker"),
+    "planner": _of_role("shortest paths of a disc on the raster map (A*)", "search", "astar"),
     "mapper": _of_role(
-        "The mapper `$name` for navloom: it counts where the beams of lasers and sweeps end, and where they pass.",
-        "counting", "ipabd",
+        "it counts where the beams of lasers and sweeps end, and where they pass", "counting", "ipabd"
     ),
-    "localizer": _of_role(
-        "The localizer `$name` for navloom: dead reckoning with a variance that grows.", "frames", "odometry"
-    ),
-    "recovery": _of_role(
-        "The recovery `$name` for navloom: it backs up a little and asks for a fresh map.", "backing",
-        "wait_and_replan",
-    ),
+    "localizer": _of_role("dead reckoning with a variance that grows", "frames", "odometry"),
+    "recovery": _of_role("it backs up a little and asks for a fresh map", "backing", "wait_and_replan"),
     "platform": Kind(
         "The platform `$name` for navloom: a simulated unicycle with motor lag, a laser, sonars and a pitched laser.",
         "rays",
-        (_DRIVE, "navloom compare paper --set platform.plugin=$name --vary avoider=improved_vfh,vff --seeds 0:2 --out study"),
-        "To make a driver of it, let `advance` talk to your motors and sensors, set `is_simulated` to False, and give no truth.",
+        (_DRIVE, f"navloom compare paper --set platform.plugin=$name --vary avoider=improved_vfh,vff{_STUDY}"),
+        "To make a driver of it, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
+        "no truth.",
     ),
     "node": Kind(
         "The node `$name` for navloom: it reads range sensors and publishes the nearest echo.",
@@ -89,7 +79,7 @@ KINDS = {
     "metric": Kind(
         "The metric `$name` for navloom: the share of the ticks in which the robot turns.",
         "turning",
-        ("navloom compare paper --vary avoider=improved_vfh,vff --seeds 0:2 --out study",),
+        (f"navloom compare paper --vary avoider=improved_vfh,vff{_STUDY}",),
         "Every study has its column from now on.",
     ),
     "panel": Kind(
@@ -101,14 +91,14 @@ KINDS = {
     "world": Kind(
         "The world `$name` for navloom: a room with two rows of posts.",
         "layout",
-        ("navloom run building --set world.ref=$name", "navloom compare building --worlds $name --seeds 0:2 --out study"),
+        ("navloom run building --set world.ref=$name", f"navloom compare building --worlds $name{_STUDY}"),
         "It has a start and a goal of its own.",
     ),
     "scheme": Kind(
         "The world scheme `$name` for navloom: worlds from files with a post a line.",
         "reading",
         ("navloom run building --set world.ref=$name:posts.txt",
-         "navloom compare building --worlds $name:posts.txt --seeds 0:2 --out study"),
+         f"navloom compare building --worlds $name:posts.txt{_STUDY}"),
         "`posts.txt` is such a file.",
     ),
     "message": Kind(
@@ -212,7 +202,9 @@ def _values(kind: str, name: str) -> dict[str, str]:
         "first_point": points[0],
     }
     texts = {"about": KINDS[kind].about, "more": KINDS[kind].more, "commands": "\n".join(KINDS[kind].commands)}
-    return values | {key: Template(text).substitute(values) for key, text in texts.items()} | {"layout": _layout(values)}
+    return (
+        values | {key: Template(text).substitute(values) for key, text in texts.items()} | {"layout": _layout(values)}
+    )
 
 
 def _layout(values: dict[str, str]) -> str:
@@ -222,15 +214,18 @@ def _layout(values: dict[str, str]) -> str:
         return f"The class is in `src/{package}/messages.py`."
     has_params = (TEMPLATES / kind / "params.py.txt").exists()
     params = " `params.py` holds the parameters with their bounds and units." if has_params else ""
-    return (
-        f"The maths is in `src/{package}/{pure}.py`, which imports no navloom. `adapter.py` connects it to\nnavloom.{params}"
-    )
+    maths = f"The maths is in `src/{package}/{pure}.py`, which imports no navloom."
+    return f"{maths} `adapter.py` connects it to\nnavloom.{params}"
 
 
 def _files(kind: str, values: dict[str, str]) -> Iterator[tuple[str, str]]:
     """Paths in the new folder and the templates of their texts."""
     common, own, package = TEMPLATES / "common", TEMPLATES / kind, f"src/{values['package']}"
-    places = {"test.yml": ".github/workflows/test.yml", "gitignore": ".gitignore"}
+    places = {
+        "test.yml": ".github/workflows/test.yml",
+        "gitignore": ".gitignore",
+        "pyproject.toml.txt": "pyproject.toml",
+    }
     for path in common.iterdir():
         if path.name != "__init__.py.txt":
             yield places.get(path.name, path.name), path.read_text("utf-8")
@@ -239,7 +234,7 @@ def _files(kind: str, values: dict[str, str]) -> Iterator[tuple[str, str]]:
     for path in own.iterdir():
         name = path.name.removesuffix(".txt")
         if not name.endswith(".py"):
-            yield path.name, path.read_text("utf-8")
+            yield path.name if path.suffixes == [".txt"] else name, path.read_text("utf-8")
         elif name != "__init__.py":
             yield f"{'tests' if name.startswith('test_') else package}/{name}", path.read_text("utf-8")
 

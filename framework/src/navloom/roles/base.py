@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
 from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
+from navloom.roles.claims import Claim
 
 __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
 
@@ -155,6 +156,8 @@ class Role(ABC):
         needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
         needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
         Params: Its parameters.
+        claims: What it says of its behaviour beyond the purpose of its role: `navloom check` demands it.
+        disclaims: What of its role's purpose it does not do, and why: `navloom check` shows it without judgement.
     """
 
     role: ClassVar[str]
@@ -165,6 +168,8 @@ class Role(ABC):
     needs_map: ClassVar[bool] = False
     needs_sensor: ClassVar[bool] = False
     Params: ClassVar[type[Params]] = Params
+    claims: ClassVar[Collection[Claim]] = ()
+    disclaims: ClassVar[Mapping[Claim, str]] = MappingProxyType({})
 
     def __init__(self, params: Any, context: Context) -> None:
         self.params = params

@@ -12,6 +12,7 @@ import typer
 from navloom.cli import (
     about,
     added,
+    check,
     compare,
     completion,
     config,
@@ -79,6 +80,7 @@ app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("messages")(messages.messages)
+app.command("check")(check.check)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)
 app.command("completion")(completion.completion)

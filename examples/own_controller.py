@@ -24,12 +24,11 @@ class BearingParams(Params):
     reach: float = Field(0.5, gt=0.0, le=5.0, description="Length over which it steers back to the reference, m.")
 
 
-class Bearing(Controller):
+class Bearing(Controller[BearingParams]):
     """Steers to a point `reach` ahead on the reference, and slows down where it points elsewhere."""
 
     name = "bearing"
     accepts = ()  # it reads no sensor
-    Params = BearingParams
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         """One command per tick, from the pose estimate and the reference."""

@@ -115,7 +115,7 @@ def test_toml_blocks_parse(page: Path) -> None:
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    controller, node, avoider, observer, command = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
+    _in_one_file, controller, node, avoider, observer, command = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
     for source in (node, avoider):

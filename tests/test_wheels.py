@@ -117,7 +117,7 @@ def test_wheels_alone_drive_compare_and_take_a_plugin(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "pyproject.toml").write_text(TINY, "utf-8")
     page = (TOP / "docs" / "writing-a-plugin.md").read_text("utf-8")
-    block = re.search(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    block = re.search(r"## The class\n+```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     assert block is not None
     (tmp_path / "mine" / "my_plugins.py").write_text(block[1], "utf-8")
     run("install a plugin", *pip, "install", "-q", "--no-deps", "./mine")

@@ -130,6 +130,7 @@ class Polite(ImprovedVfh):
 
     name = "polite"
     Params = PoliteParams
+    params: PoliteParams
     tracks = Extra(Tracks)
 
     def avoid(self, given: AvoiderInput) -> Avoidance:

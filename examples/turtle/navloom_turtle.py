@@ -6,7 +6,6 @@ gives, and `advance` puts its newest message into `scans` by the sensor's name i
 """
 
 import math
-from typing import Any
 
 from navloom import (
     Contact,
@@ -30,14 +29,13 @@ class TurtleParams(Params):
     wheel_error: float = Field(0.0, ge=-0.1, le=0.1, description="Share by which odometry overstates the way driven.")
 
 
-class Turtle(Platform):
+class Turtle(Platform[TurtleParams]):
     """A unicycle without inertia, in a plane without obstacles."""
 
     name = "turtle"
     is_simulated = True
-    Params = TurtleParams
 
-    def __init__(self, params: Any, context: Context) -> None:
+    def __init__(self, params: TurtleParams, context: Context) -> None:
         super().__init__(params, context)
         self._true = context.start  # in the map
         self._reckoned = Pose2D(0.0, 0.0, 0.0)  # in the odometry frame, which starts where the robot starts

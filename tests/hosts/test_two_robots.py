@@ -64,7 +64,7 @@ def test_two_robots_reach_their_goals_and_neither_hears_the_others_commands(
                 accepted = robots[realm].run("goal", x, "0.0", "--no-wait", "--robot", f"{realm}/r1")
                 assert accepted.returncode == 0, accepted.stderr
             for realm, goal in (("north", 2.5), ("south", -1.5)):
-                robots[realm].wait_for("no goal", 60, robots[realm].wait_for("driving", 60, said[realm]))
+                robots[realm].wait_for("goal reached", 60, robots[realm].wait_for("driving", 60, said[realm]))
                 place = logs[realm].look().place
                 assert abs(place[0] - goal) < 0.25 and abs(place[1]) < 0.25, (realm, place)
         finally:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import partial
 
 import pytest
-from navloom.cli import run as run_module
+from navloom.cli.study import run as run_module
 from navloom.messages import PoseEstimate
 from navloom.navigation.dead_reckoning import OdometryLocalizer
 from navloom.roles import LocalizerInput
@@ -40,6 +40,9 @@ def slowed(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 SAYING = """
 import sys, time
 from navloom.cli.output import say_so, stage
+from navloom.logs import Level, set_up_logging
+
+set_up_logging(Level.INFO, as_json=False)
 
 with stage(False) as (_, progress):
     for done in range(3):

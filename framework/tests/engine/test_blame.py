@@ -48,7 +48,7 @@ from navloom import (
     Twist2D,
     hookimpl,
 )
-from navloom.cli.run import tell_faults
+from navloom.cli.study.run import tell_faults
 from navloom.geometry.world import Raster, World
 from navloom.messages import Command, Sweep
 from navloom.plugins import Discovery, PluginError

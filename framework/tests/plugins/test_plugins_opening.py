@@ -11,7 +11,7 @@ from typing import Any
 
 import msgpack
 import pytest
-from navloom.cli.echo import _messages, _text
+from navloom.cli.live.echo import _messages, _text
 from navloom.live.mailbox import Packet
 from navloom.messages import SCHEMAS, Envelope, Message, Odometry
 from navloom.messages.codec import CodecError, UnknownSchema, decode, encode, schema_label

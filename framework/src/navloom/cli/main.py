@@ -4,48 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import sys
 
-import typer
-
-from navloom.cli import (
-    about,
-    added,
-    check,
-    compare,
-    completion,
-    config,
-    doctor,
-    echo,
-    export,
-    graph,
-    hz,
-    import_log,
-    keys,
-    listing,
-    manual,
-    map,
-    messages,
-    nodes,
-    operate,
-    plan,
-    plugins,
-    record,
-    replay,
-    report,
-    run,
-    status,
-    teleop,
-    up,
-    view,
-    worlds,
-)
+from navloom.cli import about, added
+from navloom.cli.command import App
+from navloom.cli.describing import config, graph, messages, plugins, worlds
+from navloom.cli.live import doctor, echo, export, hz, keys, listing, nodes, operate, status, teleop, up
+from navloom.cli.recordings import import_log, record, replay, view
+from navloom.cli.shells import completion, manual
+from navloom.cli.study import check, compare, map, plan, report, run
 from navloom.errors import NavloomError
+from navloom.logs import Level, set_up_logging
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
+app = App(
     cls=added.Commands,
     no_args_is_help=True,
     add_completion=False,
@@ -156,5 +131,6 @@ def _place(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    for line in text.splitlines() or [""]:
-        print(f"navloom: {line}", file=sys.stderr)
+    if not logging.getLogger("navloom").handlers:  # the command did not begin
+        set_up_logging(Level.INFO, as_json=False)
+    logging.getLogger("navloom.cli").error(text)

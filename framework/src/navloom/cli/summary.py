@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from navloom.cli.output import print_table, say_so
+from navloom.cli.output import LOG, print_table
 
 __all__ = ["is_reached", "print_summary", "tell_faults"]
 
@@ -36,11 +36,11 @@ def is_reached(summary: Mapping[str, Any]) -> bool:
 def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
     """What plugins broke, and which are slower than the robot that they drive."""
     for fault in episode.log.faults:
-        say_so(fault)
+        LOG.warning(fault)
     for note in summary["notes"]:
-        say_so(note)
+        LOG.warning(note)
     for one in summary["slow"]:
-        say_so(
+        LOG.warning(
             f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "
             f"{one['limit_ms']:g} ms to the next one, p99 {one['p99_ms']:.3g} ms; a live robot would stop for it: give "
             "it a lower rate_hz, or run.period more time"

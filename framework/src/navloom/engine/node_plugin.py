@@ -33,6 +33,7 @@ from navloom.engine.streams import (
 )
 from navloom.messages import Message
 from navloom.roles import Role
+from navloom.roles.base import P
 
 __all__ = ["AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts", "Latest", "LocalizerPorts", "MapperPorts",
            "New", "NodePlugin", "OperatorPorts", "PlannerPorts", "PlatformPorts", "Publishes", "Quality",
@@ -58,7 +59,7 @@ class Publishes(Output[M]):
         self.port.name = self.name
 
 
-class NodePlugin(Role, Node):
+class NodePlugin(Role[P], Node):
     """Base of whole nodes of other distributions. A table `[[node]]` of a config uses one under a name of its own.
 
     A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message

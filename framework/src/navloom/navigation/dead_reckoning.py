@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -18,14 +17,13 @@ UNKNOWN = np.zeros((3, 3))
 UNKNOWN.flags.writeable = False
 
 
-class OdometryLocalizer(Localizer):
+class OdometryLocalizer(Localizer[Params]):
     """Takes the odometry frame to stand at the start pose; its drift is not corrected and its covariance is zero."""
 
     name = "odometry"
     accepts = ()
-    Params = Params
 
-    def __init__(self, params: Any, context: Context) -> None:
+    def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
         start = context.start
         self._origin = (start.x, start.y, start.heading, math.cos(start.heading), math.sin(start.heading))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pydantic import Field
 
 from navloom.messages import RecoveryStep, Twist2D
@@ -21,14 +19,13 @@ class WaitParams(Params):
     clear_map: bool = Field(True, description="Ask for a fresh map, and so for a sweep where there is one.")
 
 
-class WaitAndReplan(Recovery):
+class WaitAndReplan(Recovery[WaitParams]):
     """Stands still: without sensors behind it, a robot that backs up drives blind."""
 
     name = "wait_and_replan"
     accepts = ()
-    Params = WaitParams
 
-    def __init__(self, params: Any, context: Context) -> None:
+    def __init__(self, params: WaitParams, context: Context) -> None:
         super().__init__(params, context)
         self._until_ns = 0
 

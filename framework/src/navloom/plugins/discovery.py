@@ -8,12 +8,13 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, TypeVar
 
-from navloom.entry_kinds import OTHERS, installed_points
+from navloom.entry_kinds import OTHERS
 from navloom.geometry.world import World
 from navloom.inputs.texts import shortened
 from navloom.messages import Message
 from navloom.plugins.blame import raised_in
 from navloom.plugins.loading import Loader, module_of, owner_of
+from navloom.plugins.one_file import available_points
 from navloom.plugins.registry import Named, PluginError, Registry, close_to, nearest
 from navloom.plugins.shipped import distribution_of, shipped_names
 from navloom.roles import ROLES, Role
@@ -45,13 +46,13 @@ class Discovery:
 
     Args:
         blocked: `role.name` of plugins to treat as not installed.
-        found: Entry points to use instead of the installed ones (tests).
+        found: Entry points to use instead of those of installed distributions and of files (tests).
     """
 
     def __init__(self, blocked: Iterable[str] = (), found: Iterable[EntryPoint] | None = None) -> None:
         self.blocked = frozenset(blocked)
         self._loader = Loader(self.blocked)
-        points = installed_points() if found is None else found
+        points = available_points() if found is None else found
         self._points = sorted(
             (p for p in points if not (self._loader.is_blocked(p.name) or self._loader.is_blocked(_key(p)))), key=_key
         )

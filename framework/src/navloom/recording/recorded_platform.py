@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from importlib.metadata import EntryPoint
 
-from navloom.entry_kinds import GROUP, installed_points
+from navloom.entry_kinds import GROUP
 from navloom.messages import RangeScan, Sweep
 from navloom.plugins import Discovery
 from navloom.plugins.hooks import hookimpl
+from navloom.plugins.one_file import available_points
 from navloom.plugins.registry import Registry
-from navloom.recording.ros_import import INSTANCE, RANGE_SCAN, SWEEP
+from navloom.recording.imported import INSTANCE, RANGE_SCAN, SWEEP
 from navloom.roles import InputError, Platform, PlatformInput, PlatformOutput
 
 __all__ = ["RecordedPlatform", "discovery", "navloom_register"]
@@ -35,4 +36,4 @@ def navloom_register(registry: Registry) -> None:
 def discovery() -> Discovery:
     """The plugins installed, and this one: an installed one of its own would be offered for robots that drive."""
     own = EntryPoint(f"platform.{INSTANCE}", "navloom.recording.recorded_platform", GROUP)
-    return Discovery((), [*installed_points(), own])
+    return Discovery((), [*available_points(), own])

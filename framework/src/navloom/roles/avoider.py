@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 
 from navloom.messages import Avoidance, Point2D, PoseEstimate, RangeScan, Twist2D
-from navloom.roles.base import Role
+from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
@@ -45,7 +45,7 @@ class AvoiderInput:
     extra: Extras = NO_EXTRAS
 
 
-class Avoider(Role):
+class Avoider(Role[P]):
     """Steers round what is sensed. It steps every tick, whether it drives or not."""
 
     role = "avoider"

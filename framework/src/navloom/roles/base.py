@@ -7,7 +7,7 @@ from abc import ABC
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,13 @@ from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles.claims import Claim
+
+if TYPE_CHECKING:  # the default keeps `class Mine(Avoider)` valid under mypy --strict
+    import typing_extensions
+
+    P = typing_extensions.TypeVar("P", bound="Params", default=Any)
+else:
+    P = TypeVar("P")
 
 __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Role", "SensorSpec", "StrictModel"]
 
@@ -144,8 +151,10 @@ class Context:
     diagnostics_rate_hz: float = math.inf
 
 
-class Role(ABC):
+class Role(ABC, Generic[P]):
     """A plugin is a plain object: no thread, no clock, no socket, no file.
+
+    Written with its parameters, as `class Gap(Avoider[GapParams])`, `self.params` has their type, and `Params` is set.
 
     Class attributes:
         role: Name of the role, set by the role's ABC.
@@ -171,17 +180,24 @@ class Role(ABC):
     claims: ClassVar[Collection[Claim]] = ()
     disclaims: ClassVar[Mapping[Claim, str]] = MappingProxyType({})
 
-    def __init__(self, params: Any, context: Context) -> None:
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        given = [one for base in vars(cls).get("__orig_bases__", ()) for one in get_args(base)]
+        models = [one for one in given if isinstance(one, type) and issubclass(one, Params)]
+        if models and "Params" not in vars(cls):
+            cls.Params = models[0]
+
+    def __init__(self, params: P, context: Context) -> None:
         self.params = params
         self.context = context
 
-    def reset(self) -> None:  # noqa: B027  (nothing to forget is the usual case)
+    def reset(self) -> None:
         """Forget everything learnt since construction. A plugin without memory leaves it as it is."""
 
-    def configure(self, params: Any) -> None:
+    def configure(self, params: P) -> None:
         """Take checked new parameters between two ticks. Forgets what was learnt, unless a plugin overrides it."""
         self.__init__(params, self.context)  # type: ignore[misc]
 
-    @classmethod  # noqa: B027  (nothing to compile is the usual case)
+    @classmethod
     def warm_up(cls) -> None:
         """Compile what has to be compiled. Called once before the first tick; a plugin without kernels leaves it."""

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 from navloom.messages import Message, PoseEstimate, Reference, TrackingCommand, Trajectory
-from navloom.roles.base import Role
+from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.struct import struct
 
@@ -32,7 +32,7 @@ class ControllerInput:
     extra: Extras = NO_EXTRAS
 
 
-class Controller(Role):
+class Controller(Role[P]):
     """Follows trajectories."""
 
     role = "controller"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from navloom.messages import MapUpdate, Odometry, PoseEstimate, RangeScan
-from navloom.roles.base import Role
+from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
@@ -34,7 +34,7 @@ class LocalizerInput:
     extra: Extras = NO_EXTRAS
 
 
-class Localizer(Role):
+class Localizer(Role[P]):
     """Turns odometry and scans into a pose in the map."""
 
     role = "localizer"

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, PoseTrack, RangeScan, Sweep
-from navloom.roles.base import Role
+from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
@@ -41,7 +41,7 @@ class MapperInput:
     extra: Extras = NO_EXTRAS
 
 
-class Mapper(Role):
+class Mapper(Role[P]):
     """Turns range data into a map. Raises InputError for data it cannot use."""
 
     role = "mapper"

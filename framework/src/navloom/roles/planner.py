@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 from navloom.messages import MapUpdate, Message, Path, PlanFailure, PlanRequest
-from navloom.roles.base import Role
+from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.struct import struct
 
@@ -28,7 +28,7 @@ class PlannerInput:
     extra: Extras = NO_EXTRAS
 
 
-class Planner(Role):
+class Planner(Role[P]):
     """Finds paths. The footprint is in its context."""
 
     role = "planner"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from navloom.messages import Contact, Message, Odometry, SweepRequest, Truth, Twist2D
-from navloom.roles.base import Params, Role, SensorSpec
+from navloom.roles.base import P, Params, Role, SensorSpec
 from navloom.roles.struct import struct
 
 __all__ = ["Platform", "PlatformInput", "PlatformOutput"]
@@ -46,7 +46,7 @@ class PlatformOutput:
     truth: Truth | None
 
 
-class Platform(Role):
+class Platform(Role[P]):
     """Moves the robot and reads its sensors.
 
     Class attributes:
@@ -70,6 +70,9 @@ class Platform(Role):
 
         A platform that leaves it gets every command with `advance`: then a stop waits for the next tick.
         """
+
+    def close(self) -> None:
+        """Give up its ports. Live only: called once, after the last `drive`, when its process ends in order."""
 
     @abstractmethod
     def advance(self, given: PlatformInput) -> PlatformOutput:

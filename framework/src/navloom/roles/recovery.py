@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.messages import PoseEstimate, RangeScan, RecoveryStep
-from navloom.roles.base import Role
+from navloom.roles.base import P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
 
@@ -45,7 +45,7 @@ class RecoveryInput:
     extra: Extras = NO_EXTRAS
 
 
-class Recovery(Role):
+class Recovery(Role[P]):
     """Called each tick while the goal asks for it."""
 
     role = "recovery"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from navloom.testing.checks import Finding, NotRun
+from navloom.testing.findings import Finding, NotRun
 from navloom.testing.guard import GUARD
 from navloom.testing.inputs import Scene, made_scenes
 from navloom.testing.player import Fault, Player, first_difference

@@ -127,7 +127,7 @@ class Guard:
     def _wrap_clocks(self) -> None:
         for name in CLOCKS:
             setattr(time, name, _wrapped(self, name, getattr(time, name)))
-        datetime.datetime = _shifted_datetime(self)  # type: ignore[misc]
+        setattr(datetime, "datetime", _shifted_datetime(self))  # noqa: B010  (of a class that is not to change)
 
     def _wrap_exit(self) -> None:
         leave = os._exit
@@ -150,13 +150,13 @@ def _wrapped(guard: Guard, name: str, real: Callable[[], Any]) -> Callable[[], A
 
 def _shifted_datetime(guard: Guard) -> type:
     """A datetime class whose `now` and kin read the guard's clock."""
-    real = datetime.datetime
+    real: Any = datetime.datetime
 
     class _Kind(type(real)):  # type: ignore[misc]
         def __instancecheck__(cls, one: object) -> bool:
             return isinstance(one, real)
 
-    class Shifted(real, metaclass=_Kind):
+    class Shifted(real, metaclass=_Kind):  # type: ignore[misc]
         @classmethod
         def now(cls, tz: Any = None) -> Any:
             return real.fromtimestamp(guard._read_clock("datetime.now", real.now().timestamp), tz)

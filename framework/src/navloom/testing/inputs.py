@@ -109,11 +109,11 @@ class _Maker:
 
     def extra(self, stamp: float) -> Extras:
         """What its extra inputs hold; optional ones hold nothing at times."""
-        declared = extras_of(self.cls).values()
+        declared, stamp_ns = extras_of(self.cls).values(), builders.ns(stamp)
         if not declared:
             return NO_EXTRAS
         return Extras({
-            one: None if one.optional and self.rng.random() < 0.25 else sample(one.carries, self.rng, builders.ns(stamp))
+            one: None if one.optional and self.rng.random() < 0.25 else sample(one.carries, self.rng, stamp_ns)
             for one in declared
         })  # fmt: skip
 
@@ -181,8 +181,10 @@ def _avoider(maker: _Maker) -> Iterator[Scene]:
 
 def _controller(maker: _Maker) -> Iterator[Scene]:
     for name, curvature, off, heading in (
-        ("a line", 0.0, 0.02, 0.03), ("an arc to the left", 0.5, -0.02, 0.0), ("an arc to the right", -0.5, 0.03, -0.03),
-    ):  # fmt: skip
+        ("a line", 0.0, 0.02, 0.03),
+        ("an arc to the left", 0.5, -0.02, 0.0),
+        ("an arc to the right", -0.5, 0.03, -0.03),
+    ):
         followed = builders.trajectory(curvature=curvature)
         poses = walk((0.0, off, heading), 0.3, 0.3 * curvature, 60)
         yield Scene(name, "usual", maker.context(), tuple(_followed(maker, followed, poses)), is_gentle=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from pathlib import PurePath
 from typing import Any
@@ -210,7 +210,7 @@ def size_of(answer: Any) -> int:
     return len(bytes_of(answer)) if answer is not None else 0
 
 
-def first_difference(one: list[bytes], other: list[bytes]) -> int | None:
+def first_difference(one: Sequence[bytes | str], other: Sequence[bytes | str]) -> int | None:
     """Number of the first step at which two plays differ; None where they are equal."""
     for number, (here, there) in enumerate(zip(one, other, strict=False)):
         if here != there:

@@ -14,7 +14,7 @@ from queue import Empty, Queue
 from threading import Thread
 from typing import Any
 
-from navloom.testing.checks import Finding
+from navloom.testing.findings import Finding
 from navloom.testing.subject import Request
 
 __all__ = ["MARK_SIZE", "Process", "digests_of"]

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from navloom.testing.checks import Check, Finding, Report, Result
+from navloom.testing.checks import Check
+from navloom.testing.findings import Finding, Report, Result
 from navloom.testing.process import Process
 from navloom.testing.tiers import TIERS, checks_of
 

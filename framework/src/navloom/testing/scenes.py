@@ -106,7 +106,10 @@ def cast(world: World, origins: Floats, ways: Floats, *, floor: bool = False) ->
     """
     best = np.full(len(ways), math.inf)
     for solid in world.obstacles:
-        enter, leave = (_box_span if isinstance(solid, Box) else _cylinder_span)(solid, origins, ways)  # type: ignore[operator]
+        if isinstance(solid, Box):
+            enter, leave = _box_span(solid, origins, ways)
+        else:
+            enter, leave = _cylinder_span(solid, origins, ways)
         meets = (enter <= leave) & (leave > 0.0)
         best = np.where(meets, np.minimum(best, np.maximum(enter, 0.0)), best)
     if floor:

@@ -133,9 +133,10 @@ def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
     if kind == "message":
         return discovery.message(_schema_of(discovery, name))
     registry = discovery.load(kind, name)
-    registered: Mapping[str, Any] = {
+    of_kind: Mapping[str, Mapping[str, Any]] = {
         "metric": registry.metrics, "panel": registry.panels, "world": registry.worlds, "scheme": registry.schemes,
-    }[kind]  # fmt: skip
+    }  # fmt: skip
+    registered = of_kind[kind]
     if name not in registered:
         given = ", ".join(registered) or "nothing"
         raise PluginError(f"the entry point {kind}.{name} registers {given}, expected {kind}.{name}")

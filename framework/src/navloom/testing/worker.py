@@ -26,7 +26,8 @@ from typing import Any
 
 from navloom.errors import NavloomError
 from navloom.testing.bench import Bench, alike
-from navloom.testing.checks import Check, Finding, NotRun, Result, Shown
+from navloom.testing.checks import Check
+from navloom.testing.findings import Finding, NotRun, Result, Shown
 from navloom.testing.guard import GUARD
 from navloom.testing.player import Fault
 from navloom.testing.printed import PRINTED

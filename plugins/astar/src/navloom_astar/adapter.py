@@ -17,10 +17,9 @@ from navloom_astar.search import DijkstraSearch, GridSearch
 __all__ = ["AStar", "Dijkstra", "JumpPoint", "PlannerOnGrid"]
 
 
-class PlannerOnGrid(Planner):
+class PlannerOnGrid(Planner[AstarParams]):
     """A planner on the grid; which search it uses is all that one has of its own."""
 
-    Params = AstarParams
     search: ClassVar[type[Search]]
     """Makes the search for grids of a shape (rows, columns)."""
 

@@ -20,11 +20,10 @@ from navloom_dwa.view import arc_directions, cost_by_direction, free_directions,
 __all__ = ["Dwa", "split_scans"]
 
 
-class Dwa(Avoider):
+class Dwa(Avoider[DwaParams]):
     """The best velocity that can be reached and stopped in time (Fox, Burgard & Thrun 1997; critics of Nav2's DWB)."""
 
     name = "dwa"
-    Params = DwaParams
 
     def __init__(self, params: DwaParams, context: Context) -> None:
         super().__init__(params, context)

@@ -19,11 +19,10 @@ from navloom_improved_vfh.params import ImprovedVfhParams
 __all__ = ["ImprovedVfh"]
 
 
-class ImprovedVfh(Avoider):
+class ImprovedVfh(Avoider[ImprovedVfhParams]):
     """Steers round what range sensors see, towards the target (Hoang et al. 2013, III.C)."""
 
     name = "improved_vfh"
-    Params = ImprovedVfhParams
 
     def __init__(self, params: ImprovedVfhParams, context: Context) -> None:
         super().__init__(params, context)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections import Counter
-from typing import ClassVar
+from typing import TypeVar
 
 from navloom import Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, Sweep
 
@@ -19,14 +20,15 @@ from navloom_ipabd.union import union_outline
 __all__ = ["Ipabd", "Union"]
 
 
-class Ipabd(Mapper):
-    """Sweeps of a pitched laser to one 2D map (Hoang et al. 2013, section II)."""
+P = TypeVar("P", bound=IpabdParams | UnionParams)
 
-    name = "ipabd"
+
+class _OfSweeps(Mapper[P]):
+    """Joins the outlines of sweeps to one map; what an outline is differs."""
+
     accepts = (Sweep,)
-    Params: ClassVar[type[IpabdParams | UnionParams]] = IpabdParams
 
-    def __init__(self, params: IpabdParams | UnionParams, context: Context) -> None:
+    def __init__(self, params: P, context: Context) -> None:
         super().__init__(params, context)
         self._settings = params.settings(context.robot.height, (context.start.x, context.start.y))
         self._known: GridMap | None = None
@@ -73,15 +75,24 @@ class Ipabd(Mapper):
                               slack=self.params.track_slack, deskew=self.params.deskew)  # fmt: skip
         return self._outline_of(image, motion)
 
+    @abstractmethod
+    def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
+        """The outline of what one sweep saw."""
+
+
+class Ipabd(_OfSweeps[IpabdParams]):
+    """Sweeps of a pitched laser to one 2D map (Hoang et al. 2013, section II)."""
+
+    name = "ipabd"
+
     def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
         return mapping.outline(image, motion, self._settings)
 
 
-class Union(Ipabd):
+class Union(_OfSweeps[UnionParams]):
     """All pixels pressed to the plane (Hoang et al. 2013, Fig. 7): the map that IPaBD improves on, for comparison."""
 
     name = "union"
-    Params = UnionParams
 
     def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
         return union_outline(image, motion, self._settings, self.params.keeps_floor)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from navloom import Context, Mapper, MapperInput, MapUpdate, OccupancyGrid
+from navloom import Context, Mapper, MapperInput, MapUpdate, OccupancyGrid, Params
 
 __all__ = ["KnownMap"]
 
 
-class KnownMap(Mapper):
+class KnownMap(Mapper[Params]):
     """Publishes the map of its context: once, and again after a clear request or a reset. It takes no sensor."""
 
     name = "known_map"
     accepts = ()
     needs_map = True
 
-    def __init__(self, params: Any, context: Context) -> None:
+    def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
         if context.map is None:
             raise ValueError('known_map: got no map, expected one; name it in [map], as in ref = "world"')

@@ -12,11 +12,10 @@ from navloom_lyapunov_tracker.params import LyapunovTrackerParams
 __all__ = ["LyapunovTracker"]
 
 
-class LyapunovTracker(Controller):
+class LyapunovTracker(Controller[LyapunovTrackerParams]):
     """Follows the re-projected reference with the law of Hoang et al. 2013, eq. (6)."""
 
     name = "lyapunov_tracker"
-    Params = LyapunovTrackerParams
 
     def __init__(self, params: LyapunovTrackerParams, context: Context) -> None:
         super().__init__(params, context)

@@ -21,12 +21,11 @@ AGREEMENT = 0.1
 """Readings that differ by no more are of one surface, m."""
 
 
-class Retrace(Recovery):
+class Retrace(Recovery[RetraceParams]):
     """Back along the way the robot came, a turn in place, and a cleared map; each as far as the scans allow."""
 
     name = "retrace"
     accepts = (RangeScan,)
-    Params = RetraceParams
 
     def __init__(self, params: RetraceParams, context: Context) -> None:
         super().__init__(params, context)

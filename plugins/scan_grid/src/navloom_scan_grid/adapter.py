@@ -13,12 +13,11 @@ from navloom_scan_grid.params import ScanGridParams
 __all__ = ["ScanGrid"]
 
 
-class ScanGrid(Mapper):
+class ScanGrid(Mapper[ScanGridParams]):
     """Range scans to an occupancy grid (Moravec & Elfes 1985; Thrun et al. 2005, ch. 9)."""
 
     name = "scan_grid"
     accepts = (RangeScan,)
-    Params = ScanGridParams
 
     def __init__(self, params: ScanGridParams, context: Context) -> None:
         super().__init__(params, context)

@@ -27,14 +27,13 @@ from navloom_scan_localizer.tracking import PoseTracker, relative
 __all__ = ["ScanMatching", "ScanOdometry"]
 
 
-class ScanMatching(Localizer):
+class ScanMatching(Localizer[ScanMatchingParams]):
     """Corrects odometry by matching laser scans with the map of its context."""
 
     name = "scan_matching"
     accepts = (RangeScan,)
     needs_map = True
     needs_sensor = True
-    Params = ScanMatchingParams
 
     def __init__(self, params: ScanMatchingParams, context: Context) -> None:
         super().__init__(params, context)
@@ -74,13 +73,12 @@ class ScanMatching(Localizer):
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, tracker.covariance, state, reason)
 
 
-class ScanOdometry(Localizer):
+class ScanOdometry(Localizer[ScanOdometryParams]):
     """Corrects wheel odometry by matching each scan with the surfaces that the scans before it saw."""
 
     name = "scan_odometry"
     accepts = (RangeScan,)
     needs_sensor = True
-    Params = ScanOdometryParams
 
     def __init__(self, params: ScanOdometryParams, context: Context) -> None:
         super().__init__(params, context)

@@ -44,11 +44,10 @@ _SENSORS: dict[str, tuple[type[Params], Callable[..., Sensor]]] = {
 _FREE, _TOUCHING = Contact(False), Contact(True)
 
 
-class SensorsSim(Platform):
+class SensorsSim(Platform[SensorsSimParams]):
     """Drives through the ground truth and reads simulated sensors, odometry and contact."""
 
     name = "sensors_sim"
-    Params = SensorsSimParams
     sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan}
     sensor_settings = {kind: settings for kind, (settings, _) in _SENSORS.items()}
     is_simulated = True

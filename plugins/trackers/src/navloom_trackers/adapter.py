@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from typing import TypeVar
 
 from navloom import Context, Controller, ControllerInput, TrackingCommand, Twist2D
 from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_error, turn_direction, wrap
@@ -21,10 +22,13 @@ from navloom_trackers.params import (
 __all__ = ["FierroLewis", "Kanayama", "PurePursuit", "Ramsete"]
 
 
-class _Tracker(Controller):
+P = TypeVar("P", bound=TrackerParams)
+
+
+class _Tracker(Controller[P]):
     """Turns in place where it must, follows its law else, and stays within the limits of the drive."""
 
-    def __init__(self, params: TrackerParams, context: Context) -> None:
+    def __init__(self, params: P, context: Context) -> None:
         super().__init__(params, context)
         robot = context.robot
         self._above = math.radians(params.turn_in_place_above_deg)
@@ -58,11 +62,10 @@ class _Tracker(Controller):
         """Which way to face, rad from the heading in [-π, π), and the law's velocity, m/s and rad/s."""
 
 
-class Kanayama(_Tracker):
+class Kanayama(_Tracker[KanayamaParams]):
     """Eq. (8) of Kanayama et al. 1990."""
 
     name = "kanayama"
-    Params = KanayamaParams
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, reference = self.params, given.reference
@@ -73,11 +76,10 @@ class Kanayama(_Tracker):
         return error.e3, wanted
 
 
-class FierroLewis(_Tracker):
+class FierroLewis(_Tracker[FierroLewisParams]):
     """The kinematic law of Fierro & Lewis 1997, followed with the lag of their velocity loop."""
 
     name = "fierro_lewis"
-    Params = FierroLewisParams
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, reference, twist = self.params, given.reference, given.estimate.twist
@@ -95,11 +97,10 @@ class FierroLewis(_Tracker):
         return error.e3, (v, fierro_lewis.velocity_after(twist.wz, w, w_rate, own.k4, self.context.period))
 
 
-class Ramsete(_Tracker):
+class Ramsete(_Tracker[RamseteParams]):
     """The nonlinear tracker of De Luca, Oriolo and Vendittelli 2001."""
 
     name = "ramsete"
-    Params = RamseteParams
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, law = self.params, (given.reference.speed, given.reference.turn_rate, self.params.zeta, self.params.b)
@@ -108,11 +109,10 @@ class Ramsete(_Tracker):
         return error.e3, ramsete.tracking_command(error, *law)
 
 
-class PurePursuit(_Tracker):
+class PurePursuit(_Tracker[PurePursuitParams]):
     """Regulated pure pursuit, Macenski et al. 2023."""
 
     name = "pure_pursuit"
-    Params = PurePursuitParams
 
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
         own, reference, pose = self.params, given.reference, given.estimate.pose

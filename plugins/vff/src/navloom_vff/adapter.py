@@ -18,11 +18,10 @@ NO_SLOTS = np.zeros((0, 2))
 NO_SLOTS.flags.writeable = False
 
 
-class Vff(Avoider):
+class Vff(Avoider[VffParams]):
     """Pulled by the target and pushed off by what range sensors see (Borenstein & Koren 1989)."""
 
     name = "vff"
-    Params = VffParams
 
     def __init__(self, params: VffParams, context: Context) -> None:
         super().__init__(params, context)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from navloom_vfh.avoidance import HistogramAvoidance
 from navloom_vfh.methods import VfhAvoidance, VfhPlusAvoidance, VfhStarAvoidance
-from navloom_vfh.params import VfhParams, VfhPlusParams, VfhStarParams
+from navloom_vfh.params import HistogramParams, VfhParams, VfhPlusParams, VfhStarParams
 
 __all__ = ["Vfh", "VfhPlus", "VfhStar"]
 
@@ -22,13 +23,16 @@ Floats = NDArray[np.float64]
 WARM_UP_ROBOT = Robot(np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]]), 0.5, 0.4, 0.5, 1.0)
 
 
-class _HistogramAvoider(Avoider):
+P = TypeVar("P", bound=HistogramParams)
+
+
+class _HistogramAvoider(Avoider[P]):
     """The role's verb for any of the three methods."""
 
     _method: HistogramAvoidance
     _make: type
 
-    def __init__(self, params: VfhParams | VfhPlusParams, context: Context) -> None:
+    def __init__(self, params: P, context: Context) -> None:
         super().__init__(params, context)
         self._method = self._make(params, Robot.of(context.robot), context.period)
         self._joiner = Joiner(self._method.common.agreement)
@@ -60,27 +64,24 @@ class _HistogramAvoider(Avoider):
         )  # fmt: skip
 
 
-class Vfh(_HistogramAvoider):
+class Vfh(_HistogramAvoider[VfhParams]):
     """Steers through the valley of the polar histogram nearest to the target (Borenstein & Koren 1991)."""
 
     name = "vfh"
-    Params = VfhParams
     _make = VfhAvoidance
 
 
-class VfhPlus(_HistogramAvoider):
+class VfhPlus(_HistogramAvoider[VfhPlusParams]):
     """Steers to the cheapest opening that the robot's size and turning circle leave (Ulrich & Borenstein 1998)."""
 
     name = "vfh_plus"
-    Params = VfhPlusParams
     _make = VfhPlusAvoidance
 
 
-class VfhStar(_HistogramAvoider):
+class VfhStar(_HistogramAvoider[VfhStarParams]):
     """Steers to the opening from which the way goes on best, looked ahead by A* (Ulrich & Borenstein 2000)."""
 
     name = "vfh_star"
-    Params = VfhStarParams
     _make = VfhStarAvoidance
 
 

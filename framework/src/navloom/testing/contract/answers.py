@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from navloom.messages import PlanFailure
 from navloom.testing.bench import USUAL, Bench
-from navloom.testing.checks import Finding, NotRun, check
+from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
+from navloom.testing.findings import Finding, NotRun
 from navloom.testing.inputs import IMPOSSIBLE
 
 __all__ = ["CHECKS"]
@@ -33,8 +34,8 @@ def answers(bench: Bench) -> Iterator[Finding]:
     yield from _faults(bench, (USUAL, "at_goal"))
 
 
-@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m bring an answer without NaN, "
-       "or InputError.")  # fmt: skip
+@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m bring an answer "
+       "without NaN, or InputError.")  # fmt: skip
 def odd_readings(bench: Bench) -> Iterator[Finding]:
     """What sensors give now and then."""
     topics = ("empty", "infinite", "single_beam", "nearest")

@@ -12,8 +12,9 @@ from pydantic.fields import FieldInfo
 
 from navloom.roles import Params
 from navloom.testing.bench import Bench
-from navloom.testing.checks import Finding, check
+from navloom.testing.checks import check
 from navloom.testing.contract.kinds import CLASSES, EVERY
+from navloom.testing.findings import Finding
 from navloom.testing.subject import place_of
 
 __all__ = ["CHECKS", "fields_of"]

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from hashlib import sha256
 
 from navloom.testing.bench import CLOCK, Bench, alike
-from navloom.testing.checks import Finding, NotRun, check
+from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
+from navloom.testing.findings import Finding, NotRun
 from navloom.testing.guard import GUARD
 from navloom.testing.inputs import Scene
 from navloom.testing.player import Fault, bytes_of, first_difference, loosened, through_codec

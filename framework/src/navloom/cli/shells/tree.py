@@ -1,0 +1,124 @@
+"""The command line as data: every command with its options and arguments, for shells and the man page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["CommandEntry", "Word", "commands"]
+
+KINDS = {
+    "CONFIG": "configs",
+    "REALM/NAME": "robots",
+    "ROLE.NAME": "plugins",
+    "ROLE": "roles",
+    "ROLE[.NAME]": "roles",
+    "MAP": "worlds",
+    "REF": "worlds",
+    "DIR": "folders",
+    "FILE.py": "files",
+    "FILE": "files",
+    "BAG": "files",
+    "SWEEP": "files",
+    "SHELL": "shells",
+}
+"""By metavar, what a word can be: a kind of `navloom.installed.candidates`, shells, folders or files."""
+ROLES = ("localizer", "mapper", "planner", "controller", "avoider", "recovery", "platform")
+"""Options of these names take a plugin of that role."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """An option or an argument.
+
+    Attributes:
+        names: Of an option, as --robot; empty for an argument.
+        metavar: What its value is called; empty for an option without a value.
+        kind: What its value can be; empty where nothing can be proposed.
+        repeats: It may be given several times.
+        needed: It must be given.
+        help: One sentence or more.
+    """
+
+    names: tuple[str, ...]
+    metavar: str
+    kind: str
+    repeats: bool
+    needed: bool
+    help: str
+
+
+@dataclass(frozen=True)
+class CommandEntry:
+    """A command, or a group of commands.
+
+    Attributes:
+        path: Its words, `navloom` first.
+        help: Paragraphs.
+        options, arguments: In the order of its help.
+        inner: Names of its commands, of a group.
+    """
+
+    path: tuple[str, ...]
+    help: str
+    options: tuple[Word, ...]
+    arguments: tuple[Word, ...]
+    inner: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """As it is typed."""
+        return " ".join(self.path)
+
+    @property
+    def summary(self) -> str:
+        """Its first sentence."""
+        return re.split(r"(?<=[.!?])\s(?=[A-Z])", " ".join(self.help.split()), maxsplit=1)[0]
+
+    @property
+    def usage(self) -> str:
+        """What follows the name."""
+        parts = ["[OPTIONS]"] + (["COMMAND …"] if self.inner else [])
+        for word in self.arguments:
+            name = word.metavar + "…" * word.repeats
+            parts.append(name if word.needed else f"[{name}]")
+        return " ".join(parts)
+
+
+def commands(root: Any) -> list[CommandEntry]:
+    """Every command below `navloom`, each group before its own.
+
+    Args:
+        root: The command that is all of `navloom`, as typer makes it.
+    """
+    return list(_walk(root, ("navloom",)))
+
+
+def _walk(command: Any, path: tuple[str, ...]) -> Iterator[CommandEntry]:
+    inner = command.whole() if hasattr(command, "whole") else getattr(command, "commands", {})
+    words = [_word(param) for param in command.params if not param.hidden]
+    options = [word for word in words if word.names]
+    options.append(Word(("--help",), "", "", False, False, "Print the help of the command."))
+    arguments = [word for word in words if not word.names]
+    yield CommandEntry(path, command.help or "", tuple(options), tuple(arguments), tuple(inner))
+    for name, child in inner.items():
+        yield from _walk(child, (*path, name))
+
+
+def _word(param: Any) -> Word:
+    is_option = param.param_type_name == "option"
+    metavar = "" if is_option and param.is_flag else str(param.metavar or param.name).rstrip("…")
+    if metavar.startswith("["):
+        metavar = metavar.strip("[]")
+    names = tuple(param.opts) if is_option else ()
+    repeats = param.nargs == -1 or bool(param.multiple) if is_option else param.nargs == -1
+    return Word(names, metavar, _kind(names, metavar), repeats, bool(param.required), param.help or "")
+
+
+def _kind(names: tuple[str, ...], metavar: str) -> str:
+    role = names[0].removeprefix("--") if names else ""
+    if role in ROLES:
+        return role
+    return "files" if metavar.startswith("F.") else KINDS.get(metavar, "")

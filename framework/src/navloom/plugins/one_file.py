@@ -1,0 +1,219 @@
+"""Plugins in one Python file, without a distribution: `--plugin my_avoider.py`."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import json
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from navloom.entry_kinds import GROUP, installed_points
+from navloom.messages import Message
+from navloom.plugins.blame import raised_in
+from navloom.plugins.hooks import HookSpecs, hookimpl
+from navloom.plugins.registry import NODE, PluginError, Registry
+from navloom.roles import ROLES, Role
+
+__all__ = ["available_points", "use_files"]
+
+FILES = "NAVLOOM_PLUGIN_FILES"
+"""Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they have the same plugins."""
+_LOADED: dict[Path, list[FilePoint]] = {}
+"""Entry points of the files that this process has imported."""
+
+
+@dataclass(frozen=True)
+class FileOrigin:
+    """What stands in the place of a distribution in lists, messages and recordings.
+
+    Attributes:
+        name: Path of the file.
+        version: Hash of its content.
+    """
+
+    name: str
+    version: str
+
+
+class FilePoint(EntryPoint):
+    """An entry point of a class in a file: it leads to the hooks instead of to a module to import."""
+
+    def __init__(self, name: str, module: str, origin: FileOrigin, hooks: object) -> None:
+        super().__init__(name, module, GROUP)
+        vars(self).update(dist=origin, hooks=hooks)
+
+    def load(self) -> Any:
+        """The object with the hook implementations; the file is imported already."""
+        return vars(self)["hooks"]
+
+
+class Listed:
+    """The hook of a file that has none of its own: it registers the classes found in the file."""
+
+    def __init__(self, classes: Iterable[type[Any]]) -> None:
+        self.classes = tuple(classes)
+
+    @hookimpl
+    def navloom_register(self, registry: Registry) -> None:
+        """Add each class as what it is."""
+        for cls in self.classes:
+            if issubclass(cls, Message):
+                registry.message(cls)
+            elif issubclass(cls, Role) and cls.role == NODE:
+                registry.node(cls)
+            else:
+                registry.add(cls)
+
+
+def available_points() -> list[EntryPoint]:
+    """The entry points of the installed distributions, and those of the files in use.
+
+    Raises:
+        PluginError: A file cannot be used, or changed after the command started.
+    """
+    return [*installed_points(), *(point for path, digest in _in_use() for point in _points_of(path, digest))]
+
+
+def use_files(files: Iterable[Path]) -> None:
+    """Import plugin files; this process and those it starts then have their plugins.
+
+    Raises:
+        PluginError: A file cannot be read or imported, or has no plugin; the message names the file and the line.
+    """
+    used = dict(_in_use())
+    for file in files:
+        path = file.resolve()
+        used[path] = _digest_of(path)
+        _points_of(path, used[path])
+    os.environ[FILES] = json.dumps([(str(path), digest) for path, digest in used.items()])
+
+
+def _in_use() -> list[tuple[Path, str]]:
+    return [(Path(path), digest) for path, digest in json.loads(os.environ.get(FILES, "[]"))]
+
+
+def _digest_of(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise PluginError(f"--plugin {path}: {error.strerror}; expected a Python file with a plugin") from error
+
+
+def _points_of(path: Path, digest: str) -> list[FilePoint]:
+    if path not in _LOADED:
+        if _digest_of(path) != digest:
+            raise PluginError(f"--plugin {path}: the file changed after the command started; start the command again")
+        module = _imported(path)
+        origin = FileOrigin(str(path), f"sha256:{digest[:16]}")
+        try:
+            _LOADED[path] = [FilePoint(name, module.__name__, origin, hooks) for name, hooks in _plugins_in(module)]
+        except BaseException:
+            sys.modules.pop(module.__name__, None)
+            raise
+    return _LOADED[path]
+
+
+def _imported(path: Path) -> ModuleType:
+    """The file as a module of its own name."""
+    name = re.sub(r"\W", "_", path.stem)
+    if path.suffix != ".py" or not name.isidentifier():
+        raise PluginError(f"--plugin {path}: expected the name of a Python file, as my_avoider.py")
+    _refuse_taken(name, path)
+    from navloom.kernel_cache import harden_kernel_cache  # which imports numba
+
+    harden_kernel_cache()
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if not isinstance(error, (Exception, SystemExit)):
+            raise
+        raise PluginError(f"--plugin {path}: the import fails: {raised_in(error, name)}") from error
+    return module
+
+
+def _refuse_taken(name: str, path: Path) -> None:
+    """Refuse a file whose module name belongs to another module."""
+    held = sys.modules.get(name)
+    try:
+        spec = None if held is not None else importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        spec = None
+    other = getattr(held, "__file__", None) or "a module of Python" if held is not None else spec and spec.origin
+    if other and Path(other) != path:
+        raise PluginError(f"--plugin {path}: a module {name!r} exists already ({other}); rename the file")
+
+
+def _plugins_in(module: ModuleType) -> Iterator[tuple[str, object]]:
+    """Names of the entry points of a file, each with the object that implements its hooks."""
+    own = {name for name in vars(HookSpecs) if hasattr(vars(module).get(name), "navloom_impl")}
+    hooks: object = module
+    if own - {"navloom_register"}:
+        yield f"observer.{module.__name__}", module
+    elif not own:
+        hooks = Listed(_classes_in(module))
+    registry = _registered(module, hooks)
+    yield from ((f"{role}.{name}", hooks) for role, name in registry.roles)
+    named: dict[str, Iterable[str]] = {
+        "node": registry.nodes,
+        "message": registry.messages,
+        "world": registry.worlds,
+        "scheme": registry.schemes,
+        "metric": registry.metrics,
+        "panel": registry.panels,
+    }
+    yield from ((f"{kind}.{name}", hooks) for kind, names in named.items() for name in names)
+
+
+def _classes_in(module: ModuleType) -> list[type[Any]]:
+    """The plugins and messages that a file defines. A class without a `name` serves as a base of others."""
+    kinds = (*ROLES.values(), Message)
+    own = [cls for cls in vars(module).values() if inspect.isclass(cls) and cls.__module__ == module.__name__]
+    parts = [cls for cls in dict.fromkeys(own) if issubclass(cls, kinds) or getattr(cls, "role", "") == NODE]
+    named = [cls for cls in parts if cls.__dict__.get("name") or cls.__dict__.get("schema_name")]
+    if named:
+        return named
+    if parts:
+        raise PluginError(f"{_place(parts[0])}: class {parts[0].__name__} has no `name`: give it one, as name = 'mine'")
+    raise PluginError(
+        f"--plugin {module.__file__}: there is no plugin in it; expected a subclass of a role ({', '.join(ROLES)}), of "
+        "NodePlugin or of Message, or a function navloom_register(registry) marked @hookimpl"
+    )
+
+
+def _registered(module: ModuleType, hooks: Any) -> Registry:
+    """What a file registers."""
+    registry = Registry()
+    parts = [Listed([cls]) for cls in hooks.classes] if isinstance(hooks, Listed) else [hooks]
+    for part in parts:
+        place = _place(part.classes[0]) if isinstance(part, Listed) else f"--plugin {module.__file__}"
+        try:
+            if hasattr(part, "navloom_register"):
+                part.navloom_register(registry=registry)
+        except PluginError as error:
+            raise PluginError(f"{place}: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise PluginError(f"{place}: navloom_register fails: {raised_in(error, module.__name__)}") from error
+    return registry
+
+
+def _place(cls: type) -> str:
+    """File and line of a class."""
+    file = getattr(sys.modules[cls.__module__], "__file__", cls.__module__)
+    try:
+        return f"--plugin {file}:{inspect.getsourcelines(cls)[1]}"
+    except (OSError, TypeError):
+        return f"--plugin {file}"

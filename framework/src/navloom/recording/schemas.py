@@ -95,7 +95,7 @@ def _field_schema(kind: Kind) -> dict[str, Any]:
 
 def _value_schema(kind: Kind) -> dict[str, Any]:
     if kind.array is not None:
-        array = {"dtype": np.dtype(kind.array.dtype).str, "shape": list(kind.array.shape)}
+        array: dict[str, Any] = {"dtype": np.dtype(kind.array.dtype).str, "shape": list(kind.array.shape)}
         bounds = {"minimum": kind.array.at_least, "maximum": kind.array.at_most}
         array |= {name: bound for name, bound in bounds.items() if bound is not None}
         return {"type": "integer", "minimum": 0, "array": array | {"infinite": kind.array.infinite}}

@@ -43,7 +43,7 @@ def plugins(
     role, _, own = name.partition(".")
     cls = discovery.node(own) if role == NODE else discovery.role(role, own)
     schema = cls.Params.model_json_schema()
-    kinds = _kinds(cls)
+    kinds = kinds_of(cls)
     if as_json:
         print_json({"role": role, "name": own, "api": cls.api, "params": schema, **streams_of(cls), **kinds})
         return
@@ -51,14 +51,14 @@ def plugins(
     typer.echo(f"{role}.{own}: {summary[0] if summary else ''}")
     for what, streams in streams_of(cls).items():
         typer.echo(f"{what} {', '.join(f'{name} ({carries})' for name, carries in streams.items()) or 'nothing'}")
-    print_table(("parameter", "default", "allowed", "meaning"), _rows(schema))
+    print_table(("parameter", "default", "allowed", "meaning"), rows_of(schema))
     for kind, one in kinds.get("sensor_kinds", {}).items():
         typer.echo(f"sensor of kind {kind} gives {one['message']}")
         if one["settings"] is not None:
-            print_table(("setting", "default", "allowed", "meaning"), _rows(one["settings"]))
+            print_table(("setting", "default", "allowed", "meaning"), rows_of(one["settings"]))
 
 
-def _kinds(cls: Any) -> dict[str, Any]:
+def kinds_of(cls: Any) -> dict[str, Any]:
     """The kinds of sensor that a platform provides: the message class of each, and what its table may hold."""
     from navloom.roles import Platform
 
@@ -73,7 +73,7 @@ def _kinds(cls: Any) -> dict[str, Any]:
     }
 
 
-def _rows(schema: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+def rows_of(schema: dict[str, Any]) -> list[tuple[str, str, str, str]]:
     return [_row(key, field, schema) for key, field in schema.get("properties", {}).items()]
 
 

@@ -197,7 +197,7 @@ def _arrow(name: str, scene: Scene, v: float, w: float) -> Line:
         ahead, left = (v * t, 0.0) if abs(w) < 1e-6 else (v / w * math.sin(turn), v / w * (1.0 - math.cos(turn)))
         cos, sin = math.cos(s.heading), math.sin(s.heading)
         points.append((s.x + cos * ahead - sin * left, s.y + sin * ahead + cos * left, s.heading + turn))
-    return Line(name, np.array(points), is_robot=True)
+    return Line(name, np.array(points))
 
 
 def translation(make: Maker, scene: Scene) -> Measured:

@@ -148,7 +148,7 @@ def robot_of(scene: Scene) -> RobotSpec:
 
 def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS) -> RangeScan:
     """What a laser in the middle of the robot sees at a pose, x, y, m, heading, rad."""
-    bearings = (np.arange(beams) + 0.5) * (math.tau / beams) - math.pi
+    bearings: Floats = (np.arange(beams, dtype=np.float64) + 0.5) * (math.tau / beams) - math.pi
     ranges = scene.ranges(pose[:2], bearings + pose[2], REACH)
     zeros = np.zeros(beams)
     return RangeScan(stamp_ns, np.zeros((beams, 2)), bearings, zeros, zeros, ranges, 0.02, REACH)

@@ -19,7 +19,8 @@ from navloom.testing.behaviour.picture import draw
 from navloom.testing.behaviour.planners import PLANNERS
 from navloom.testing.behaviour.scene import Scene
 from navloom.testing.bench import Bench, alike
-from navloom.testing.checks import Check, Finding, NotRun, Shown
+from navloom.testing.checks import Check
+from navloom.testing.findings import Finding, NotRun, Shown
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
 

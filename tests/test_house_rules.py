@@ -67,6 +67,7 @@ OF_THE_WIRE = {
     "ros/actions.py": {"threading"},
     "ros/link.py": {"threading", "time"},
     "ros/guardian.py": {"time"},
+    "ros/goals.py": {"threading"},
 }
 """Waivers: what speaks to another network has its session, the threads that wait for it, and the clock of stamps."""
 

@@ -38,7 +38,7 @@ class Listening:
 
     Args:
         client: What is joined to the robot.
-        streams: Each as role/port, of every instance; of those whose publisher keeps the last message, that comes first.
+        streams: Each as role/port, of every instance; what publishers have kept for late joiners comes first.
     """
 
     def __init__(self, client: Client, streams: Sequence[str]) -> None:

@@ -21,6 +21,7 @@ from navloom_ros.message_types import DISTRIBUTIONS, Types
 from navloom_ros.names import full_name
 from navloom_ros.node import Node, Received
 from navloom_ros.qos import DEFAULT
+from navloom_ros.serving.outlets import PUBLISHED, STREAMS
 from navloom_ros.tokens import Entity
 from navloom_ros.wire import ROUTER
 
@@ -119,12 +120,9 @@ def serve(
     router: Router = ROUTER,
     domain: Domain = 0,
     namespace: Annotated[str, typer.Option(metavar="NAME", help="Of relative names, as /robot1.")] = "/",
-    publish: Annotated[
-        str,
-        typer.Option(
-            metavar="LIST", help="What to publish, of map,plan,local_plan,pose,tf,markers,diagnostics,odometry."
-        ),
-    ] = "map,plan,local_plan,pose,tf,markers,diagnostics",
+    publish: Annotated[str, typer.Option(metavar="LIST", help=f"What to publish, of {','.join(STREAMS)}.")] = ",".join(
+        PUBLISHED
+    ),
     take: Annotated[
         str, typer.Option(metavar="LIST", help="What to take from the network: goals; nothing by default.")
     ] = "",
@@ -140,7 +138,6 @@ def serve(
     """
     from navloom_ros.serving.adapter import TAKEN, Serving
     from navloom_ros.serving.adapter import serve as serve_robot
-    from navloom_ros.serving.outlets import STREAMS
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _refusals():

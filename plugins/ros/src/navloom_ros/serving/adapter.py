@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from navloom import NavloomError, Navigator
+from navloom import Navigator, NavloomError
 
 from navloom_ros.message_types import Types
 from navloom_ros.node import Node

@@ -24,7 +24,7 @@ STREAMS = {
 }
 """What may be published, and the robot's streams that it is made of."""
 PUBLISHED = tuple(name for name in STREAMS if name != "odometry")
-"""What is published unless something else is asked for: a robot that is on the ROS network has odometry there already."""
+"""What is published by default: a robot that is on the ROS network has its odometry there already."""
 _TOPICS = {
     "map": ("/map", "/map/segments"),
     "plan": ("/plan", "/plan/traversable"),

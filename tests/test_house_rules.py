@@ -65,7 +65,8 @@ OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
     "ros/node.py": {"threading", "time"},
     "ros/actions.py": {"threading"},
-    "ros/link.py": {"threading", "time"},
+    "ros/joining.py": {"threading"},
+    "ros/link.py": {"time"},
     "ros/guardian.py": {"time"},
     "ros/goals.py": {"threading"},
 }

@@ -358,8 +358,10 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=20)
     parser.add_argument("--only", nargs="*", default=list(FAULTS))
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--keep", type=Path, help="folder for logs; by default one that is removed")
     given = parser.parse_args()
-    folder = Path(tempfile.mkdtemp())
+    folder = given.keep or Path(tempfile.mkdtemp())
+    folder.mkdir(parents=True, exist_ok=True)
     rig = Rig(given.peers, folder)
     report: dict = {"goals": [], "faults": {}}
     try:
@@ -367,6 +369,7 @@ def main() -> None:
         report["goals"] = drive_to_goals(rig)
         for name in given.only:
             rows = [one_case(rig, name) for _ in range(given.each)]
+            report.setdefault("cases", []).extend(rows)
             times = sorted(row["zero_s"] for row in rows if row["zero_s"] is not None)
             summary = {
                 "cases": len(rows), "zeros": len(times), "missed": sum(row["missed"] for row in rows),
@@ -381,7 +384,8 @@ def main() -> None:
                 given.out.write_text(json.dumps(report, indent=1))
     finally:
         rig.stop()
-        shutil.rmtree(folder, ignore_errors=True)
+        if not given.keep:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":

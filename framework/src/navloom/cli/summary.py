@@ -8,6 +8,7 @@ from typing import Any
 import typer
 
 from navloom.cli.output import LOG, print_table
+from navloom.cli.tracebacks import with_traceback_of
 
 __all__ = ["is_reached", "print_summary", "tell_faults"]
 
@@ -34,17 +35,11 @@ def is_reached(summary: Mapping[str, Any]) -> bool:
 
 
 def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
-    """What plugins broke, and which are slower than the robot that they drive."""
+    """What plugins broke, and what else is wrong with them."""
     for fault in episode.log.faults:
-        LOG.warning(fault)
-    for note in summary["notes"]:
-        LOG.warning(note)
-    for one in summary["slow"]:
-        LOG.warning(
-            f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "
-            f"{one['limit_ms']:g} ms to the next one, p99 {one['p99_ms']:.3g} ms; a live robot would stop for it: give "
-            "it a lower rate_hz, or run.period more time"
-        )
+        LOG.warning(fault, extra=with_traceback_of(fault))
+    for warning in summary["warnings"]:
+        LOG.warning(f"warning: {warning['text']}")
 
 
 def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:

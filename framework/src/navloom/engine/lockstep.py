@@ -269,6 +269,10 @@ class Lockstep:
         self._make_plan()
         self.log.swaps = selection.epoch
 
+    def active(self, role: str) -> Stepper:
+        """The active instance of a role."""
+        return self._active[role]
+
     def _node(self, role: str, kind: type[T]) -> T:
         node = self._active[role].node
         assert isinstance(node, kind)

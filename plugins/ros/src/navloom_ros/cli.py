@@ -154,6 +154,44 @@ def _listed(text: str, option: str, known: tuple[str, ...]) -> list[str]:
     return names
 
 
+@app.command("import")
+def import_(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="A .bag file, or the folder of a ROS 2 bag.")],
+    out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
+    map_topic: Annotated[
+        list[str] | None, typer.Option("--map-topic", metavar="TOPIC=NAME", help="Name of the sensor; repeats.")
+    ] = None,
+    mount: Annotated[
+        list[str] | None,
+        typer.Option("--mount", metavar="NAME=X,Y,YAW_DEG[,Z]", help="Where the bag has no transform; repeats."),
+    ] = None,
+    odom: Annotated[
+        str | None, typer.Option("--odom", metavar="TOPIC", help="Odometry, where there are several.")
+    ] = None,
+    map_: Annotated[
+        str | None, typer.Option("--map", metavar="WORLD", help="Map for replays, a world or a map's .yaml.")
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,HEADING_DEG", help="Where the robot is at first, in the map.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Import a ROS 1 or ROS 2 bag: laser scans, ranges, point clouds, odometry and mounts; ROS stamps are kept."""
+    from navloom_ros.adapter import import_from
+
+    with _refusals():
+        found = import_from(bag, out, map_topic or (), mount or (), odom, map_, start)
+    span = (found.last_ns - found.first_ns) * 1e-9
+    if as_json:
+        typer.echo(json.dumps({"file": str(out), "seconds": span, "topics": [one.to_json() for one in found.topics]}))
+        return
+    for topic in found.topics:
+        taken = f"{topic.messages} messages as {topic.sensor}" if topic.sensor else "not taken"
+        reasons = "; ".join(f"{count}: {why}" if count else why for why, count in topic.skipped.most_common(3))
+        typer.echo(f"{topic.name}  {topic.type}  {taken}{f'  (left out: {reasons})' if reasons else ''}")
+    typer.echo(f"{out}: {sum(topic.messages for topic in found.topics)} messages over {span:.1f} s")
+
+
 def _publisher_of(node: Node, name: str, patience: float) -> Entity:
     found: list[Entity] = node.wait_for(lambda graph: graph.find(name, ("MP",)), patience)
     if not found:

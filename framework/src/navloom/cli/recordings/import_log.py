@@ -1,55 +1,89 @@
-"""`navloom import`: a ROS bag as a recording, and what `navloom replay` makes of one."""
+"""`navloom import`: a CARMEN log as a recording, and what `navloom replay` makes of an imported one."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson
+from navloom.cli.options import AsJson, a_number, seconds
 
 __all__ = ["import_log", "replay_imported"]
 
 
+class Poses(StrEnum):
+    """What is taken as odometry."""
+
+    odometry = "odometry"
+    corrected = "corrected"
+
+
 def import_log(
-    bag: Annotated[Path, typer.Argument(metavar="BAG", help="A .bag file, or the folder of a ROS 2 bag.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A CARMEN log, or one in gzip.")],
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
-    map_topic: Annotated[
-        list[str] | None, typer.Option("--map-topic", metavar="TOPIC=NAME", help="Name of the sensor; repeats.")
+    poses: Annotated[
+        Poses, typer.Option("--poses", help="The wheels' odometry, or the poses that a corrected log has for it.")
+    ] = Poses.odometry,
+    period: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Time between scans, where the log's are of no use.", callback=seconds),
+    ] = None,
+    range_max: Annotated[
+        float | None,
+        typer.Option(metavar="M", min=0.1, help="No echo from here on; else the log's limit.", callback=a_number),
     ] = None,
     mount: Annotated[
         list[str] | None,
-        typer.Option("--mount", metavar="NAME=X,Y,YAW_DEG[,Z]", help="Where the bag has no transform; repeats."),
+        typer.Option("--mount", metavar="NAME=X,Y,YAW_DEG", help="Where the laser is on the robot; repeats."),
     ] = None,
-    odom: Annotated[
-        str | None, typer.Option("--odom", metavar="TOPIC", help="Odometry, where there are several.")
+    map_: Annotated[
+        str | None, typer.Option("--map", metavar="WORLD", help="Map for replays, a world or a map's .yaml.")
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,HEADING_DEG", help="Where the robot is at first, in the map.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Import a ROS 1 or ROS 2 bag: laser scans, ranges, point clouds, odometry and mounts; ROS stamps are kept."""
+    """Import a CARMEN log: laser scans and odometry, raw also where the log's poses are corrected."""
     from navloom.cli.output import print_json, print_table
-    from navloom.recording.ros_import import import_bag
+    from navloom.recording.carmen_import import import_carmen
+    from navloom.recording.imported import mount_option, start_option
 
-    names = dict(_assigned("--map-topic", text) for text in map_topic or ())
-    mounts = {name: _mount(text) for name, text in (_assigned("--mount", one) for one in mount or ())}
-    found = import_bag(bag, out, names, mounts, odom)
-    span = (found.last_ns - found.first_ns) * 1e-9
+    mounts = {name: place[:3] for name, place in map(mount_option, mount or ())}
+    at = None if start is None else start_option(start)
+    _refuse_bag(log)
+    found = import_carmen(log, out, poses.value, period, range_max, mounts, map_, at)
     if as_json:
-        print_json({"file": str(out), "seconds": span, "topics": [topic.to_json() for topic in found.topics]})
+        print_json({"file": str(out), **found.to_json()})
         return
-    rows = [
-        (topic.name, topic.type, topic.sensor or "-", topic.messages or "-", _why(topic.skipped))
-        for topic in found.topics
-    ]
-    print_table(("topic", "type", "taken as", "messages", "skipped"), rows)
-    typer.echo(f"{out}: {sum(topic.messages for topic in found.topics)} messages over {span:.1f} s")
+    rows: list[tuple[object, ...]] = [("odometry", found.odometry, "")]
+    for name, count in found.scans.items():
+        x, y, yaw_deg = found.to_json()["mounts"][name]
+        rows.append((name, count, f"at {x:.3f}, {y:.3f} m, {yaw_deg:.1f}°"))
+    rows += [("skipped", count, reason) for reason, count in found.skipped.most_common(5)]
+    print_table(("", "messages", ""), rows)
+    taken = ", its poses corrected: odometry recovered" if found.is_corrected and poses is Poses.odometry else ""
+    typer.echo(f"{out}: {(found.last_ns - found.first_ns) * 1e-9:.1f} s{taken}")
+
+
+def _refuse_bag(path: Path) -> None:
+    """Say which command reads ROS bags. Raises ConfigError."""
+    from navloom.config import ConfigError
+    from navloom.entry_kinds import added_commands
+
+    if path.suffix not in (".bag", ".db3", ".mcap") and not path.is_dir():
+        return
+    is_there = any(point.name == "ros" for point in added_commands())
+    first = "" if is_there else "install navloom-ros, then "
+    raise ConfigError(f"{path}: a ROS bag? This command reads CARMEN logs; {first}use navloom ros import {path}")
 
 
 def replay_imported(
     recording: Any,
+    loaded: Any,
     stand_ins: dict[str, str],
     changes: Sequence[str],
     out: Path | None,
@@ -57,11 +91,22 @@ def replay_imported(
     map_ref: str | None = None,
     start: str | None = None,
 ) -> None:
-    """`navloom replay` of an imported log: the plugins asked for on what it holds."""
+    """`navloom replay` of an imported log: the plugins asked for on what it holds.
+
+    Args:
+        recording: The log.
+        loaded: Its config.
+        stand_ins: Plugin by role.
+        changes: Of their parameters.
+        out: Folder for results; None for none.
+        as_json: Print JSON.
+        map_ref, start: In place of those of the import.
+    """
     from navloom.cli.output import print_json, stage
     from navloom.cli.recordings.substitute_output import can_draw
     from navloom.cli.written import tell_out
     from navloom.config import ConfigError
+    from navloom.recording.imported import start_option
     from navloom.recording.log_replay import place_in_map, replay_log
     from navloom.recording.substitutes import substitute_config
     from navloom.report.results import MAP, OutFolder
@@ -70,9 +115,8 @@ def replay_imported(
         raise ConfigError(
             "an imported log has no steps to replay: name what to try on it, as --mapper scan_grid or --avoider vff"
         )
-    loaded = recording.header.loaded()
     if map_ref is not None or start is not None:
-        loaded = place_in_map(recording, loaded, map_ref, None if start is None else _start(start))
+        loaded = place_in_map(recording, loaded, map_ref, None if start is None else start_option(start))
     for role, name in stand_ins.items():
         loaded = substitute_config(loaded, role, name, changes)
     with OutFolder(out, ("result.json", "ticks.csv", "poses.csv", "avoider.png", "map.png", *MAP)) as folder:
@@ -137,46 +181,3 @@ def _files(found: Any, summary: dict[str, Any], draws: bool) -> dict[str, bytes]
     if found.poses is not None:
         files["poses.csv"] = found.pose_table().encode()
     return files
-
-
-def _assigned(option: str, text: str) -> tuple[str, str]:
-    from navloom.config import ConfigError
-
-    name, equals, value = text.partition("=")
-    if not (name and equals and value):
-        raise ConfigError(f"{option} {text}: expected NAME=VALUE, as in {option} /scan=laser")
-    return name, value
-
-
-def _mount(text: str) -> Any:
-    import numpy as np
-
-    from navloom.config import ConfigError
-    from navloom.recording.ros_frames import Mount, quaternion_matrix
-
-    try:
-        x, y, yaw_deg, *rest = (float(part) for part in text.split(","))
-        (z,) = rest or [0.0]
-        if not all(map(math.isfinite, (x, y, yaw_deg, z))):
-            raise ValueError
-    except ValueError:
-        raise ConfigError(f"--mount …={text}: expected X,Y,YAW_DEG in m and degrees, and Z if it matters") from None
-    half = math.radians(yaw_deg) / 2.0
-    return Mount(quaternion_matrix(0.0, 0.0, math.sin(half), math.cos(half)), np.array([x, y, z]))
-
-
-def _start(text: str) -> tuple[float, float, float]:
-    from navloom.config import ConfigError
-
-    try:
-        x, y, heading_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = heading_deg = math.nan
-    if not all(map(math.isfinite, (x, y, heading_deg))):
-        raise ConfigError(f"--start {text}: expected X,Y,HEADING_DEG in m and degrees, as in --start 1.5,0,90")
-    return x, y, math.radians(heading_deg)
-
-
-def _why(skipped: Any) -> str:
-    said = (f"{count}: {reason}" if count else reason for reason, count in skipped.most_common(3))
-    return "; ".join(said) or "-"

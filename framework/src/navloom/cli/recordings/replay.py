@@ -56,6 +56,7 @@ def replay(
     """Replay a recording: step each node on what it was given and compare, or try another plugin on the same inputs."""
     from tempfile import TemporaryDirectory
 
+    from navloom.cli.recordings.import_log import replay_imported
     from navloom.config import ConfigError
     from navloom.recording.reader import Recording
     from navloom.recording.worldfiles import with_world
@@ -78,16 +79,14 @@ def replay(
     if live:
         _publish(recording, speed)
         return
-    if recording.header.kind == "imported":
-        from navloom.cli.recordings.import_log import replay_imported
-
-        replay_imported(recording, stand_ins, set_ or (), out, as_json, map_, start)
-        return
-    if map_ is not None or start is not None:
+    is_imported = recording.header.kind == "imported"
+    if not is_imported and (map_ is not None or start is not None):
         raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
     with TemporaryDirectory() as folder:
         loaded = with_world(recording, recording.header.loaded(), Path(folder))
-        if stand_ins:
+        if is_imported:
+            replay_imported(recording, loaded, stand_ins, set_ or (), out, as_json, map_, start)
+        elif stand_ins:
             _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
         else:
             _check(recording, loaded, check, out, as_json)

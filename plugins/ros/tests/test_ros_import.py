@@ -2,40 +2,25 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+import ros_bags as bags
 from navloom.cli.main import app
 from navloom.messages import Odometry, RangeScan, Sweep
 from navloom.recording.header import RecordingError
 from navloom.recording.reader import Recording
-from navloom.recording.ros_frames import Mount, quaternion_matrix
-from navloom.recording.ros_import import import_bag
+from navloom_ros.bag_import import import_bag
+from navloom_ros.frames import Mount, quaternion_matrix
 from typer.testing import CliRunner
 
 HERE = Mount(np.eye(3), np.zeros(3))
-
-
-def _bags() -> ModuleType:
-    """The helper beside this file, which `--import-mode=importlib` does not put in reach."""
-    spec = importlib.util.spec_from_file_location("navloom_test_bags", Path(__file__).with_name("bags.py"))
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-bags = _bags()
 
 
 def bag_path(folder: Path, ros: int) -> Path:
@@ -235,6 +220,29 @@ def test_a_localizer_runs_on_an_imported_log_in_a_map_that_is_given(tmp_path: Pa
     assert "expected X,Y,HEADING_DEG" in str(run.invoke(app, [*command, "--start", "0,nan"]).exception)
 
 
+def test_the_map_of_an_import_travels_with_the_recording(tmp_path: Path) -> None:
+    run, folder = CliRunner(), tmp_path / "map"
+    bag, out = bags.room_bag(bag_path(tmp_path, 2), 2), tmp_path / "a.mcap"
+    folder.mkdir()
+    (folder / "room.pgm").write_bytes(b"P5 8 8 255\n" + bytes([254] * 64))
+    (folder / "room.yaml").write_text(
+        "image: room.pgm\nresolution: 1.0\norigin: [-2.0, -4.0, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    command = ["ros", "import", str(bag), "--out", str(out), "--map", str(folder / "room.yaml"), "--start", "0,0,90"]
+    done = run.invoke(app, command)
+    assert done.exit_code == 0, done.output
+    (folder / "room.pgm").unlink()
+    (folder / "room.yaml").unlink()
+    found = run.invoke(
+        app, ["replay", str(out), "--localizer", "scan_matching", "--out", str(tmp_path / "o"), "--json"]
+    )
+    assert found.exit_code == 0, found.output
+    rows = np.loadtxt(tmp_path / "o" / "poses.csv", delimiter=",", skiprows=1)
+    # The robot drove 1.95 m along the odometry's x axis, which is the map's y axis.
+    assert rows[-1, 1:4].tolist() == pytest.approx([0.0, 1.95, math.pi / 2])
+
+
 def test_an_import_on_a_full_disk_leaves_nothing_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: Callable[..., tuple[int, str, str]]
 ) -> None:
@@ -248,13 +256,13 @@ def test_an_import_on_a_full_disk_leaves_nothing_and_says_so(
         return real(descriptor, data)
 
     monkeypatch.setattr("navloom.recording.writer.os.write", full)
-    code, said, errors = in_process("import", str(bag), "--out", str(out))
+    code, said, errors = in_process("ros", "import", str(bag), "--out", str(out))
     monkeypatch.undo()
     assert (code, said) == (1, "") and not out.exists()
     assert errors == f"navloom: {out}: No space left on device; nothing of the import is kept\n"
-    assert in_process("import", str(bag), "--out", str(out))[0] == 0
+    assert in_process("ros", "import", str(bag), "--out", str(out))[0] == 0
     size = out.stat().st_size
-    code, _, errors = in_process("import", str(bag), "--out", str(out))
+    code, _, errors = in_process("ros", "import", str(bag), "--out", str(out))
     assert code == 2 and "there is such a file already; name another, or remove it" in errors
     assert out.stat().st_size == size
 
@@ -262,7 +270,7 @@ def test_an_import_on_a_full_disk_leaves_nothing_and_says_so(
 def test_an_imported_log_gives_a_map_and_an_avoider_is_compared_with_the_driver(tmp_path: Path) -> None:
     bag, out = bags.room_bag(bag_path(tmp_path, 2), 2), tmp_path / "a.mcap"
     run = CliRunner()
-    told = run.invoke(app, ["import", str(bag), "--out", str(out), "--json"])
+    told = run.invoke(app, ["ros", "import", str(bag), "--out", str(out), "--json"])
     assert told.exit_code == 0 and json.loads(told.stdout)["seconds"] == pytest.approx(3.9)
     found = run.invoke(
         app, ["replay", str(out), "--mapper", "scan_grid", "--avoider", "vff", "--out", str(tmp_path / "o"), "--json"]

@@ -6,13 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
+from navloom import Odometry, Pose2D, RangeScan, Sweep, Twist2D
 from numpy.typing import NDArray
 
-from navloom.geometry.angles import wrap
-from navloom.messages import Odometry, Pose2D, RangeScan, Sweep, Twist2D
-from navloom.recording.ros_frames import Mount, quaternion_matrix
+from navloom_ros.frames import Mount, quaternion_matrix, wrap
 
-__all__ = ["TILTED", "ConversionError", "laser_scan", "odometry", "point_cloud", "range_reading", "stamp_of"]
+__all__ = ["TILTED", "ConversionError", "laser_scan", "odometry", "point_cloud", "range_reading", "stamp_of", "yaw_of"]
 
 Floats = NDArray[np.float64]
 TILTED = math.radians(10.0)

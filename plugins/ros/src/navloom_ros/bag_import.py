@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from navloom import MessageError, Odometry, Pose2D, Twist2D
+from navloom.recording.header import RecordingError
+from navloom.recording.imported import (
+    OWN_PORTS,
+    RANGE_SCAN,
+    SWEEP,
+    ImportedLog,
+    imported_config,
+    placed_in_map,
+    writing,
+)
 
-from navloom.config import Loaded
-from navloom.config.schema import Config
-from navloom.messages import Envelope, Message, MessageError, Odometry, Pose2D, Twist2D
-from navloom.messages.codec import encode, schema_label
-from navloom.recording.header import RecordingError, header_of
-from navloom.recording.ros_bags import deserialized, messages, opened
-from navloom.recording.ros_convert import (
+from navloom_ros.bag_conversion import (
     ConversionError,
     laser_scan,
     odometry,
@@ -26,17 +31,11 @@ from navloom.recording.ros_convert import (
     stamp_of,
     yaw_of,
 )
-from navloom.recording.ros_frames import BASES, FrameTree, Mount, quaternion_matrix
-from navloom.recording.writer import RecordingWriter, WriteError
+from navloom_ros.bags import deserialized, messages, opened
+from navloom_ros.frames import BASES, FrameTree, Mount, quaternion_matrix
 
-__all__ = ["INSTANCE", "PERIOD", "Imported", "Topic", "import_bag"]
+__all__ = ["Imported", "Topic", "import_bag"]
 
-INSTANCE = "recorded"
-"""Name of the platform of an imported log, and of its plugin."""
-REALM = "imported"
-PERIOD = 0.05
-"""s of a tick that messages are counted by."""
-RANGE_SCAN, SWEEP = "range_scan", "sweep"
 _CONVERT = {
     "sensor_msgs/msg/LaserScan": (laser_scan, RANGE_SCAN),
     "sensor_msgs/msg/Range": (range_reading, RANGE_SCAN),
@@ -46,7 +45,6 @@ _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 ODOM = "odom"
 """Frame that a transform to the robot is odometry from."""
-_OWN = frozenset({"odometry", "contact", "truth"})
 
 
 @dataclass
@@ -67,7 +65,7 @@ class Topic:
     skipped: Counter[str] = field(default_factory=Counter)
 
     def to_json(self) -> dict[str, Any]:
-        """For `import --json`."""
+        """For `ros import --json`."""
         return {**vars(self), "skipped": dict(self.skipped)}
 
 
@@ -86,6 +84,8 @@ def import_bag(
     names: Mapping[str, str] | None = None,
     mounts: Mapping[str, Mount] | None = None,
     odometry_topic: str | None = None,
+    map_ref: str | None = None,
+    start: tuple[float, float, float] | None = None,
 ) -> Imported:
     """Convert a bag. ROS stamps are kept.
 
@@ -95,6 +95,8 @@ def import_bag(
         names: Sensor name by topic, where it should not be the topic's own.
         mounts: By sensor name, where the bag has no transform for it.
         odometry_topic: Which of several to take; None for the one with most messages, else the transform from odom.
+        map_ref: Map for replays of it, a world's reference or a map's .yaml; None for none.
+        start: x, y, m, heading, rad, of the robot in the map when the bag begins; None where its odometry is in it.
 
     Raises:
         RecordingError: No bag, no odometry, or nothing that a mapper or an avoider could use; or there is such a file.
@@ -102,17 +104,11 @@ def import_bag(
     """
     with opened(bag) as reader:
         work = _Work(reader, dict(names or {}), dict(mounts or {}), odometry_topic)
-        header = header_of(work.loaded(bag), "imported", {})
-        header = replace(header, clock="wall", origin=bag.name)
-        writer = RecordingWriter(out, header, {})
-        try:
-            with writer:
-                return work.write(writer)
-        except BaseException as error:
-            writer.discard()
-            if isinstance(error, WriteError):
-                raise WriteError(f"{out}: {error.why}; nothing of the import is kept", error.why) from None
-            raise
+        loaded = imported_config(bag.name, work.sensors())
+        if map_ref is not None or start is not None:
+            loaded = placed_in_map(loaded, map_ref, start, work.first_pose())
+        with writing(out, loaded, bag.name) as written:
+            return work.write(written)
 
 
 class _Work:
@@ -129,6 +125,7 @@ class _Work:
         unknown = [name for name in (*names, *filter(None, [odometry_topic])) if name not in self.topics]
         if unknown:
             raise RecordingError(f"the bag has no topic {unknown[0]!r}; it has {', '.join(self.topics) or 'none'}")
+        self._before: tuple[int, Pose2D] | None = None
         self._choose_odometry(odometry_topic)
         for topic in self.topics.values():
             if topic.type in _CONVERT:
@@ -137,24 +134,23 @@ class _Work:
         self._read_frames()
         self._sort_out()
 
-    def loaded(self, bag: Path) -> Loaded:
-        """A config with the sensors that were found, and every plugin by default."""
-        name = re.sub(r"[^A-Za-z0-9_-]", "_", bag.stem) or "log"
-        sensors = [
-            {"name": topic.sensor, "kind": _CONVERT[topic.type][1]}
-            for topic in self.topics.values()
-            if topic.sensor and topic.type in _CONVERT
+    def sensors(self) -> dict[str, str]:
+        """Kind of each sensor by its name."""
+        taken = [topic for topic in self.topics.values() if topic.sensor and topic.type in _CONVERT]
+        return {topic.sensor: _CONVERT[topic.type][1] for topic in taken}
+
+    def first_pose(self) -> Pose2D:
+        """Where the odometry begins. Raises RecordingError where it has no message."""
+        is_topic = self.odometry is not None
+        wanted = [
+            c for c in self.reader.connections if (c.topic == self.odometry if is_topic else c.msgtype in _TRANSFORMS)
         ]
-        config = Config.model_validate(
-            {
-                "run": {"period": PERIOD},
-                "robot": {"realm": REALM, "name": name},
-                "platform": {"plugin": INSTANCE},
-                "mapper": {"plugin": "scan_grid"} if any(one["kind"] == RANGE_SCAN for one in sensors) else {},
-                "sensor": sensors,
-            }
-        )
-        return Loaded(config, bag.name, Path("."), {}, ())
+        for connection, _, raw in messages(self.reader, wanted):
+            for _, found in self._converted(self.topics[connection.topic], deserialized(self.reader, raw, connection)):
+                self._before = None
+                pose: Pose2D = found.pose
+                return pose
+        raise RecordingError(f"no odometry: {self.odometry or 'the transform from odom'} has no message")
 
     def _choose_odometry(self, wanted: str | None) -> None:
         counts = {name: info.msgcount for name, info in self.reader.topics.items() if info.msgtype == _ODOMETRY}
@@ -170,7 +166,7 @@ class _Work:
         for topic in self.topics.values():
             if not topic.sensor:
                 continue
-            if topic.sensor in _OWN or not re.fullmatch(r"[a-z][A-Za-z0-9_]*", topic.sensor):
+            if topic.sensor in OWN_PORTS or not re.fullmatch(r"[a-z][A-Za-z0-9_]*", topic.sensor):
                 raise RecordingError(f"{topic.name}: {topic.sensor!r} cannot name a sensor; use --map-topic TOPIC=name")
             if topic.sensor in taken:
                 raise RecordingError(
@@ -239,37 +235,34 @@ class _Work:
             return Mount(np.eye(3), np.zeros(3))
         return self.frames.mount(frame, self.base)
 
-    def write(self, writer: RecordingWriter) -> Imported:
+    def write(self, log: ImportedLog) -> Imported:
         """Convert every message in the order of the bag."""
-        self.writer, self.result = writer, Imported(list(self.topics.values()))
-        self.sequences: Counter[str] = Counter()
-        self.first: int | None = None
-        self._before: tuple[int, Pose2D] | None = None
         wanted = [c for c in self.reader.connections if c.topic in self.mount_of or c.topic == self.odometry]
         if self.odometry is None:
             wanted += [c for c in self.reader.connections if c.msgtype in _TRANSFORMS]
         for connection, received_ns, raw in messages(self.reader, wanted):
             topic = self.topics[connection.topic]
             try:
-                self._convert(topic, deserialized(self.reader, raw, connection), received_ns)
+                for port, message in self._converted(topic, deserialized(self.reader, raw, connection)):
+                    if message.stamp_ns < 0:
+                        raise ConversionError("its stamp is before 1970")
+                    log.put(port, message, message.stamp_ns, received_ns)
+                    topic.messages += 1
             except (ConversionError, MessageError) as error:
                 topic.skipped[str(error)] += 1
-        writer.close({"messages": writer.messages})
-        return self.result
+        return Imported(list(self.topics.values()), log.first_ns, log.last_ns)
 
-    def _convert(self, topic: Topic, message: Any, received_ns: int) -> None:
+    def _converted(self, topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
+        """Port and message of each of ours that one of ROS gives."""
         if topic.type in _TRANSFORMS:
             for one in message.transforms:
                 if one.header.frame_id.lstrip("/") == ODOM and one.child_frame_id.lstrip("/") in (self.base, *BASES):
-                    self._put("odometry", self._from_transform(one), stamp_of(one.header), received_ns)
-                    topic.messages += 1
-            return
-        if topic.type == _ODOMETRY:
-            self._put("odometry", odometry(message), stamp_of(message.header), received_ns)
+                    yield "odometry", self._from_transform(one)
+        elif topic.type == _ODOMETRY:
+            yield "odometry", odometry(message)
         else:
             convert, _ = _CONVERT[topic.type]
-            self._put(topic.sensor, convert(message, self.mount_of[topic.name]), stamp_of(message.header), received_ns)
-        topic.messages += 1
+            yield topic.sensor, convert(message, self.mount_of[topic.name])
 
     def _from_transform(self, one: Any) -> Odometry:
         """Odometry from a pose alone: the velocity is that since the pose before."""
@@ -284,18 +277,6 @@ class _Work:
             twist = Twist2D(float(cos * dx + sin * dy) / span, float(cos * dy - sin * dx) / span, float(turned) / span)
         self._before = (stamp_ns, pose)
         return Odometry(stamp_ns, pose, twist)
-
-    def _put(self, port: str, message: Message, stamp_ns: int, received_ns: int) -> None:
-        if stamp_ns < 0:
-            raise ConversionError("its stamp is before 1970")
-        self.first = stamp_ns if self.first is None else self.first
-        self.result.first_ns = min(self.result.first_ns or stamp_ns, stamp_ns)
-        self.result.last_ns = max(self.result.last_ns, stamp_ns)
-        self.sequences[port] += 1
-        key = f"{self.writer.header.prefix}/platform/{INSTANCE}/{port}"
-        tick = max(0, round((stamp_ns - self.first) * 1e-9 / PERIOD))
-        at = Envelope(key, self.sequences[port], tick, stamp_ns, stamp_ns, 0)
-        self.writer.add(key, schema_label(type(message)), encode(message, at), received_ns, stamp_ns, at.sequence)
 
 
 def _name_of(topic: str) -> str:

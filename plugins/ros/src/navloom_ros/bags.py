@@ -33,13 +33,9 @@ def opened(bag: Path) -> Iterator[Any]:
     Raises:
         RecordingError: No bag that can be read, or one that takes more memory or unpacks to larger files.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise RecordingError(
-            "reading ROS bags needs the extra `bags`: uv sync --group bags, or pip install 'navloom[bags]'"
-        ) from None
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     if not bag.exists():
         raise RecordingError(f"{bag}: no such bag")
     path = bag.parent if bag.suffix in (".db3", ".mcap") and (bag.parent / "metadata.yaml").exists() else bag

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BASES", "FrameTree", "Mount", "quaternion_matrix"]
+__all__ = ["BASES", "FrameTree", "Mount", "quaternion_matrix", "wrap"]
 
 Floats = NDArray[np.float64]
 BASES = ("base_link", "base_footprint")
@@ -41,6 +42,12 @@ def quaternion_matrix(x: float, y: float, z: float, w: float) -> Floats:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def wrap(angles: Floats) -> Floats:
+    """Angles in [-π, π), rad."""
+    turned = angles - math.tau * np.round(angles / math.tau)
+    return np.where((turned >= math.pi) | (turned < -math.pi), -math.pi, turned)
 
 
 class FrameTree:

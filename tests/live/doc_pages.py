@@ -46,6 +46,7 @@ STAND_INS = {
     ("README.md", "navloom paper"): "navloom paper --help",
     ("paper.md", "navloom paper"): "navloom paper --help",
     ("bench.md", "navloom bench"): "navloom bench --help",
+    ("performance.md", "navloom bench"): "navloom bench --help",
     ("README.md", "navloom compare"): SHORT_STUDY,
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip

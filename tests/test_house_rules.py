@@ -43,13 +43,18 @@ def test_houses_import_one_way() -> None:
 
 COMMANDS = ("hoang2013",)
 """Distributions that add commands of the framework, and use its houses."""
-READERS = {"ros": {"navloom.recording.header", "navloom.recording.reader"}}
-"""Waivers: what turns recordings into other files reads them, and the public door has no reader."""
+READERS = {
+    "ros": {"navloom.recording.header", "navloom.recording.reader", "navloom.recording.imported",
+            "navloom.inputs.bounds", "navloom.inputs.texts"}
+}  # fmt: skip
+"""Waivers: what turns recordings into other files, and other files into recordings, reads and writes them."""
+IMPORTERS = {"ros": {"bags.py", "bag_conversion.py", "bag_import.py"}}
+"""Modules of these that make messages of another system's files."""
 
 
 @pytest.mark.parametrize("plugin", [p for p in PLUGINS if p.name not in COMMANDS], ids=lambda path: path.name)
 def test_only_a_plugins_adapter_imports_navloom_and_only_its_door(plugin: Path) -> None:
-    adapters = {"__init__.py", "adapter.py", "maps.py", "params.py"}
+    adapters = {"__init__.py", "adapter.py", "maps.py", "params.py"} | IMPORTERS.get(plugin.name, set())
     doors = {"navloom", "navloom.testing"} | READERS.get(plugin.name, set())
     for path in (plugin / "src").rglob("*.py"):
         for name in imported(path):
@@ -65,6 +70,10 @@ OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
     "ros/node.py": {"threading", "time"},
     "ros/actions.py": {"threading"},
+    "ros/joining.py": {"threading"},
+    "ros/link.py": {"time"},
+    "ros/guardian.py": {"time"},
+    "ros/goals.py": {"threading"},
 }
 """Waivers: what speaks to another network has its session, the threads that wait for it, and the clock of stamps."""
 

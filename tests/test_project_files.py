@@ -55,7 +55,7 @@ def test_the_citation_names_the_paper_as_it_was_published() -> None:
 
 def test_every_hook_is_a_tool_of_the_test_group_and_fetches_nothing() -> None:
     group = tomllib.loads((TOP / "pyproject.toml").read_text("utf-8"))["dependency-groups"]["test"]
-    installed = {re.split(r"[~=\[<>]", name)[0] for name in group}
+    installed = {re.split(r"[~=\[<>]", name)[0] for name in group if isinstance(name, str)}
     for repo in read(".pre-commit-config.yaml")["repos"]:
         assert repo["repo"] == "local"
     for hook in hooks():

@@ -21,8 +21,8 @@ from navloom.recording.writer import RecordingWriter
 from PIL import Image
 
 __all__ = [
-    "CONFIG", "IDENTITIES", "JOURNAL", "MAP", "OVERRIDES", "REQUEST", "SMALL_CONFIG", "STUDY", "WORLD", "YAML",
-    "bag_seeds", "barn", "npz_with_checksums", "png", "png_with_checksums", "recordings", "sweep",
+    "CARMEN", "CONFIG", "IDENTITIES", "JOURNAL", "MAP", "OVERRIDES", "REQUEST", "SMALL_CONFIG", "STUDY", "WORLD",
+    "YAML", "bag_seeds", "barn", "npz_with_checksums", "png", "png_with_checksums", "recordings", "sweep",
 ]  # fmt: skip
 
 IDENTITIES = b'{"realm": "lab", "robot": "r1", "identities": [{"name": "a", "kind": "viewer", "instance": ""}]}'
@@ -168,6 +168,17 @@ def sweep() -> bytes:
     return npz(ranges_m=ranges, pitch_deg=np.degrees(pitches), beam_deg=np.degrees(bearings))
 
 
+CARMEN = b"""# a comment
+PARAM robot_frontlaser_offset 0.1 nohost 0
+ODOM 0 0 0 0.2 0 0 1.0 nohost 0.1
+FLASER 4 1 2 3 81.8 0 0 0 0 0 0 1.1 nohost 0.2
+ODOM 0.1 0 0 0.2 0 0 1.2 nohost 0.3
+NEFF 12
+ROBOTLASER1 0 -1.57 3.14 1.57 80 0.01 0 3 1 2 3 1 7 0.1 0 0 0.1 0 0 0.2 0 0 0 0 1.3 nohost 0.4
+RLASER 2 1 2 0 0 3.14 0 0 0 1.4 nohost 0.5
+"""
+
+
 def recordings(folder: Path) -> list[bytes]:
     """A small recording, closed, not closed, and with its chunks unpacked, so that what is in them is mutated too."""
     path = folder / "r.mcap"
@@ -197,8 +208,8 @@ def recordings(folder: Path) -> list[bytes]:
 
 def bag_seeds(folder: Path) -> dict[str, bytes]:
     """Small bags of each kind, by the end of their names."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "framework" / "tests" / "recording"))
-    import bags
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "plugins" / "ros" / "tests"))
+    import ros_bags as bags
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
 

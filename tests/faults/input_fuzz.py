@@ -26,6 +26,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from fuzz_seeds import (
+    CARMEN,
     CONFIG,
     IDENTITIES,
     JOURNAL,
@@ -47,10 +48,9 @@ from fuzz_seeds import (
 from navloom.config import ConfigError, load_config, loader
 from navloom.messages import MessageError
 from navloom.plugins import Discovery, PluginError
+from navloom.recording.carmen_import import import_carmen
 from navloom.recording.header import RecordingError
 from navloom.recording.reader import Recording
-from navloom.recording.ros_bags import opened
-from navloom.recording.ros_import import import_bag
 from navloom.recording.writer import WriteError
 from navloom.report import data as report_data
 from navloom.roles import InputError
@@ -59,6 +59,8 @@ from navloom.study.openloop import METHOD
 from navloom.study.sweeps import find_floor, map_sweep, read_recording, sweep_of
 from navloom.transport.access import AccessError, read_identities
 from navloom.worlds import SCHEMES, WorldError, rosmap
+from navloom_ros.bag_import import import_bag
+from navloom_ros.bags import opened
 
 SLOWEST, LONGEST = 20.0, 200.0
 """Processor time and wall time after which a case counts as a defect, s: it computes, or it waits, for ever."""
@@ -218,6 +220,11 @@ def read_map(path: Path) -> None:
     map_sweep(sweep_of(recording, offset, height))
 
 
+def read_carmen(path: Path) -> None:
+    path.with_name("out.mcap").unlink(missing_ok=True)
+    import_carmen(path, path.with_name("out.mcap"))
+
+
 def read_bag(name: str) -> Callable[[Path], object]:
     def read(path: Path) -> object:
         bag, out = path.with_name(name), path.with_name("out.mcap")
@@ -309,6 +316,8 @@ def decoders(folder: Path) -> list[Decoder]:
         Decoder("sweep npz", [sweep()], read_map, sweeps, npz_with_checksums),
         Decoder("identities", [IDENTITIES], read_json, (AccessError,)),
         Decoder("study", [STUDY], read_study_of, (ConfigError,)),
+        Decoder("carmen", [CARMEN], read_carmen, (RecordingError,)),
+        Decoder("carmen gz", [CARMEN], read_carmen, (RecordingError,), lambda content: gzip.compress(content, 1)),
         *bags,
     ]  # fmt: skip
 

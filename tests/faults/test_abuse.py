@@ -1,6 +1,6 @@
 """Abuse of a viewer's certificate, some kinds of it on one driving robot: nothing starts again, no goal is lost.
 
-How often the robot stops meanwhile is the campaign's to say (`abuse.py`, docs/threats.md): here other tests share the
+How often the robot stops meanwhile is measured by `abuse.py` (docs/abuse-campaigns.md); here other tests share the
 processors.
 """
 

@@ -14,14 +14,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 def warm() -> None:
     """Import what the commands import, so that children measure the file and not the imports."""
     import navloom.engine.build
-    import navloom.recording.ros_import
     import navloom.report.data
     import navloom.study.sweeps
+    import navloom_ros.bag_import
     import rosbags.highlevel
     import yaml
     from navloom.config import load_config
     from PIL import PngImagePlugin
 
-    assert navloom.recording.ros_import and navloom.report.data and navloom.study.sweeps
+    assert navloom_ros.bag_import and navloom.report.data and navloom.study.sweeps
     assert rosbags.highlevel and yaml and PngImagePlugin
     navloom.engine.build.assemble(load_config("paper"))  # imports the plugins

@@ -8,8 +8,8 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
-import bags
 import pytest
+import ros_bags as bags
 import zstandard
 from hostile_rig import ZEROS, merges, navloom, refused
 from navloom.config import load_config
@@ -88,9 +88,9 @@ def packed_bag(path: Path, ros: int) -> Path:
 @pytest.mark.parametrize("ros", [1, 2])
 def test_a_bag_that_unpacks_to_more_than_the_bound_is_refused(tmp_path: Path, ros: int) -> None:
     bag, out = packed_bag(tmp_path / ("a.bag" if ros == 1 else "a"), ros), tmp_path / "o.mcap"
-    refused(tmp_path, "at most 60 MB", "import", str(bag), "--out", str(out), bound_mb=60, peak_mb=90.0)
+    refused(tmp_path, "at most 60 MB", "ros", "import", str(bag), "--out", str(out), bound_mb=60, peak_mb=90.0)
     assert not out.exists()
-    assert navloom(tmp_path, "import", str(bag), "--out", str(out), bound_mb=2000).code == 0
+    assert navloom(tmp_path, "ros", "import", str(bag), "--out", str(out), bound_mb=2000).code == 0
 
 
 BAG = """rosbag2_bagfile_information: {version: 5, storage_identifier: sqlite3, relative_file_paths: [a.db3%s],
@@ -102,7 +102,7 @@ BAG = """rosbag2_bagfile_information: {version: 5, storage_identifier: sqlite3, 
 def test_a_bag_whose_file_unpacks_to_more_than_the_bound_is_refused(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_text(BAG % (".zstd", "compression_mode: file, compression_format: zstd,"))
     (tmp_path / "a.db3.zstd").write_bytes(zstandard.compress(bytes(ZEROS)))
-    refused(tmp_path, "unpacks to more than 4 MB", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
+    refused(tmp_path, "unpacks to more than 4 MB", "ros", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
 
 
 ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT x AS id, 1 AS topic_id,"
@@ -127,12 +127,12 @@ def computed_bag(path: Path, kind: str) -> Path:
 @pytest.mark.parametrize("kind", COMPUTED)
 def test_a_bag_whose_tables_are_computed_is_refused(tmp_path: Path, kind: str) -> None:
     bag = computed_bag(tmp_path / "bag", kind)
-    refused(tmp_path, "'messages' is computed, expected", "import", str(bag), "--out", str(tmp_path / "o.mcap"))
+    refused(tmp_path, "'messages' is computed, expected", "ros", "import", str(bag), "--out", str(tmp_path / "o.mcap"))
 
 
 def test_a_bag_described_with_aliases_is_refused(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_text(merges(8))
-    refused(tmp_path, "alias 'a0'", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
+    refused(tmp_path, "alias 'a0'", "ros", "import", str(tmp_path), "--out", str(tmp_path / "o.mcap"))
 
 
 def test_a_hostile_study_is_refused(tmp_path: Path) -> None:

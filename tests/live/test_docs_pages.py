@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib.util
+import math
 import os
 import pty
 import re
@@ -221,13 +222,23 @@ def a_sweep(reader: Reader) -> None:
 
 def a_bag(reader: Reader) -> None:
     """The ROS 1 bag of a robot that drives through a room."""
-    path = TOP / "framework" / "tests" / "recording" / "bags.py"
+    path = TOP / "plugins" / "ros" / "tests" / "ros_bags.py"
     spec = importlib.util.spec_from_file_location("navloom_docs_bags", path)
     assert spec is not None and spec.loader is not None
     bags = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = bags
     spec.loader.exec_module(bags)
     bags.room_bag(reader.folder / "drive.bag", 1)
+
+
+def a_carmen_log(reader: Reader) -> None:
+    """A robot that drives along a wall 2 m to its left."""
+    ranges = " ".join(f"{min(2.0 / max(math.sin(math.radians(beam)), 0.03), 60.0):.3f}" for beam in range(-90, 90))
+    lines = []
+    for number in range(20):
+        pose, time = f"{0.1 * number} 0 0", f"{0.1 * number} host {0.1 * number}"
+        lines += [f"ODOM {pose} 1 0 0 {time}", f"FLASER 180 {ranges} {pose} {pose} {time}"]
+    (reader.folder / "drive.log").write_text("\n".join(lines) + "\n")
 
 
 def the_readmes_robot(reader: Reader) -> None:
@@ -240,6 +251,7 @@ def the_readmes_robot(reader: Reader) -> None:
 SCENES: dict[str, Callable[[Reader], None]] = {
     "a sweep": a_sweep,
     "a bag": a_bag,
+    "a CARMEN log": a_carmen_log,
     "robot.toml of the README": the_readmes_robot,
     "think is stopped": lambda reader: reader.send(signal.SIGSTOP, "think"),
     "think goes on": lambda reader: reader.send(signal.SIGCONT, "think"),

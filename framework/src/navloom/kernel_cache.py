@@ -11,10 +11,10 @@ checksum, so they are compiled again, once.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import io
 import itertools
+import logging
 import pickle
 import sys
 import uuid
@@ -148,6 +148,5 @@ def _tell_once(error: Exception, folder: str | None = None) -> None:
         return
     _told.add(why)
     where = f"the kernel cache {folder} cannot be written" if folder else "there is no folder for the kernel cache"
-    text = f"navloom: {where}: {why}; kernels are compiled, and again at the next start"
-    with contextlib.suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)
+    text = f"{where}: {why}; kernels are compiled, and again at the next start"
+    logging.getLogger("navloom.kernel_cache").warning(text)

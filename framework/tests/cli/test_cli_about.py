@@ -12,8 +12,8 @@ from importlib.metadata import version
 
 import pytest
 from navloom.cli.main import app
-from navloom.cli.manual import page
-from navloom.cli.tree import commands
+from navloom.cli.shells.manual import page
+from navloom.cli.shells.tree import commands
 from navloom.config import shipped_configs
 from navloom.installed import shipped_names
 from typer.main import get_command

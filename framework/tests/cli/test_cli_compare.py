@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
-from navloom.cli.compare import _truths
+from navloom.cli.study.compare import _truths
 from navloom.report import report
 from navloom.study import compare
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 from navloom.cli.main import app
-from navloom.cli.shells import SCRIPTS
-from navloom.cli.tree import commands
+from navloom.cli.shells.scripts import SCRIPTS
+from navloom.cli.shells.tree import commands
 from navloom.hosting.directory import RobotFolder, Running
 from navloom.installed import candidates, shipped_names
 from navloom.plugins import Discovery

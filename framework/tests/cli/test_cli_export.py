@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from navloom.cli.export import app
+from navloom.cli.live.export import app
 from navloom.config import ConfigError
 from typer.testing import CliRunner
 

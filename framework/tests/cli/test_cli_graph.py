@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 
 import pytest
-from navloom.cli.graph import graph
+from navloom.cli.command import App
+from navloom.cli.describing.graph import graph
 from navloom.config import ConfigError
-from typer import Typer
 from typer.testing import CliRunner
 
-APP = Typer()
+APP = App()
 APP.command()(graph)
 
 

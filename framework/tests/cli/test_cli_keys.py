@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from navloom.cli.keys import app
+from navloom.cli.live.keys import app
 from navloom.config import load_config
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.network import network_of

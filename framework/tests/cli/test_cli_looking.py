@@ -19,9 +19,9 @@ import toys
 from described import BusInWords, client, described, everyone
 from live_rig import COMMAND, Up, up
 from navloom.cli import main
-from navloom.cli.listing import state
+from navloom.cli.live.listing import state
+from navloom.cli.live.status import rows as status_rows
 from navloom.cli.output import print_table
-from navloom.cli.status import rows as status_rows
 from navloom.messages import Feedback, GateStatus, GoalResult, Parameters, Point2D
 from navloom.operating.looking import changed_parameters, last_words, listing
 

@@ -22,6 +22,7 @@ NEEDED = {
     "node": ["paper", "gate"],
     "replay": ["no.mcap"],
     "map": ["no.npz"],
+    "import": ["no.log", "--out", "no.mcap"],
     "keys new": ["no-folder"],
     "keys add": ["no-folder", "alice", "--kind", "operator"],
     "plan": ["empty", "--from", "0,0", "--to", "1,1"],

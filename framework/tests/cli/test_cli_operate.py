@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from navloom.cli.main import app
-from navloom.cli.run import watched_for_stalls
+from navloom.cli.study.run import watched_for_stalls
 from navloom.hosting.directory import DirectoryError
 from navloom.operating.host_faults import left_running
 from navloom.study import episode
@@ -82,7 +82,7 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
 
 
 def test_down_for_every_robot_ends_those_after_one_that_cannot_be_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    from navloom.cli import up
+    from navloom.cli.live import up
     from navloom.hosting.directory import DirectoryError, Running
 
     there = [Running("lab", name, 1, (), False, "paper", False) for name in ("a", "b")]
@@ -130,7 +130,7 @@ def test_a_run_that_still_compiles_is_not_said_to_hang_but_one_that_never_begins
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     said: list[str] = []
-    monkeypatch.setattr("navloom.cli.run.say_so", said.append)
+    monkeypatch.setattr("navloom.cli.study.run.LOG.warning", said.append)
     limit = time.monotonic() + 20.0
     with watched_for_stalls(lambda done, total: None, patience=0.05):
         while not said and time.monotonic() < limit:
@@ -140,7 +140,7 @@ def test_a_run_that_still_compiles_is_not_said_to_hang_but_one_that_never_begins
 
 def test_a_run_that_does_not_come_on_says_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    monkeypatch.setattr("navloom.cli.run.say_so", said.append)
+    monkeypatch.setattr("navloom.cli.study.run.LOG.warning", said.append)
     limit = time.monotonic() + 20.0
     with watched_for_stalls(lambda done, total: None, patience=0.05) as tell:
         tell(0.0, 1.0)

@@ -59,7 +59,7 @@ def test_what_instances_and_sensors_contradict_is_said_at_once(tmp_path: Path) -
         f'{path}:5: sensor.1.name: two tables [[sensor]] are named "a"',
         f'{path}:8: avoider.sensors: names "b"; sensors are a, a',
         f"{path}:10: alternative.0.role: is a platform: the platform is never shadowed or swapped",
-        f"{path}:11: alternative.0.plugin: no plugin 'platform.x' is installed; known are sensors_sim",
+        f"{path}:11: alternative.0.plugin: no plugin 'platform.x' is installed; known are ros2_base, sensors_sim",
     ]
 
 

@@ -36,6 +36,10 @@ class Base:
         self.scans: dict[str, Any] = {}
         self.told: list[Twist2D] = []
         self.broken = 0
+        self.told_at_close: list[Twist2D] | None = None
+
+    def close(self) -> None:
+        self.told_at_close = list(self.told)
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
         if self.broken:
@@ -170,3 +174,9 @@ def test_whatever_ends_the_thread_the_wheels_are_told_to_stand(robot: Robot, mon
     with pytest.raises(KeyError):
         robot.runner.run()
     assert robot.base.told[-1] == STILL
+
+
+def test_a_platform_gives_up_its_ports_after_the_last_stop(robot: Robot) -> None:
+    robot.ended = True
+    robot.runner.run()
+    assert robot.base.told_at_close == [STILL]

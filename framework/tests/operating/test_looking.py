@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from described import KEYS, PLACES, BusInWords, client, described, everyone, wire
-from navloom.cli.status import rows
+from navloom.cli.live.status import rows
 from navloom.live.mailbox import Mailbox
 from navloom.messages import Contact, Feedback, GateStatus, GoalResult, Message, Parameters, Point2D, RangeScan
 from navloom.operating.looking import (

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from navloom.cli.command import App, with_groups_within
 from navloom.entry_kinds import CommandPoint, added_commands
 
 __all__ = ["Commands", "blamed"]
@@ -65,11 +66,11 @@ class AddedCommand(TyperCommand):
 
         name = str(self.name)
         given = Discovery().command(name)
-        around = typer.Typer(add_completion=False, rich_markup_mode=None)
+        around = App(add_completion=False, rich_markup_mode=None)
         around.callback()(lambda: None)
         try:
             if isinstance(given, typer.Typer):
-                around.add_typer(given, name=name)
+                around.add_typer(with_groups_within(given), name=name)
             else:
                 around.command(name)(given)
             made: Any = typer.main.get_command(around)

@@ -4,47 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import sys
 
-import typer
-
-from navloom.cli import (
-    about,
-    added,
-    compare,
-    completion,
-    config,
-    doctor,
-    echo,
-    export,
-    graph,
-    hz,
-    import_log,
-    keys,
-    listing,
-    manual,
-    map,
-    messages,
-    nodes,
-    operate,
-    plan,
-    plugins,
-    record,
-    replay,
-    report,
-    run,
-    status,
-    teleop,
-    up,
-    view,
-    worlds,
-)
+from navloom.cli import about, added
+from navloom.cli.command import App
+from navloom.cli.describing import config, graph, messages, plugins, worlds
+from navloom.cli.live import doctor, echo, export, hz, keys, listing, nodes, operate, status, teleop, up
+from navloom.cli.recordings import import_log, record, replay, view
+from navloom.cli.shells import completion, manual
+from navloom.cli.study import check, compare, map, plan, report, run
+from navloom.cli.tracebacks import with_traceback
 from navloom.errors import NavloomError
+from navloom.logs import Level, set_up_logging
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
+app = App(
     cls=added.Commands,
     no_args_is_help=True,
     add_completion=False,
@@ -79,6 +56,7 @@ app.command("plan")(plan.plan)
 app.command("map")(map.map_recording)
 app.command("plugins")(plugins.plugins)
 app.command("messages")(messages.messages)
+app.command("check")(check.check)
 app.command("worlds")(worlds.worlds)
 app.command("graph")(graph.graph)
 app.command("completion")(completion.completion)
@@ -99,18 +77,18 @@ def main() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     try:
         _run()
-    except KeyboardInterrupt:
-        _say("interrupted")
+    except KeyboardInterrupt as error:
+        _say("interrupted", error)
         sys.exit(1)
     except BrokenPipeError:
         sys.exit(1)
     except Exception as error:
         code = _exit_code(error)
         if code is not None:
-            _say(_words(error))
+            _say(_words(error), error)
             sys.exit(code)
         internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
-        _say(added.blamed(error) or internal)
+        _say(added.blamed(error) or internal, error)
         sys.exit(1)
 
 
@@ -153,6 +131,7 @@ def _place(error: Exception) -> str:
     return "unknown place" if trace is None else f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
 
 
-def _say(text: str) -> None:
-    for line in text.splitlines() or [""]:
-        print(f"navloom: {line}", file=sys.stderr)
+def _say(text: str, error: BaseException) -> None:
+    if not logging.getLogger("navloom").handlers:  # the command did not begin
+        set_up_logging(Level.INFO, as_json=False)
+    logging.getLogger("navloom.cli").error(text, extra=with_traceback(error))

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["json_bytes", "json_line", "print_json", "print_table", "progress_line", "say_so", "shown", "stage"]
+__all__ = [
+    "LOG",
+    "json_bytes",
+    "json_line",
+    "log_of",
+    "print_json",
+    "print_table",
+    "progress_line",
+    "say_so",
+    "shown",
+    "stage",
+]
 
+LOG = logging.getLogger("navloom.cli")
+"""Where commands say what is no answer."""
 WIDE = 1000
 """Columns of a table that goes to a file or another program: none is cut."""
 
@@ -74,8 +88,13 @@ def shown(value: Any) -> str:
 
 
 def say_so(text: str) -> None:
-    """One line on standard error."""
-    print(f"navloom: {text}", file=sys.stderr, flush=True)  # where a line of progress is, it goes above it
+    """Log a note of the command line; where a line of progress is, it goes above it."""
+    LOG.info(text)
+
+
+def log_of(house: str) -> logging.Logger:
+    """The logger of a house, for what is handed to it as `say`."""
+    return logging.getLogger(f"navloom.{house}")
 
 
 @contextmanager
@@ -87,7 +106,7 @@ def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float,
         def tell_once(text: str) -> None:
             if not told:
                 told.append(text)
-                print("navloom: preparing; the first run compiles kernels, later ones load them", file=sys.stderr)
+                LOG.info("preparing; the first run compiles kernels, later ones load them")
 
         yield tell_once, (lambda done, total: None)
         return

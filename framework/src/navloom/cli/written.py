@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from navloom.cli.output import LOG
+
 if TYPE_CHECKING:
     from navloom.recording.lockstep_recorder import LockstepRecorder
     from navloom.report.results import OutFolder
@@ -66,7 +68,7 @@ def tell_out(out: OutFolder, as_json: bool) -> bool:
     if out.names and not as_json:
         typer.echo(f"kept in {out.folder}: {', '.join(out.names)}")
     if out.failure:
-        typer.echo(f"navloom: {out.failure}", err=True)
+        LOG.warning(out.failure)
     return not out.failure
 
 

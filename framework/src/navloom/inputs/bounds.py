@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 __all__ = [
-    "ARRAYS_MB", "BAG_MB", "CHUNK_MB", "DEEPEST", "IMAGE_MB", "TEXT_MB", "VARIABLE", "YAML_MB", "Refusal", "bytes_of",
-    "open_file", "read_file", "too_large",
+    "ARRAYS_MB", "BAG_MB", "CHUNK_MB", "DEEPEST", "IMAGE_MB", "LOG_MB", "TEXT_MB", "VARIABLE", "YAML_MB", "Refusal",
+    "bytes_of", "open_file", "read_file", "too_large",
 ]  # fmt: skip
 
 VARIABLE = "NAVLOOM_MAX_INPUT_MB"
@@ -31,6 +31,8 @@ CHUNK_MB = 512.0
 """Bound of what one chunk of a recording unpacks to, MB."""
 BAG_MB = 1024.0
 """Bound of the memory that reading a ROS bag takes, and of the files that one unpacks to on the disk, MB."""
+LOG_MB = 512.0
+"""Bound of a text log that is read line by line, packed or unpacked, MB."""
 DEEPEST = 64
 """Deepest nesting of TOML, JSON and YAML, and most parts of a dotted key. Fixed: a robot's config needs 5."""
 

@@ -67,7 +67,7 @@ class LivePlatform(LiveRunner):
         self._next = -1
 
     def run(self) -> None:
-        """Until the process ends; then the wheels stand."""
+        """Until the process ends; then the wheels stand, and the platform gives up its ports."""
         while not self._may_begin() and not self.ends():
             time.sleep(CHECK)
         self._next = max(0, -(-self._now_ns() // self.period_ns))
@@ -75,6 +75,7 @@ class LivePlatform(LiveRunner):
             super().run()
         finally:
             self._drive(STILL)
+            self.platform.close()
 
     def wait_time(self) -> float:
         """s to the next tick, or until the gate's command goes stale."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import logging
 import re
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +16,8 @@ from navloom.transport.links import Link, certificate
 from navloom.transport.tool_sessions import expiring, joined
 
 __all__ = ["find_robot", "join", "split_name"]
+
+LOG = logging.getLogger("navloom.operating")
 
 
 def find_robot(robot: str | None) -> Running:
@@ -68,7 +70,7 @@ def join(
     keys: str | None = None,
     identity: str = "operator",
     insecure: bool = False,
-    say: Callable[[str], None] = lambda text: print(f"navloom: {text}", file=sys.stderr, flush=True),
+    say: Callable[[str], None] = LOG.warning,
 ) -> Iterator[Client]:
     """Join a robot's network as a tool, for the time of a `with` statement.
 

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
-from navloom.config.schema import Config
 from navloom.engine.build import assemble, make_plugins, role_nodes
 from navloom.engine.differences import differences
 from navloom.engine.fed import FedNode
 from navloom.engine.node import Tick
 from navloom.engine.reference import ReferenceNode
 from navloom.geometry.angles import wrap
-from navloom.geometry.frames import compose, inverse
+from navloom.geometry.frames import compose
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
+from navloom.recording.imported import placed_in_map
 from navloom.recording.reader import Recorded, Recording
 from navloom.recording.recorded_platform import discovery
 from navloom.recording.shadows import Disagreement
@@ -123,19 +124,15 @@ def place_in_map(
         map_ref: A world's reference, or the .yaml of a map_server; None for no map.
         start: x, y, m, heading, rad, of the robot in the map when the log begins; None where the odometry's frame is
             the map's.
+
+    Raises:
+        ConfigError: The map cannot be read.
     """
-    tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
-    if map_ref is not None:
-        is_yaml = map_ref.endswith((".yaml", ".yml")) and ":" not in map_ref
-        tree["map"] = {"ref": f"rosmap:{map_ref}" if is_yaml else map_ref}
-    if start is not None:
-        first = next(one.message for one in recording.messages(["platform/*/odometry"]))
-        assert isinstance(first, Odometry)
-        pose = np.array([first.pose.x, first.pose.y, first.pose.heading])
-        x, y, heading = compose(np.array(start), inverse(pose)).tolist()
-        place = {"x": x, "y": y, "heading_deg": float(np.degrees(heading))}
-        tree["navigation"] = {**tree.get("navigation", {}), "start": place}
-    return replace(loaded, config=Config.model_validate(tree))
+    first = next(one.message for one in recording.messages(["platform/*/odometry"]))
+    assert isinstance(first, Odometry)
+    if map_ref is not None:  # what is given now starts from this folder, and not from the one of the import
+        loaded = replace(loaded, base=Path.cwd())
+    return placed_in_map(loaded, map_ref, start, first.pose)
 
 
 def replay_log(

@@ -10,7 +10,7 @@ from navloom.plugins import Discovery
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.one_file import available_points
 from navloom.plugins.registry import Registry
-from navloom.recording.ros_import import INSTANCE, RANGE_SCAN, SWEEP
+from navloom.recording.imported import INSTANCE, RANGE_SCAN, SWEEP
 from navloom.roles import InputError, Platform, PlatformInput, PlatformOutput
 
 __all__ = ["RecordedPlatform", "discovery", "navloom_register"]

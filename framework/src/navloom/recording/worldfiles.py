@@ -8,6 +8,9 @@ from typing import Any
 
 from navloom.config import Loaded
 from navloom.config.schema import Config
+from navloom.inputs.bounds import YAML_MB, read_file
+from navloom.inputs.texts import yaml_of
+from navloom.recording.header import RecordingError
 from navloom.recording.reader import Recording
 
 __all__ = ["world_files", "with_world"]
@@ -22,8 +25,9 @@ def world_files(loaded: Loaded) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
     for place in PLACES:
         path = _file(loaded, place)
-        if path is not None and path.is_file() and path.stat().st_size <= LARGEST:
-            found[f"{place}/{path.name}"] = path.read_bytes()
+        for one in (path, _image(path)):
+            if one is not None and one.is_file() and one.stat().st_size <= LARGEST:
+                found[f"{place}/{one.name}"] = one.read_bytes()
     return found
 
 
@@ -44,8 +48,21 @@ def with_world(recording: Recording, loaded: Loaded, folder: Path) -> Loaded:
         if data is not None:
             kept = folder / path.name
             kept.write_bytes(data)
+            image = _image(kept)
+            beside = recording.attachment(f"{place}/{image.name}") if image is not None else None
+            if image is not None and beside is not None:
+                image.write_bytes(beside)
             tree[place]["ref"] = tree[place]["ref"].replace(_argument(tree[place]["ref"]), str(kept))
     return replace(loaded, config=Config.model_validate(tree))
+
+
+def _image(path: Path | None) -> Path | None:
+    """The image beside a map's .yaml."""
+    if path is None or path.suffix not in (".yaml", ".yml") or not path.is_file():
+        return None
+    text = yaml_of(read_file(path, YAML_MB, RecordingError), str(path), RecordingError)
+    name = text.get("image") if isinstance(text, dict) else None
+    return path.parent / name if isinstance(name, str) and Path(name).name == name else None
 
 
 def _file(loaded: Loaded, place: str) -> Path | None:

@@ -71,6 +71,9 @@ class Platform(Role[P]):
         A platform that leaves it gets every command with `advance`: then a stop waits for the next tick.
         """
 
+    def close(self) -> None:
+        """Give up its ports. Live only: called once, after the last `drive`, when its process ends in order."""
+
     @abstractmethod
     def advance(self, given: PlatformInput) -> PlatformOutput:
         """Drive with the command until the time asked for, and report.

@@ -1,19 +1,25 @@
-"""Recordings of navloom as MCAP files of ROS 2."""
+"""Recordings of navloom as MCAP files of ROS 2, and bags as recordings."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from navloom.recording.header import RecordingError
+from navloom.recording.imported import mount_option, start_option
 from navloom.recording.reader import Recording
 
-from navloom_ros.errors import RosError
+from navloom_ros.bag_import import Imported, import_bag
+from navloom_ros.errors import BadName, RosError
+from navloom_ros.frames import Mount, quaternion_matrix
 from navloom_ros.mcap_file import McapFile
 from navloom_ros.message_types import Types
 from navloom_ros.translating import Translator
 
-__all__ = ["export"]
+__all__ = ["export", "import_from"]
 
 
 def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
@@ -43,3 +49,31 @@ def export(source: Path, target: Path, types: Types) -> dict[str, Any]:
         return {"messages": out.messages, "left_out": translator.left_out, "note": recording.note}
     except RecordingError as error:
         raise RosError(str(error)) from None
+
+
+def import_from(
+    bag: Path,
+    out: Path,
+    map_topics: Sequence[str],
+    mounts: Sequence[str],
+    odometry: str | None,
+    map_ref: str | None,
+    start: str | None,
+) -> Imported:
+    """Import a bag as the options of the command say; see `import_bag`.
+
+    Raises:
+        BadName: An option without its two parts.
+    """
+    names = {}
+    for text in map_topics:
+        topic, _, name = text.partition("=")
+        if not topic or not name:
+            raise BadName(f"--map-topic {text}: expected TOPIC=NAME, as in --map-topic /scan=laser")
+        names[topic] = name
+    places = {}
+    for name, (x, y, yaw, z) in map(mount_option, mounts):
+        rotation = quaternion_matrix(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
+        places[name] = Mount(rotation, np.array([x, y, z]))
+    at = None if start is None else start_option(start)
+    return import_bag(bag, out, names, places, odometry, map_ref, at)

@@ -41,6 +41,7 @@ class Received:
         source_ns: When it was sent, ns since the epoch on the sender's clock.
         received_ns: When it arrived here, ns since the epoch on the clock of this host.
         gid: Of the publisher.
+        arrived_ns: When it arrived here, on the monotonic clock of this host, ns.
     """
 
     message: Any
@@ -48,6 +49,7 @@ class Received:
     source_ns: int
     received_ns: int
     gid: bytes
+    arrived_ns: int
 
 
 class Publisher:
@@ -87,7 +89,7 @@ class Subscription:
         self.reason = ""
         self._types = node.types
         qos = entity.qos or DEFAULT
-        self._queue: deque[tuple[bytes, bytes, int]] = deque(maxlen=qos.kept)
+        self._queue: deque[tuple[bytes, bytes, int, int]] = deque(maxlen=qos.kept)
         self._news = threading.Condition()
         self._closed = False
         node.keep(self.close)
@@ -104,7 +106,7 @@ class Subscription:
                 self._news.wait_for(lambda: self._queue or self._closed, timeout)
                 if not self._queue:
                     return None
-                data, attachment, received_ns = self._queue.popleft()
+                data, attachment, received_ns, arrived_ns = self._queue.popleft()
             try:
                 beside = Attachment.parsed(attachment)
                 message = self._types.decode(self.entity.type_name, data)
@@ -112,7 +114,7 @@ class Subscription:
                 self.refused += 1
                 self.reason = str(error)
                 continue
-            return Received(message, beside.sequence, beside.source_ns, received_ns, beside.gid)
+            return Received(message, beside.sequence, beside.source_ns, received_ns, beside.gid, arrived_ns)
 
     def close(self) -> None:
         """Let whoever waits go on."""
@@ -122,7 +124,7 @@ class Subscription:
 
     def _on_sample(self, data: bytes, attachment: bytes) -> None:
         with self._news:
-            self._queue.append((data, attachment, now_ns()))
+            self._queue.append((data, attachment, now_ns(), time.monotonic_ns()))
             self._news.notify()
 
 

@@ -1,0 +1,268 @@
+"""The reference, generated from the code: which page shows which names. tests/test_site.py holds it complete."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+
+from navloom.roles import ROLES, verb_of
+from tables import (
+    command_sections,
+    config_sections,
+    key_table,
+    metric_table,
+    parameter_sections,
+    plugin_table,
+    sensor_sections,
+    stream_table,
+    world_tables,
+)
+
+__all__ = ["PAGES"]
+
+EACH_STEP = "Called once a tick, or as its table's `rate_hz` says."
+ROLE_INTROS = {
+    "platform": "Moves the robot and reads its sensors: a simulator or a driver. One for each robot.",
+    "localizer": EACH_STEP,
+    "mapper": "Called with new sweeps or scans, and when the map is to be cleared.",
+    "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked.",
+    "controller": EACH_STEP,
+    "avoider": "Called every tick, whether it drives or not. The framework decides whether it drives.",
+    "recovery": "Called each tick while the goal asks for it.",
+}
+ANSWERS = {
+    "platform": (),
+    "localizer": ("PoseEstimate",),
+    "mapper": ("MapUpdate", "OccupancyGrid"),
+    "planner": ("Path", "PlanFailure"),
+    "controller": ("TrackingCommand",),
+    "avoider": ("Avoidance", "AvoiderDiagnostics"),
+    "recovery": ("RecoveryStep",),
+}
+"""Messages that a role's verb answers with; the platform answers with a struct of its own."""
+
+
+def shown(*names: str, options: str = "") -> str:
+    """Directives for mkdocstrings, one for each name."""
+    return "\n\n".join(f"::: {name}{options}" for name in names)
+
+
+def public(*names: str) -> str:
+    """The same for names of `navloom` itself."""
+    return shown(*(f"navloom.{name}" for name in names))
+
+
+def role_page(role: str) -> str:
+    """One role: its input struct, its class, and what answers."""
+    cls = ROLES[role]
+    name, verb = cls.__name__, verb_of(role)
+    answer = inspect.signature(getattr(cls, verb)).return_annotation
+    messages = ", ".join(f"[{one}](../messages.md#{one.lower()})" for one in ANSWERS[role])
+    structs = [f"{name}Input"] + ["PlatformOutput"] * (role == "platform")
+    return "\n\n".join((
+        f"# {name}",
+        f"`{verb}(self, given: {name}Input) -> {answer}`",
+        ROLE_INTROS[role],
+        *([f"Messages of the answer: {messages}."] if messages else []),
+        "What the framework checks of the answer: [Checks](../writing-a-plugin.md#checks). What every plugin is made "
+        "with: [Plugins and their context](plugins.md).",
+        public(*structs, name),
+        "## Shipped",
+        plugin_table(role),
+    ))  # fmt: skip
+
+
+def page(title: str, *parts: str) -> str:
+    """A page of Markdown."""
+    return "\n\n".join((f"# {title}", *parts))
+
+
+def overview() -> str:
+    """What is where."""
+    rows = (
+        ("what a role is given and answers", "the page of the role, as [Avoider](avoider.md)"),
+        ("what every plugin is made with: `Context`, `RobotSpec`, `Params`", "[plugins.md](plugins.md)"),
+        ("every message, field by field", "[messages.md](../messages.md)"),
+        ("a stream's message, quality of service and key", "[streams.md](streams.md)"),
+        ("the keys of a config", "[config.md](config.md)"),
+        ("a command's options", "[commands.md](commands.md)"),
+        ("what may be imported", "[python.md](python.md)"),
+    )
+    return page(
+        "Reference",
+        "These pages are generated from the code when the site is built. Lengths are in m, angles in rad and "
+        "counter-clockwise, times in s, unless a name ends in its unit (`stamp_ns`, `rate_hz`, `heading_deg`). In "
+        "base, x points forward and y to the left. A pose is that of base in the map frame.",
+        table(("look for", "on"), rows),
+    )
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table of Markdown."""
+    cells = [list(head)]
+    lines = [cells[0], ["---"] * len(cells[0]), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def plugins_page() -> str:
+    """What all plugins share."""
+    return page(
+        "Plugins and their context",
+        "A plugin is made as `cls(params, context)`. `params` is an instance of its `Params`, checked against the "
+        "config; `context` is a `Context`.",
+        public("Context", "RobotSpec", "SensorSpec", "Params", "Role", "Extra", "Extras", "InputError"),
+    )
+
+
+def declaring_page() -> str:
+    """How a message is declared."""
+    return page(
+        "Declare a message",
+        "A message is a class with annotated fields below `@message`. A worked example: "
+        "[Messages of your own](../messages.md#messages-of-your-own).",
+        public("message", "Message", "MessageError"),
+        "## Kinds of fields",
+        "`bool`, `int`, `float`, `str`, a `Literal` of texts, another message, `tuple[X, ...]` of one of them, an "
+        "`Array`, and each of them `| None`.",
+        public("Array", "Heading", "Positive", "NotNegative", "Unbounded", "Stamp", "Name", "Words", "Most"),
+        "## What a node is told of a message",
+        public("Envelope"),
+    )
+
+
+def nodes_page() -> str:
+    """Whole nodes."""
+    ports = ("PlatformPorts", "LocalizerPorts", "MapperPorts", "GoalPorts", "PlannerPorts", "ReferencePorts",
+             "ControllerPorts", "AvoiderPorts", "RecoveryPorts", "GatePorts", "OperatorPorts")  # fmt: skip
+    return page(
+        "Nodes that are no role's",
+        "A guide is in [A whole node](../writing-a-plugin.md#a-whole-node).",
+        public("NodePlugin", "Tick", "Latest", "New", "Track", "Sensors", "Publishes", "Quality"),
+        "## Ports of the framework's nodes",
+        "An input may name one of these instead of a message class, as `Latest(GatePorts.command)`. What they carry is "
+        "in [Streams and keys](streams.md).",
+        public(*ports),
+    )
+
+
+def metrics_page() -> str:
+    """Metrics and panels."""
+    return page(
+        "Metrics and panels in Python",
+        "How the shipped metrics are defined: [metrics.md](../metrics.md).",
+        metric_table(),
+        public("Metric", "Trail"),
+        "## Panels of the viewer",
+        "A guide is in [A panel of your own](../viewing.md#a-panel-of-your-own).",
+        public("Panel", "Seen"),
+        shown("navloom.viewer.panels.Change"),
+    )
+
+
+def worlds_page() -> str:
+    """Worlds, and what they are made of."""
+    return page(
+        "Worlds and schemes",
+        "`[world] ref` of a config names a world, a file that ends in `.toml`, or `scheme:argument`.",
+        world_tables(),
+        "## A world file",
+        shown("navloom.worlds.tomlfile", options="\n    options: { members: false, show_root_heading: false }"),
+        "## A world in Python",
+        public("World", "Box", "Cylinder", "Raster", "Place"),
+        shown("navloom.geometry.grid.world_to_grid"),
+    )
+
+
+def streams_page() -> str:
+    """Ports, quality of service and keys."""
+    return page(
+        "Streams and keys",
+        "Each sensor of a config is a further stream of the platform, named like the sensor. A `[[node]]` has the "
+        "streams that its class declares.",
+        stream_table(),
+        "**congestion**: what happens to a message when the link is full, on one host and where the link leaves the "
+        "host: `drop` it, `block` the publisher, or `block_first` the first one and drop what follows. **retained**: "
+        "late joiners get the last message. **required**: the robot does not drive where the active instance is gone.",
+        "## Keys",
+        "A config's `[robot]` names realm and robot.",
+        key_table(),
+    )
+
+
+def geometry_page() -> str:
+    """Pure geometry."""
+    modules = ("angles", "frames", "footprints", "collision", "grid", "overlap", "polylines", "solids")
+    return page(
+        "Geometry",
+        "Pure numpy. Import from the module that is named.",
+        *(module(f"navloom.geometry.{name}") for name in modules),
+    )
+
+
+def avoidance_page() -> str:
+    """What avoiders share."""
+    modules = ("beams", "robot", "motors", "decision", "search", "steering", "smoothing", "histogram", "clearance",
+               "certainty", "support", "himm")  # fmt: skip
+    return page(
+        "Avoidance",
+        "What several avoiders share, on plain arrays. Import from the module that is named.",
+        *(module(f"navloom.avoidance.{name}") for name in modules),
+    )
+
+
+def module(name: str) -> str:
+    """A module with all that it exports."""
+    return f"## {name}\n\n" + shown(name, options="\n    options: { show_root_heading: false, heading_level: 2 }")
+
+
+def hooks_page() -> str:
+    """The plugin door."""
+    return page(
+        "Hooks and the registry",
+        "An entry point of the group `navloom` is named `KIND.NAME` and points to a module. What each kind registers: "
+        "[The entry point](../writing-a-plugin.md#the-entry-point).",
+        public("hookimpl", "HookSpecs", "Registry", "RunInfo", "MessageObserver", "PluginError"),
+        "## Discovery",
+        public("Discovery", "PluginInfo"),
+    )
+
+
+def python_page() -> str:
+    """What scripts use."""
+    return page(
+        "Python API",
+        "Every public name is importable from `navloom`. Messages are on their [own page](../messages.md).",
+        "## A live robot",
+        public("Navigator", "GoalHandle"),
+        "## A run in simulation",
+        shown("navloom.config.load_config", "navloom.study.episode.run_episode", "navloom.study.episode.Episode"),
+        "## Roles and verbs",
+        public("verb_of", "is_patient"),
+        "## Worlds and arrays",
+        public("read_only", "position_at"),
+        "## Step records",
+        public("StepRecord"),
+        "## Errors",
+        public("NavloomError"),
+    )
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "index.md": overview,
+    "plugins.md": plugins_page,
+    **{f"{role}.md": lambda role=role: role_page(role) for role in ROLES},
+    "nodes.md": nodes_page,
+    "sensors.md": lambda: page("Sensors", sensor_sections()),
+    "parameters.md": lambda: page("Parameters of the shipped plugins", parameter_sections()),
+    "declaring.md": declaring_page,
+    "streams.md": streams_page,
+    "worlds.md": worlds_page,
+    "metrics.md": metrics_page,
+    "geometry.md": geometry_page,
+    "avoidance.md": avoidance_page,
+    "hooks.md": hooks_page,
+    "config.md": lambda: page("Config", config_sections()),
+    "commands.md": lambda: page("Command line", command_sections()),
+    "python.md": python_page,
+}
+"""Each generated page, and what makes its text."""

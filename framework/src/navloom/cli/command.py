@@ -1,0 +1,138 @@
+"""How a function becomes a command: groups of options, the options of every command, and a help in sections."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import typer
+from typer.core import TyperCommand
+
+from navloom.entry_kinds import TRACEBACK
+from navloom.logs import Level, set_up_logging
+
+__all__ = ["App", "Command", "EveryCommand", "with_groups", "with_groups_within"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+SECTION = "Every command"
+
+
+@dataclass(frozen=True)
+class EveryCommand:
+    """Options of every command. A field added here is an option of all of them; `begin` acts on it."""
+
+    log_level: Annotated[
+        Level,
+        typer.Option(
+            "--log-level",
+            metavar="LEVEL",
+            help="Least severe message on standard error: debug, info, warning or error.",
+            rich_help_panel=SECTION,
+        ),
+    ] = Level.INFO
+    log_json: Annotated[
+        bool,
+        typer.Option(
+            "--log-json", help="Messages on standard error as JSON, one object a line.", rich_help_panel=SECTION
+        ),
+    ] = False
+
+    traceback: Annotated[
+        bool,
+        typer.Option(
+            "--traceback", help="Print the whole traceback below the message of an error.", rich_help_panel=SECTION
+        ),
+    ] = False
+
+    def begin(self) -> None:
+        """What is done before the command."""
+        if self.traceback:
+            os.environ[TRACEBACK] = "1"  # what the command starts inherits it
+        set_up_logging(self.log_level, self.log_json)
+
+
+class Command(TyperCommand):
+    """A command whose help lists its options in sections, by their `rich_help_panel`."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments, the command's own options, then those of each group."""
+        sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for param in self.get_params(ctx):
+            if (record := param.get_help_record(ctx)) is not None:
+                own = "Arguments" if param.param_type_name == "argument" else "Options"
+                sections.setdefault(getattr(param, "rich_help_panel", None) or own, []).append(record)
+        for name, records in sections.items():
+            if records:
+                with formatter.section(name):
+                    formatter.write_dl(records)
+
+
+class App(typer.Typer):
+    """Commands whose functions may take groups of options, and that have the options of every command."""
+
+    def command(
+        self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **settings: Any
+    ) -> Callable[[F], F]:
+        """As typer has it."""
+        register = super().command(name, cls=cls or Command, **settings)
+
+        def registered(function: F) -> F:
+            register(with_groups(function))
+            return function
+
+        return registered
+
+
+def with_groups(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that typer can read: each parameter that is a dataclass of options becomes those options.
+
+    The options of every command follow, but those that the function has itself.
+    """
+    parameters = inspect.signature(function, eval_str=True).parameters
+    groups: dict[str, Any] = {name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)}
+    spelled = [option for name, one in parameters.items() for option in _options(groups.get(name), one)]
+    own = {one.name for one in spelled}
+    every = [one for one in _fields_of(EveryCommand) if one.name not in own]
+
+    @functools.wraps(function)
+    def called(**given: Any) -> Any:
+        EveryCommand(**{one.name: given.pop(one.name) for one in every}).begin()
+        for name, group in groups.items():
+            given[name] = group(**{field.name: given.pop(field.name) for field in fields(group)})
+        return function(**given)
+
+    called.__signature__ = inspect.Signature([*spelled, *every])  # type: ignore[attr-defined]
+    called.__annotations__ = {one.name: one.annotation for one in (*spelled, *every)}
+    return called
+
+
+def with_groups_within(app: typer.Typer) -> typer.Typer:
+    """The same for every command of a distribution's app."""
+    for command in app.registered_commands:
+        if command.callback is not None and not isinstance(app, App):
+            command.callback = with_groups(command.callback)
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            with_groups_within(group.typer_instance)
+    return app
+
+
+def _options(group: Any, parameter: inspect.Parameter) -> Iterator[inspect.Parameter]:
+    if group is None:
+        yield parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+    else:
+        yield from _fields_of(group)
+
+
+def _fields_of(group: Any) -> Iterator[inspect.Parameter]:
+    """The fields of a dataclass of options as parameters of a function."""
+    hints = get_type_hints(group, include_extras=True)
+    for field in fields(group):
+        default = inspect.Parameter.empty if field.default is MISSING else field.default
+        yield inspect.Parameter(
+            field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hints[field.name]
+        )

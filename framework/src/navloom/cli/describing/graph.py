@@ -1,0 +1,99 @@
+"""`navloom graph`: who reads what from whom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.options import AsJson, Changes, RobotOptions
+from navloom.installed import config_help
+
+__all__ = ["graph"]
+
+
+def graph(
+    config: Annotated[
+        str | None, typer.Argument(metavar="[CONFIG]", help=f"{config_help()} Without one, of a live robot.")
+    ] = None,
+    set_: Changes = None,
+    as_json: AsJson = False,
+    dot: Annotated[bool, typer.Option("--dot", help="Print the graph for Graphviz.")] = False,
+    *,
+    robot: RobotOptions,
+) -> None:
+    """Print the nodes in the order they step and what each reads; ~ marks what is read of the previous tick."""
+    from navloom.config import ConfigError
+
+    if config is None:
+        if set_:
+            raise ConfigError(f"--set {set_[0]}: it changes a config; name one, as `navloom graph paper --set …`")
+        _live_graph(robot, as_json, dot)
+        return
+    if option := robot.first_given():
+        raise ConfigError(f"{option} is for a live robot, and {config} is a config; leave one of them out")
+    _config_graph(config, set_ or (), as_json, dot)
+
+
+def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool) -> None:
+    """Who reads what from whom by a config."""
+    from navloom.cli.output import print_json
+    from navloom.config import load_config
+    from navloom.engine.build import assemble
+    from navloom.engine.graph import edges
+
+    system = assemble(load_config(config, changes))
+    wires = edges(system.specs)
+    names = {spec.role: [name for role, name in system.parts if role == spec.role] or ["main"] for spec in system.specs}
+    if as_json:
+        print_json(
+            {
+                "nodes": [
+                    {"role": spec.role, "instances": names[spec.role], "publishes": list(spec.outputs),
+                     "carries": {port.name: _carried(port) for port in spec.ports}}
+                    for spec in system.specs
+                ],
+                "edges": [
+                    {"from": source, "port": given.port, "to": target, "delayed": given.delayed,
+                     "triggers": given.triggers}
+                    for source, target, given in wires
+                ],
+            }
+        )  # fmt: skip
+    elif dot:
+        typer.echo("digraph navloom {\n  rankdir=LR;")
+        for source, target, given in wires:
+            style = f' style=dashed, label="~{given.port}"' if given.delayed else f' label="{given.port}"'
+            typer.echo(f"  {source} -> {target} [{style.strip()}];")
+        typer.echo("}")
+    else:
+        for spec in system.specs:
+            typer.echo(f"{spec.role} ({', '.join(names[spec.role])})")
+            typer.echo(f"  reads {', '.join(map(str, spec.inputs)) or 'nothing'}")
+            typer.echo(f"  publishes {', '.join(f'{port.name} ({_carried(port)})' for port in spec.ports)}")
+
+
+def _carried(port: Any) -> str:
+    """Schema name of what a port carries; the framework's own without its package."""
+    return str(port.carries.schema_name).removeprefix("navloom.") or "any message"
+
+
+def _live_graph(robot: RobotOptions, as_json: bool, dot: bool) -> None:
+    """Who is there, what each publishes, and whose messages it has received."""
+    from navloom.cli.live.live_graph import live_edges, live_nodes, print_dot, print_nodes
+    from navloom.cli.output import print_json
+    from navloom.operating.client import ClientError
+    from navloom.operating.looking import listing
+
+    with robot.look() as client:
+        found = listing(client)
+    if not found:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    nodes, edges = live_nodes(found), live_edges(found)
+    if as_json:
+        print_json({"nodes": nodes, "edges": edges})
+    elif dot:
+        print_dot(nodes, edges)
+    else:
+        print_nodes(nodes, edges)

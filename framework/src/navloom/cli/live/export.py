@@ -1,0 +1,77 @@
+"""`navloom export`: a robot's processes for a service manager."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navloom.cli.command import App
+from navloom.cli.options import AsJson, ConfigName, Insecure
+
+__all__ = ["app"]
+
+app = App(help="Hand a robot over to a service manager.", no_args_is_help=True)
+
+
+@app.callback()
+def export() -> None:
+    """Hand a robot over to a service manager."""
+
+
+@app.command()
+def systemd(
+    config: ConfigName,
+    host: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Units of this host's share of [live.hosts].")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the units; default: the current one.")] = Path(),
+    user: Annotated[str | None, typer.Option(metavar="NAME", help="Who runs them; default: you.")] = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a systemd unit for each process of a robot, with watchdog and restart, and a target for them all."""
+    import getpass
+    import re
+    import sysconfig
+
+    from navloom.cli.output import print_json
+    from navloom.config import ConfigError, load_config
+    from navloom.engine.build import assemble
+    from navloom.files import write_whole
+    from navloom.hosting.network import network_of
+    from navloom.hosting.systemd import UnitCommand, units
+
+    loaded = load_config(config)
+    hosts = loaded.config.live.hosts
+    if host is not None and host not in hosts:
+        known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
+        raise ConfigError(f"--host {host}: {known}")
+    if user is not None and not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*|[0-9]+", user):
+        raise ConfigError(f"--user {user!r}: expected the name of a user, or a number, as systemd takes it")
+    path = Path(config)
+    is_file = path.is_file()
+    command = UnitCommand(
+        Path(sysconfig.get_path("scripts")) / "navloom",
+        str(path.absolute()) if is_file else config,
+        path.absolute().parent if is_file else Path("/"),
+        user or getpass.getuser(),
+        insecure,
+    )
+    made = units(assemble(loaded), network_of(loaded.config, host, insecure), host, command)
+    out.mkdir(parents=True, exist_ok=True)
+    for name, text in made.items():
+        write_whole(out / name, text)
+    if as_json:
+        print_json({"folder": str(out.absolute()), "units": list(made)})
+        return
+    target = next(name for name in made if name.endswith(".target"))
+    files = " ".join(str(out / name) for name in made)
+    typer.echo(f"{len(made)} units in {out.absolute()}. To install and start them:")
+    typer.echo(f"  sudo cp {files} /etc/systemd/system/")
+    typer.echo(f"  sudo systemctl daemon-reload && sudo systemctl enable --now {target}")
+    typer.echo(
+        f"`systemctl status '{target.removesuffix('.target')}*'` shows them; commands on this host find the robot"
+    )
+    typer.echo("with NAVLOOM_RUNTIME_DIR=/run/navloom in their environment.")

@@ -1,0 +1,59 @@
+"""`navloom list`: who is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from navloom.cli.options import AsJson, RobotOptions
+
+__all__ = ["list_nodes"]
+
+SHOWN = ("plugin", "process", "pid", "host")
+LONG = 0.5
+"""s in one step after which a node is called busy."""
+QUIET = ("streams", "places", "hosts")
+"""What a node says of itself that is no row of a table; `navloom graph` and `navloom hz` show it."""
+
+
+def list_nodes(
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Print every node of a live robot with its process, host and state, and those that are missing."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.operating.client import ClientError
+    from navloom.operating.looking import listing, missing
+
+    with robot.look() as client:
+        nodes = listing(client)
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    if as_json:
+        print_json([{key: value for key, value in node.items() if key not in QUIET} for node in nodes])
+        return
+    rows = [(n["role"], n["instance"], *(n[key] for key in SHOWN), _tick(n), state(n)) for n in nodes]
+    for gone in missing(nodes):
+        rows.append((gone.role, gone.instance, None, gone.process, None, gone.host or None, None, "missing"))
+    print_table(("role", "instance", *SHOWN, "tick", "state"), rows)
+
+
+def _tick(node: Mapping[str, Any]) -> int | None:
+    """Of its last step; None before the first."""
+    tick: int | None = node["tick"]
+    return None if tick is None or tick < 0 else tick
+
+
+def state(node: Mapping[str, Any]) -> str:
+    """What a node is at, in words."""
+    if not node["answers"]:
+        return "does not answer"
+    words = "in charge" if node["active"] else "shadow" if node["enabled"] else "waiting"
+    if waits_for := node.get("waits_for"):
+        words += f", waits for {' and '.join(waits_for)}"
+    if node["faulted"]:
+        words += f", failed {node['faulted']} times in a row"
+    if (node["busy_s"] or 0.0) > LONG:
+        words += f", {node['busy_s']:.1f} s in one step"
+    return words

@@ -1,0 +1,79 @@
+"""The graph of a live robot: who is there, and who has heard what from whom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import typer
+
+__all__ = ["live_edges", "live_nodes", "print_dot", "print_nodes"]
+
+Node = Mapping[str, Any]
+
+
+def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
+    """Every node that is there, announced or missing, in the order they step; `state` as `navloom list` has it."""
+    from navloom.cli.live.listing import state
+    from navloom.operating.looking import missing
+
+    kept = ("role", "instance", "process", "host", "active")
+    found = [{**{key: node[key] for key in kept}, "state": state(node), "published": node["published"],
+              "carries": node["carries"]}
+             for node in nodes]  # fmt: skip
+    for gone in missing(nodes):
+        found.append(
+            {"role": gone.role, "instance": gone.instance, "process": gone.process, "host": gone.host or None,
+             "active": None, "state": "missing", "published": {}, "carries": {}}
+        )  # fmt: skip
+    return found
+
+
+def live_edges(nodes: Sequence[Node]) -> list[dict[str, Any]]:
+    """Every stream into a node, with the messages that came."""
+    return [
+        {"from": stream.rpartition("/")[0], "port": stream.rpartition("/")[2],
+         "to": f"{node['role']}/{node['instance']}", "received": counts["received"]}
+        for node in nodes for stream, counts in node["streams"].items()
+    ]  # fmt: skip
+
+
+def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
+    """Node by node: what it hears, what it has not heard so far, what it publishes."""
+    for node in nodes:
+        name = f"{node['role']}/{node['instance']}"
+        typer.echo(f"{name} ({node['state']}; {_place(node)})")
+        into = [edge for edge in edges if edge["to"] == name]
+        for words, heard in (("hears", True), ("has not heard", False)):
+            streams = [f"{edge['from']}/{edge['port']}" for edge in into if bool(edge["received"]) is heard]
+            if streams:
+                typer.echo(f"  {words} {', '.join(streams)}")
+        if node["published"]:
+            typer.echo(f"  publishes {', '.join(_with_type(port, node['carries']) for port in node['published'])}")
+
+
+def print_dot(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
+    """For Graphviz: a box a process, dashed who is not there, dotted what nothing has come on."""
+    typer.echo("digraph navloom {\n  rankdir=LR;")
+    processes = dict.fromkeys((node["process"], node["host"]) for node in nodes)
+    for number, (process, host) in enumerate(processes):
+        typer.echo(f'  subgraph cluster_{number} {{\n    label="{process}{f" on {host}" if host else ""}";')
+        for node in nodes:
+            if (node["process"], node["host"]) == (process, host):
+                style = "" if node["active"] is not None else " [style=dashed]"
+                typer.echo(f'    "{node["role"]}/{node["instance"]}"{style};')
+        typer.echo("  }")
+    for edge in edges:
+        style = "" if edge["received"] else ", style=dotted"
+        typer.echo(f'  "{edge["from"]}" -> "{edge["to"]}" [label="{edge["port"]}"{style}];')
+    typer.echo("}")
+
+
+def _with_type(port: str, carries: Mapping[str, str]) -> str:
+    schema = carries.get(port, "").partition("/")[0].removeprefix("navloom.")
+    return f"{port} ({schema})" if schema else port
+
+
+def _place(node: Node) -> str:
+    host = f" on {node['host']}" if node["host"] else ""
+    return f"process {node['process']}{host}"

@@ -1,0 +1,218 @@
+"""Commands that act on a live robot: goal, cancel, swap, stop, resume, params."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from navloom.cli.command import App
+from navloom.cli.options import AsJson, RobotOptions, a_number, seconds
+from navloom.cli.output import LOG
+
+__all__ = ["cancel", "goal", "params", "resume", "stop", "swap"]
+
+params = App(help="Parameters of a live robot's plugins.", no_args_is_help=True)
+NUMBERS = {"ignore_unknown_options": True}
+"""Lets -1.5 be a coordinate instead of an option."""
+
+
+def goal(
+    x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
+    y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
+    heading: Annotated[
+        float | None, typer.Argument(metavar="[HEADING]", help="Degrees to end with; default: any.", callback=a_number)
+    ] = None,
+    via: Annotated[list[str] | None, typer.Option(metavar="X,Y", help="Point to pass on the way; repeats.")] = None,
+    timeout: Annotated[
+        float | None, typer.Option(metavar="S", help="Give up waiting after s; it drives on.", callback=seconds)
+    ] = None,
+    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when it is accepted.")] = False,
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Send a live robot to a place and follow it there. Exit 0: the goal was reached."""
+    from navloom.cli.live.live_line import LiveLine, goal_line
+    from navloom.cli.output import print_json
+    from navloom.operating.client import ClientError, Refused
+    from navloom.operating.navigator import rejection
+
+    points = [_point(text) for text in via or ()]
+    with robot.navigator() as navigator:
+        try:
+            handle = navigator.go(x, y, None if heading is None else math.radians(heading), points)
+        except Refused as refusal:
+            _end(rejection(refusal, x, y), as_json)
+        if no_wait:
+            print_json({"goal_id": handle.goal_id}) if as_json else typer.echo(f"goal {handle.goal_id} accepted")
+            return
+        line = LiveLine(sys.stdout)
+        try:
+            for feedback in handle.updates(timeout):
+                if not as_json:
+                    line.show(*goal_line(feedback, handle.gate, handle.speed))
+            result = handle.result
+        except TimeoutError as error:
+            _leave(line, f"{error}; it drives on, `navloom cancel` ends it", 1)
+        except KeyboardInterrupt:
+            _leave(line, f"goal {handle.goal_id} is still on its way; `navloom cancel` ends it", 130)
+        except ClientError as error:
+            line.end()
+            _end_unknown(handle.goal_id, str(error), as_json)
+        line.end()
+        _end(result, as_json)
+
+
+def cancel(robot: RobotOptions) -> None:
+    """End the goal that a live robot is at."""
+    with robot.navigator() as navigator:
+        there_was_one = navigator.cancel()
+    typer.echo("cancelled" if there_was_one else "no goal to cancel")
+
+
+def stop(robot: RobotOptions) -> None:
+    """Stop a live robot until `navloom resume`; its goal waits."""
+    with robot.navigator() as navigator:
+        navigator.stop()
+    typer.echo("stopped; `navloom resume` lets it drive again")
+
+
+def resume(robot: RobotOptions) -> None:
+    """Let a live robot drive again after a stop, a contact or teleop."""
+    with robot.navigator() as navigator:
+        navigator.resume()
+    typer.echo("resumed")
+
+
+def swap(
+    role: Annotated[str, typer.Argument(metavar="ROLE", help="As avoider.")],
+    instance: Annotated[str, typer.Argument(metavar="NAME", help="Instance of the config to put in charge.")],
+    timeout: Annotated[float, typer.Option(metavar="S", help="s it may take to warm up.", callback=seconds)] = 10.0,
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Put another instance of a role in charge, in the middle of a drive, as soon as it has warmed up."""
+    from navloom.cli.output import print_json
+
+    with robot.navigator() as navigator:
+        try:
+            epoch = navigator.swap(role, instance, timeout)
+        except TimeoutError as error:
+            LOG.warning(str(error))
+            raise typer.Exit(1) from None
+    if as_json:
+        print_json({"role": role, "instance": instance, "epoch": epoch})
+    else:
+        typer.echo(f"{role}: {instance} is in charge (selection {epoch})")
+
+
+@params.command("get")
+def get_params(
+    target: Annotated[str, typer.Argument(metavar="ROLE[.NAME]", help="As controller or avoider.forces.")],
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Print an instance's parameters as they are now."""
+    with robot.navigator() as navigator:
+        _print_params(navigator.get_parameters(*_target(navigator, target)), as_json)
+
+
+@params.command("set")
+def set_params(
+    target: Annotated[str, typer.Argument(metavar="ROLE[.NAME]", help="As controller or avoider.forces.")],
+    values: Annotated[list[str], typer.Argument(metavar="NAME=VALUE…", help="As k3=1.0; all or none are taken.")],
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Change an instance's parameters between two ticks: all of them, or none where one does not fit."""
+    from navloom.config.loader import parse_override
+    from navloom.engine.events import assignments
+
+    given: dict[str, Any] = {}
+    for text in values:
+        name = text.partition("=")[0].strip()
+        if "=" not in text or not name:
+            raise typer.BadParameter(f"{text!r}: expected NAME=VALUE, as in k3=1.0")
+        if name in given:
+            raise typer.BadParameter(f"{text!r}: {name} is given twice")
+        given |= [parse_override(text)]
+    wanted = assignments(given)
+    with robot.navigator() as navigator:
+        _print_params(navigator.set_parameters(*_target(navigator, target), wanted), as_json)
+
+
+def _target(navigator: Any, text: str) -> tuple[str, str]:
+    """Role and instance of a plugin; where none is named, the one in charge. Raises Refused where there is no such."""
+    from navloom.operating.client import ClientError, Refused
+    from navloom.plugins.registry import nearest
+
+    role, dot, name = text.partition(".")
+    plugins = [one for one in navigator.client.describe() if one["plugin"]]
+    if not plugins:
+        raise ClientError("no plugin of the robot answers; `navloom doctor` says why")
+    found = {one["instance"]: one["active"] for one in plugins if one["role"] == role}
+    if not found:
+        raise Refused(
+            f"{text!r}: no plugin of role {role!r} answers{nearest(role, sorted({one['role'] for one in plugins}))}"
+        )
+    if dot and name not in found:
+        raise Refused(f"{text!r}: no {role} {name!r} answers{nearest(name, list(found))}")
+    return role, name if dot else next((one for one, active in found.items() if active), next(iter(found)))
+
+
+def _print_params(values: dict[str, Any], as_json: bool) -> None:
+    from navloom.cli.output import print_json, print_table
+
+    if as_json:
+        print_json(values)
+    else:
+        print_table(("parameter", "value"), list(values.items()))
+
+
+def _point(text: str) -> tuple[float, float]:
+    x, comma, y = text.partition(",")
+    try:
+        if not comma:
+            raise ValueError
+        point = float(x), float(y)
+        if not all(math.isfinite(value) for value in point):
+            raise ValueError
+        return point
+    except ValueError:
+        raise typer.BadParameter(f"--via {text}: expected two finite numbers X,Y as in 1.0,2.5") from None
+
+
+def _leave(line: Any, text: str, code: int) -> NoReturn:
+    line.end()
+    LOG.info(text)
+    raise typer.Exit(code)
+
+
+def _end(result: Any, as_json: bool) -> NoReturn:
+    from navloom.cli.output import print_json
+
+    place = result.place
+    if as_json:
+        print_json(
+            {"goal_id": result.goal_id, "outcome": result.outcome, "reason": result.reason, "place": [place.x, place.y]}
+        )
+    else:
+        typer.echo(f"{result.outcome}: {result.reason}, at ({place.x:.2f}, {place.y:.2f})")
+    raise typer.Exit(0 if result.outcome == "succeeded" else 1)
+
+
+def _end_unknown(goal_id: int, reason: str, as_json: bool) -> NoReturn:
+    """The end of a goal whose robot is gone: no node is left to say where the robot is."""
+    from navloom.cli.output import print_json
+
+    if as_json:
+        print_json({"goal_id": goal_id, "outcome": "error", "reason": reason, "place": None})
+    else:
+        typer.echo(f"error: {reason}")
+    raise typer.Exit(1)

@@ -1,0 +1,149 @@
+"""`navloom status`: what a robot is doing, and why it is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from navloom.cli.options import AsJson, RobotOptions
+
+__all__ = ["rows", "status"]
+
+
+def status(
+    *,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Print what a live robot is doing: its goal, who drives, why it is stopped and what lets it drive again."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.operating.client import ClientError
+    from navloom.operating.looking import changed_parameters, last_words, listing
+
+    with robot.look() as client:
+        nodes, words, changed = listing(client), last_words(client), changed_parameters(client)
+    if not nodes:
+        raise ClientError(f"no node of robot {client.keys.prefix} is there; `navloom doctor` says why")
+    if as_json:
+        print_json(_summary(client.keys.prefix, nodes, words, changed))
+    else:
+        print_table(("", ""), rows(client.keys.prefix, nodes, words, changed))
+
+
+def _summary(
+    name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
+) -> dict[str, Any]:
+    from navloom.operating.looking import message_fields, missing, platform_age
+
+    reason, remedy = _why_stopped(words, nodes)
+    clock = max(node["clock_ns"] for node in nodes)
+    return {
+        "robot": name,
+        "run_clock_s": clock * 1e-9 if clock >= 0 else None,
+        "platform_age_s": platform_age(nodes),
+        "nodes": len(nodes),
+        "missing_nodes": [f"{gone.role} {gone.instance}" for gone in missing(nodes)],
+        "silent_nodes": [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]],
+        "changed_parameters": dict(changed),
+        "why_stopped": reason,
+        "remedy": remedy,
+        **{key.replace("/", "_"): None if word is None else message_fields(word) for key, word in words.items()},
+    }
+
+
+def rows(
+    name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
+) -> list[tuple[str, str]]:
+    """What is printed of a robot, line by line; without what there is nothing to say of."""
+    from navloom.operating.looking import missing
+
+    clock = max(node["clock_ns"] for node in nodes)
+    gone = missing(nodes)
+    silent = [f"{node['role']} {node['instance']}" for node in nodes if not node["answers"]]
+    found = [
+        ("robot", name + (f", run clock {clock * 1e-9:.1f} s" if clock >= 0 else "")),
+        ("goal", _goal(words["goal/feedback"], nodes)),
+        ("last goal", _result(words["goal/result"])),
+        ("localizer", _localizer(words["goal/feedback"])),
+        _driver(words, nodes),
+        ("platform", _platform(nodes)),
+        ("in charge", _selection(words["gate/selection"])),
+        ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
+        ("missing", ", ".join(_place(one) for one in gone)),
+        ("does not answer", ", ".join(silent)),
+        *((f"changed, {source}", ", ".join(values)) for source, values in changed.items()),
+    ]
+    return [row for row in found if row[1]]
+
+
+def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
+    from navloom.operating.looking import platform_age
+
+    age = platform_age(nodes)
+    if age is not None:
+        return f"heard {age:.2f} s ago"
+    tick = max((n["tick"] for n in nodes if n["role"] == "platform" and n["tick"] is not None), default=-1)
+    return f"at tick {tick}, in simulated time" if tick >= 0 else "never heard"
+
+
+def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
+    from navloom.operating.looking import progress
+
+    if feedback is None and not _knows_goal(nodes):
+        return "unknown: its goal node does not answer"
+    if feedback is None or not feedback.goal_id:
+        return "none"
+    return f"{feedback.goal_id}: {progress(feedback)}"
+
+
+def _knows_goal(nodes: Sequence[Mapping[str, Any]]) -> bool:
+    return any(node["role"] == "goal" and node["answers"] for node in nodes)
+
+
+def _result(result: Any) -> str:
+    if result is None:
+        return ""
+    return f"{result.goal_id}: {result.outcome}, {result.reason}, at ({result.place.x:.2f}, {result.place.y:.2f})"
+
+
+def _localizer(feedback: Any) -> str:
+    """Empty where it is tracking, or where the goal has not said."""
+    from navloom.operating.looking import WHERE_IT_IS
+
+    return f"{feedback.localizer}; {WHERE_IT_IS}" if feedback is not None and feedback.localizer else ""
+
+
+def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """The row of who drives, or of why nothing does."""
+    from navloom.operating.looking import who_drives
+
+    gate = words["gate/status"]
+    if gate is None:
+        return "drives", "unknown: its gate has said nothing so far"
+    if not gate.stopped:
+        return "drives", who_drives(gate).removesuffix(" drives")
+    why, remedy = _why_stopped(words, nodes)
+    return "stopped", why + (f"; {remedy}" if remedy else "")
+
+
+def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Why nothing drives, and what to do; both empty where something does, or the gate has said nothing."""
+    from navloom.operating.looking import NO_GOAL, why_stopped
+
+    gate, feedback = words["gate/status"], words["goal/feedback"]
+    if gate is None:
+        return "", ""
+    if feedback is None and _knows_goal(nodes):
+        feedback = NO_GOAL
+    return why_stopped(gate, feedback, words["goal/result"])
+
+
+def _selection(selection: Any) -> str:
+    if selection is None:
+        return ""
+    return ", ".join(selection.instances) + (f" (selection {selection.epoch})" if selection.epoch else "")
+
+
+def _place(gone: Any) -> str:
+    where = f" on {gone.host}" if gone.host else ""
+    return f"{gone.role} {gone.instance} (process {gone.process}{where})"

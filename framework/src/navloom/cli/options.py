@@ -1,0 +1,239 @@
+"""Options that several commands share: each is declared once, and those that belong together are one dataclass.
+
+A command takes such a dataclass as one parameter; `navloom.cli.command.App` turns it into its options.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from navloom.installed import config_help
+
+if TYPE_CHECKING:
+    from navloom.config import Loaded
+    from navloom.operating.client import Client
+    from navloom.operating.navigator import Navigator
+    from navloom.viewer.showing import Where
+
+__all__ = [
+    "AsJson",
+    "Changes",
+    "ConfigName",
+    "ConfigOptions",
+    "Insecure",
+    "Keys",
+    "PluginFiles",
+    "Record",
+    "RobotName",
+    "RobotOptions",
+    "RunOptions",
+    "ViewOptions",
+    "ViewerOptions",
+    "a_number",
+    "seconds",
+]
+
+ROBOT, VIEWING = "Which robot", "Viewer"
+"""Sections of the help."""
+
+
+def a_number(value: float | None) -> float | None:
+    """Check of an option or argument: any number, but no NaN and no infinity."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"got {value}, expected a finite number")
+    return value
+
+
+def seconds(value: float | None) -> float | None:
+    """Check of an option: a time above 0 s."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"got {value:g}, expected a number of seconds above 0")
+    return value
+
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+ConfigName = Annotated[str, typer.Argument(metavar="CONFIG", help=config_help())]
+Changes = Annotated[
+    list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value of the config; repeats.")
+]
+
+
+def _use_files(files: list[Path] | None) -> list[Path] | None:
+    if files:
+        from navloom.plugins.one_file import use_files
+
+        with redirect_stdout(sys.stderr):  # a file may print when it is imported
+            use_files(files)
+    return files
+
+
+PluginFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        metavar="FILE.py",
+        help="Use the plugins in a Python file too, without packaging; repeats.",
+        callback=_use_files,
+    ),
+]
+Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")]
+Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, of shadows too.")]
+RobotName = Annotated[
+    str | None,
+    typer.Option(
+        "--robot",
+        metavar="REALM/NAME",
+        help="Which robot, as lab/r1 or r1; default: the only one up.",
+        rich_help_panel=ROBOT,
+    ),
+]
+Connect = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        metavar="ENDPOINT",
+        help="Router of a robot elsewhere, as tls/10.0.0.1:7447.",
+        rich_help_panel=ROBOT,
+    ),
+]
+Keys = Annotated[
+    str | None,
+    typer.Option(
+        "--keys",
+        metavar="DIR",
+        help="Folder of certificates made by `navloom keys`, or one in it, as DIR/alice.pem.",
+        rich_help_panel=ROBOT,
+    ),
+]
+Insecure = Annotated[
+    bool,
+    typer.Option("--insecure", help="Plain TCP to another host, in a closed test network only.", rich_help_panel=ROBOT),
+]
+
+
+@dataclass(frozen=True)
+class RobotOptions:
+    """Which live robot a command is about, and how to reach it."""
+
+    robot: RobotName = None
+    connect: Connect = None
+    keys: Keys = None
+    insecure: Insecure = False
+
+    def look(self) -> AbstractContextManager[Client]:
+        """Join the robot's network; the certificate of a viewer is enough."""
+        from navloom.operating.joining import join
+
+        return join(self.robot, self.connect, self.keys, "viewer", self.insecure)
+
+    def operate(self) -> AbstractContextManager[Client]:
+        """Join the robot's network as an operator."""
+        from navloom.operating.joining import join
+
+        return join(self.robot, self.connect, self.keys, insecure=self.insecure)
+
+    def navigator(self) -> Navigator:
+        """What an operator asks the robot with."""
+        from navloom.operating.navigator import Navigator
+
+        return Navigator(self.robot, self.connect, self.keys, self.insecure)
+
+    def first_given(self) -> str:
+        """The first of these options that was given; empty where none was."""
+        return next((f"--{name}" for name, value in vars(self).items() if value), "")
+
+
+@dataclass(frozen=True)
+class ConfigOptions:
+    """A config with changes, and the plugins of files."""
+
+    config: ConfigName
+    set_: Changes = None
+    plugin: PluginFiles = None
+
+    def load(self) -> Loaded:
+        """Read it. Raises ConfigError."""
+        from navloom.config import load_config
+
+        return load_config(self.config, self.set_ or ())
+
+
+@dataclass(frozen=True)
+class RunOptions(ConfigOptions):
+    """A config with changes, and the seed of its random streams."""
+
+    seed: Seed = None
+
+    def load(self, say: Callable[[str], None] | None = None) -> Loaded:
+        """Read it, and say which parameters were dropped with a replaced plugin. Raises ConfigError."""
+        from navloom.config import load_config
+
+        loaded = load_config(self.config, self.set_ or (), self.seed)
+        for notice in loaded.notices() if say is not None else ():
+            say(notice)  # type: ignore[misc]
+        return loaded
+
+
+@dataclass(frozen=True)
+class ViewerOptions:
+    """Where something is shown."""
+
+    web: Annotated[
+        bool,
+        typer.Option(
+            "--web",
+            help="Serve the viewer to a browser instead of opening a window; Ctrl-C ends it.",
+            rich_help_panel=VIEWING,
+        ),
+    ] = False
+    viewer: Annotated[
+        str | None,
+        typer.Option(
+            "--viewer",
+            metavar="URL",
+            help="Show it in a viewer that runs already, as 127.0.0.1:9876.",
+            rich_help_panel=VIEWING,
+        ),
+    ] = None
+    rerun: Annotated[
+        Path | None,
+        typer.Option("--rerun", metavar="F.rrd", help="Keep what the viewer shows in a file.", rich_help_panel=VIEWING),
+    ] = None
+
+    def where(self, view: bool, *, keeps: bool = True) -> Where:
+        """The options as what to show it in; `keeps` where --rerun is one of them.
+
+        Raises:
+            ViewerError: Two of them contradict each other, the viewer is not installed, or there is no display for it.
+        """
+        from navloom.viewer.extra import ViewerError, need_rerun
+        from navloom.viewer.program import need_display
+        from navloom.viewer.showing import Where
+
+        if self.viewer is not None and self.web:
+            raise ViewerError("--viewer and --web: choose the viewer that runs, or a new one")
+        need_rerun()
+        opens = self.viewer is None and (view or self.web)
+        if opens and not self.web:
+            need_display(keeps)
+        return Where(self.rerun, self.viewer, opens, self.web)
+
+
+@dataclass(frozen=True)
+class ViewOptions(ViewerOptions):
+    """Whether a run is shown while it goes on, and where."""
+
+    view: Annotated[bool, typer.Option("--view", help="Show it in the viewer.", rich_help_panel=VIEWING)] = False
+
+    def asked(self) -> Where | None:
+        """What to show the run in; None where none of the options is given. Raises ViewerError."""
+        is_asked = self.view or self.web or self.viewer is not None or self.rerun is not None
+        return self.where(self.view) if is_asked else None

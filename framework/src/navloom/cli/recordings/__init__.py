@@ -1,0 +1,1 @@
+"""Commands that write, replay, import and show recordings."""

@@ -1,0 +1,66 @@
+"""What `navloom replay` shows of a plugin that was tried on recorded inputs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from navloom.cli.output import LOG
+
+__all__ = ["can_draw", "tell_substitute"]
+
+
+def can_draw() -> bool:
+    """Whether there is matplotlib; says what to install where there is none, and that the rest is done."""
+    from navloom.config import ConfigError
+    from navloom.report.plotting import need_matplotlib
+
+    try:
+        need_matplotlib()
+    except ConfigError as error:
+        LOG.warning(f"no picture is drawn, the rest is kept: {error}")
+        return False
+    return True
+
+
+def tell_substitute(found: Any, recorded: str) -> None:
+    """One comparison for people."""
+    from navloom.cli.output import print_table
+    from navloom.engine.differences import UNITS
+
+    summary = found.summary()
+    share = summary["differing_share"]
+    typer.echo(
+        f"{summary['role']} {summary['instance']} on what {recorded} was given, {summary['ticks']} ticks compared"
+    )
+    if share is None:
+        typer.echo("no tick in which both gave an answer")
+    else:
+        differing = sum(found.found.differing)
+        first = summary["first_differing_tick"]
+        typer.echo(
+            f"differs in {differing} ticks ({share:.1%})"
+            + ("" if first is None else f", first in tick {first} ({summary['first_differing_s']:.2f} s)")
+        )
+        typer.echo(f"ticks that differ: {_spans(found.found) or 'none'}")
+        rows = [(name, UNITS[name], one["rms"], one["max"]) for name, one in summary["differences"].items()]
+        print_table(("difference", "unit", "rms", "max"), rows)
+    if summary["unanswered"]:
+        typer.echo(f"only one of the two gave an answer in {summary['unanswered']} ticks")
+    for text in (summary["first_fault"], summary["first_not_fed"], *summary["notes"]):
+        if text:
+            typer.echo(f"note: {text}")
+
+
+def _spans(found: Any) -> str:
+    """Ticks that differ, as first-last of each run of ticks that were compared."""
+    spans: list[list[int]] = []
+    previous = False
+    for tick, differs in zip(found.ticks, found.differing, strict=True):
+        if differs and previous:
+            spans[-1][1] = tick
+        elif differs:
+            spans.append([tick, tick])
+        previous = differs
+    return ", ".join(f"{first}-{last}" if last > first else str(first) for first, last in spans)

@@ -1,0 +1,114 @@
+"""`navloom view`: see a live robot or a recording."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navloom.cli.options import AsJson, RobotOptions, ViewerOptions, a_number
+from navloom.cli.output import log_of, say_so
+
+if TYPE_CHECKING:
+    from navloom.viewer.showing import Where
+
+__all__ = ["view"]
+
+GONE = 5.0
+"""s without the robot after which there is nothing more to see."""
+
+
+def view(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Recording (.mcap) or .rrd; default: the live robot.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.", callback=a_number)
+    ] = None,
+    *,
+    viewer: ViewerOptions,
+    robot: RobotOptions,
+    as_json: AsJson = False,
+) -> None:
+    """Show a live robot until Ctrl-C, or a recording. Only looks: no state of the viewer can slow the robot."""
+    from navloom.viewer.extra import ViewerError
+
+    if file is not None and not file.is_file():
+        raise ViewerError(f"{file}: there is no such file; expected a recording, as `navloom record` writes it")
+    is_kept = file is not None and file.suffix == ".rrd"
+    where = viewer.where(viewer.viewer is None and viewer.rerun is None, keeps=not is_kept)
+    if file is None:
+        counts = _live(where, seconds, robot)
+    else:
+        counts = _file(file, where)
+    if as_json:
+        from navloom.cli.output import print_json
+
+        print_json(vars(counts) if counts is not None else {})
+    if viewer.rerun is not None and counts is not None and counts.file_failure:
+        raise typer.Exit(1)
+
+
+def _file(file: Path, where: Where) -> Any:
+    from navloom.viewer.extra import ViewerError
+    from navloom.viewer.program import Program
+    from navloom.viewer.showing import showing
+
+    if file.suffix == ".rrd":
+        if not where.opens:
+            raise ViewerError(f"{file}: it is what a viewer shows already; leave out --viewer and --rerun")
+        program = Program(where.web, [file.absolute()], where.options)
+        program.await_window()
+        program.leave(log_of("viewer").info)
+        return None
+    from navloom.cli.recordings.replay import tell_reading
+    from navloom.recording.reader import Recording
+    from navloom.viewer.sources import facts_of_recording, recorded_messages
+
+    with Recording(file) as recording:
+        tell_reading(recording)
+        facts = facts_of_recording(recording)
+        with showing(
+            facts, where, recording_id=f"{file.name}-{file.stat().st_size}", say=log_of("viewer").info
+        ) as shown:
+            for message in recorded_messages(recording, facts):
+                shown.bridge.put_all(message)
+    return shown.counts
+
+
+def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
+    from navloom.cli.interrupts import ending
+    from navloom.messages.generic import GenericMessage
+    from navloom.recording.live_recorder import ask_header
+    from navloom.viewer.order import NICE
+    from navloom.viewer.showing import showing
+    from navloom.viewer.sources import facts_of_header, live_messages
+
+    os.nice(NICE)  # before the network's threads are there: each has a priority of its own
+    with ending() as event, robot.look() as client:
+        header = ask_header(client)
+        facts = facts_of_header(header, header.prefix)
+        limit = None if seconds is None else time.monotonic() + seconds
+        identity = f"{header.prefix}-{time.time_ns()}"
+        heard = time.monotonic()
+        with showing(facts, where, recording_id=identity, live=True, say=log_of("viewer").info) as shown:
+            say_so(f"showing {header.prefix}; Ctrl-C ends it")
+            told: set[str] = set()
+            for message in live_messages(client, facts):
+                if message is not None:
+                    if isinstance(message.message, GenericMessage) and message.message.why not in told:
+                        told.add(message.message.why)
+                        say_so(message.message.why)
+                    shown.bridge.put(message)
+                    continue
+                now = time.monotonic()
+                heard = now if client.bus.neighbours() else heard
+                if event.is_set() or shown.is_closed or (limit is not None and now > limit):
+                    break
+                if now - heard > GONE:
+                    say_so(f"robot {header.prefix} has gone")
+                    break
+    return shown.counts

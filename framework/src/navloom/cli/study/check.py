@@ -1,0 +1,133 @@
+"""`navloom check`: whether a plugin keeps the framework's contract."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from navloom.cli.options import AsJson, PluginFiles
+
+if TYPE_CHECKING:
+    from navloom.testing.findings import Report
+
+__all__ = ["check"]
+
+
+def check(
+    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, node.…")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="CHECK", help="Run this check alone; repeats.")
+    ] = None,
+    tier: Annotated[list[str] | None, typer.Option(metavar="TIER", help="Run this tier alone; repeats.")] = None,
+    plugin: PluginFiles = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random in the checks.")] = 0,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pictures into this folder.")] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="List the checks, or those of ROLE.NAME, and run none.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check one plugin in a process of its own. Exit 0: it passes; 1: a check found a fault."""
+    from navloom.cli.output import print_json, progress_line, say_so
+    from navloom.config import ConfigError
+    from navloom.testing.runner import check_plugin
+    from navloom.testing.tiers import TIERS
+
+    _refuse_unknown(name, only or (), tier or ())
+    if list_:
+        _list(name, tier or tuple(TIERS), as_json)
+        return
+    if name is None:
+        raise ConfigError("ROLE.NAME is missing, as in navloom check avoider.vff; --list lists the checks")
+    _refuse_missing(name)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    with progress_line(f"checking {name}") as update:
+        report = check_plugin(
+            name,
+            params=set_ or (),
+            seed=seed,
+            tiers=tier or tuple(TIERS),
+            only=only or (),
+            out=out,
+            progress=lambda one, done, total: update(description=one, completed=done, total=total),
+        )
+    if as_json:
+        print_json(report.to_json())
+    else:
+        _print(report)
+    if report.failed:
+        say_so(f"{name} fails {len(report.failed)} of {len(report.results)} checks")
+        raise typer.Exit(1)
+
+
+def _print(report: Report) -> None:
+    """A line for each check, and what is wrong, what was expected and how to repeat it under those that failed."""
+    words = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
+    wide = max((len(result.check) for result in report.results), default=0)
+    for result in report.results:
+        typer.echo(f"{words[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
+        for line in report.sentences(result):
+            typer.echo(f"        {line}")
+        for shown in result.shown:
+            typer.echo(f"        {shown.text}{f' ({shown.picture})' if shown.picture else ''}")
+        for picture in dict.fromkeys(finding.picture for finding in result.findings if finding.picture):
+            typer.echo(f"        picture: {picture}")
+        if result.findings:
+            typer.echo(f"        repeat:  {report.command(result)}")
+    passed = sum(result.outcome == "passed" for result in report.results)
+    owner = f" ({report.owner})" if report.owner else ""
+    typer.echo(f"{report.plugin}{owner}: {passed} of {len(report.results)} checks passed, {len(report.failed)} failed")
+
+
+def _list(name: str | None, tiers: tuple[str, ...] | list[str], as_json: bool) -> None:
+    from navloom.cli.output import print_json, print_table
+    from navloom.testing.tiers import TIERS, checks_of
+
+    checks = (
+        [one for tier in tiers for one in TIERS[tier]] if name is None else checks_of(name.partition(".")[0], tiers)
+    )
+    if as_json:
+        print_json([
+            {"name": one.name, "tier": one.tier, "kinds": sorted(one.kinds), "demands": one.demands} for one in checks
+        ])  # fmt: skip
+    else:
+        print_table(("check", "tier", "demands"), [(one.name, one.tier, one.demands) for one in checks])
+
+
+def _refuse_unknown(name: str | None, only: list[str] | tuple[str, ...], tiers: list[str] | tuple[str, ...]) -> None:
+    from navloom.config import ConfigError
+    from navloom.plugins.registry import nearest
+    from navloom.testing.tiers import TIERS
+
+    for tier in tiers:
+        if tier not in TIERS:
+            raise ConfigError(f"--tier {tier}: is no tier{nearest(tier, list(TIERS))}")
+    kind = None if name is None else name.partition(".")[0]
+    known = [one.name for checks in TIERS.values() for one in checks if kind is None or kind in one.kinds]
+    for one in only:
+        if one not in known:
+            raise ConfigError(
+                f"--only {one}: is no check{'' if kind is None else f' of a {kind}'}{nearest(one, known)}"
+            )
+
+
+def _refuse_missing(name: str) -> None:
+    """Refuse a name that nothing is installed under: that is no fault of a plugin."""
+    from navloom.plugins import PluginError
+    from navloom.plugins.registry import nearest
+    from navloom.testing.subject import CHECKED, Request, discovery_of
+
+    kind, _, plugin = name.partition(".")
+    if kind not in CHECKED or not plugin:
+        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{nearest(kind, list(CHECKED))}")
+    known = discovery_of(Request(name)).names(kind)
+    if kind == "message":
+        known = [*known, *(one.rpartition(".")[2] for one in known)]
+    if plugin not in known:
+        raise PluginError(f"no plugin {name} is installed{discovery_of(Request(name)).instead_of(kind, plugin)}")

@@ -1,0 +1,302 @@
+"""`navloom compare`: a closed-loop study of methods over worlds and seeds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navloom.cli.command import Command
+from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
+from navloom.cli.output import LOG, log_of
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from navloom.study.compare import Study, StudyResult
+    from navloom.study.episode import Episode
+    from navloom.viewer.showing import Where
+
+__all__ = ["Variadic", "compare"]
+
+MANY = ("--worlds", "--vary", "--set")
+TOLD = 10.0
+"""s between lines of progress where no terminal is."""
+SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
+
+
+class Variadic(Command):
+    """Lets an option of several values take them one after the other: `--worlds doorway u_trap`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Name the option again before each further value."""
+        given: list[str] = []
+        option, taken = "", 0
+        for word in args:
+            if word.startswith("-"):
+                option, taken = word if word in MANY else "", 0
+            elif option:
+                given += [option] if taken else []
+                taken += 1
+            given.append(word)
+        return super().parse_args(ctx, given)
+
+
+def compare(
+    config: ConfigName,
+    *,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH=A,B", help="A role's plugins or alternatives, or a setting's values; repeats."),
+    ] = None,
+    worlds: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REF…", help="Worlds, also clutter:0-49 and barn:F.npz#1-50; default: the config's own."),
+    ] = None,
+    seeds: Annotated[str, typer.Option(metavar="0:10", help="0 to 9, or a list; default: the config's own.")] = "",
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value for all methods; repeats.")
+    ] = None,
+    plugin: PluginFiles = None,
+    jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDR", help="Run on a Dask cluster, as tcp://10.0.0.5:8786.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder to keep the study in, and to go on from.")
+    ] = None,
+    baseline: Annotated[
+        str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
+    ] = "",
+    open_loop: Annotated[
+        bool,
+        typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
+    ] = False,
+    hang_after: Annotated[
+        float,
+        typer.Option(
+            metavar="S", min=1.0, help="Kill a worker that gives no sign of life for this long.", callback=a_number
+        ),
+    ] = 300.0,
+    view: ViewOptions,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
+) -> None:
+    """Run methods over worlds and seeds in closed loop. The same command goes on where it was interrupted.
+
+    With --view, --web, --viewer or --rerun the methods drive side by side in one picture instead, in the first world
+    with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2:
+    the request was wrong.
+    """
+    from navloom.cli.output import print_json
+    from navloom.report.results import failure_of
+    from navloom.study.compare import plan_study, run_study
+    from navloom.study.journal import StudyError
+    from navloom.study.pool import PoolError
+    from navloom.study.worldset import seeds_of
+
+    seeds_asked = seeds_of(seeds) if seeds else ()
+    study = plan_study(
+        config, vary or (), worlds or (), seeds_asked, set_ or (), baseline=baseline, open_loop=open_loop
+    )  # fmt: skip
+    for method, places in study.dropped.items():
+        if places:
+            belong = "belongs" if len(places) == 1 else "belong"
+            LOG.info(f"{method}: {', '.join(places)} {belong} to the replaced plugin: dropped")
+    if (where := view.asked()) is not None:
+        _show(study, where, as_json)
+        return
+    try:
+        with _executor(scheduler) as executor, _progress(as_json) as progress:
+            result = run_study(study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after)
+    except (PoolError, StudyError) as error:
+        LOG.warning(str(error))
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        kept = f"; the same command goes on from {out}" if out is not None else ""
+        LOG.warning(f"interrupted{kept}")
+        raise typer.Exit(1) from None
+    for note in result.notes:
+        LOG.info(note)
+    if out is not None:
+        result = _reported(result, out)
+    if as_json:
+        print_json(_as_json(result, out))
+    else:
+        _print(result, out)
+    if result.missing:
+        failure = failure_of(f"--out {out}", result.files, result.missing)
+        LOG.warning(f"{failure}; make room, and the same command writes the rest")
+        raise typer.Exit(1)
+
+
+def _show(study: Study, where: Where, as_json: bool) -> None:
+    """Drive one episode of each method in one picture, and say how they ended."""
+    from navloom.cli.output import print_json, print_table
+    from navloom.study.worldset import placed
+    from navloom.viewer.side_by_side import drive_side_by_side
+
+    world, seed = study.worlds[0], study.seeds[0]
+    methods = {m.name: placed(m.loaded.to_json(), world.values, seed, study.here) for m in study.methods}
+    title = f"{study.config}: {world.ref}, seed {seed}"
+
+    def tell(episodes: Mapping[str, Episode]) -> None:
+        found = {name: episode.summary() for name, episode in episodes.items()}
+        if as_json:
+            print_json({"world": world.ref, "seed": seed, "methods": found})
+            return
+        typer.echo(title)
+        keys = ("sim_time_s", "path_length_m", "min_clearance_m")
+        ends = {name: episode.trail for name, episode in episodes.items()}
+        lines = [
+            (name, ends[name].outcome, *(one[key] for key in keys), ends[name].reason) for name, one in found.items()
+        ]
+        print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
+
+    counts = drive_side_by_side(methods, where, title, log_of("viewer").info, tell)
+    if where.file is not None and counts.file_failure:
+        raise typer.Exit(1)
+
+
+def _reported(result: StudyResult, out: Path) -> StudyResult:
+    """The report beside the tables, and its files among the names."""
+    from dataclasses import replace
+
+    from navloom.report.report import FILES, PLOTS_MISSING, write_report
+
+    if result.missing:  # the report is made of these tables
+        return result
+    made = write_report(out, result.study.baseline)
+    if not made.has_figures:
+        LOG.warning(PLOTS_MISSING)
+    names = [name for name in FILES if name not in made.missing]
+    return replace(result, files=(*result.files, *names), missing=made.missing)
+
+
+def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
+    study = result.study
+    rows = [
+        {**vars(r.key), "outcome": r.outcome, "reason": r.reason, **r.metrics, "trace_sha256": r.trace_sha256}
+        for r in result.rows
+    ]
+    return {
+        **study.request(),
+        "out": None if out is None else str(out),
+        "went_on_from": result.before,
+        "workers_lost": result.lost,
+        "wall_s": result.wall,
+        "summary": result.summary(),
+        "notes": result.notes,
+        "episodes": rows,
+    }
+
+
+def _print(result: StudyResult, out: Path | None) -> None:
+    """A study's result for people."""
+    from navloom.cli.output import print_table
+
+    study = result.study
+    shown = [name for name in SHOWN if name in study.metrics]
+    lines = []
+    for name, found in result.summary().items():
+        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
+        lines.append((name, found["episodes"], *(_mean(found, metric) for metric in shown), outcomes))
+    worlds, seeds = len(study.worlds), len(study.seeds)
+    typer.echo(
+        f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} episodes, "
+        f"{result.before} of them from before, in {result.wall:.1f} s; means over episodes"
+    )
+    print_table(("method", "episodes", *shown, "outcomes"), lines)
+    for line in _truths(result):
+        typer.echo(line)
+    if out is None:
+        typer.echo("not kept: --out DIR keeps the table, and lets the same command go on")
+    else:
+        typer.echo(f"kept in {out}: {', '.join(result.files)}")
+
+
+def _mean(found: Mapping[str, Any], metric: str) -> Any:
+    """A mean, and the 95 % interval of a share."""
+    mean, ends = found["means"][metric], found["intervals"].get(metric)
+    return mean if ends is None or mean is None else f"{mean:.3g} [{ends[0]:.2g}, {ends[1]:.2g}]"
+
+
+def _truths(result: StudyResult) -> Iterator[str]:
+    """By method, successes that the ground truth denies, and those that it says nothing about."""
+    from navloom.study.trail import FALSE_SUCCESS
+
+    for method in result.study.methods:
+        rows = [row for row in result.rows if row.key.method == method.name]
+        false = sum(row.outcome == FALSE_SUCCESS for row in rows)
+        untold = sum(row.outcome == "succeeded" and row.metrics.get("false_success") is None for row in rows)
+        if false:
+            yield (
+                f"{method.name}: false success in {false} of {len(rows)} episodes: the robot said that it had arrived, "
+                "and the ground truth says that it had not; counted as failures"
+            )
+        if untold:
+            yield f"{method.name}: {untold} of {len(rows)} successes are the robot's word: there is no ground truth"
+
+
+@contextmanager
+def _executor(address: str | None) -> Iterator[Executor | None]:
+    """The executor of a Dask cluster; None without an address."""
+    if address is None:
+        yield None
+        return
+    from navloom.config import ConfigError
+
+    try:
+        distributed = import_module("distributed")
+    except ImportError:
+        raise ConfigError("--scheduler: needs the extra `cluster`, as in pip install 'navloom[cluster]'") from None
+    try:
+        client = distributed.Client(address, timeout=10.0)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--scheduler {address}: no Dask scheduler answers there: {error}") from None
+    with client:
+        yield client.get_executor()
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Callable[[int, int, float | None], None]]:
+    """Progress on standard error: a bar on a terminal, else a line now and then."""
+    if quiet:
+        yield lambda done, total, left: None
+    elif sys.stderr.isatty():
+        from navloom.cli.output import progress_line
+
+        with progress_line("starting") as update:
+            yield lambda done, total, left: update(description=_far(done, total, left), completed=done, total=total)
+    else:
+        yield _lines()
+
+
+def _lines() -> Callable[[int, int, float | None], None]:
+    from time import monotonic
+
+    said = monotonic()
+
+    def say(done: int, total: int, left: float | None) -> None:
+        nonlocal said
+        if monotonic() - said >= TOLD:
+            said = monotonic()
+            LOG.info(_far(done, total, left))
+
+    return say
+
+
+def _far(done: int, total: int, left: float | None) -> str:
+    """How far a study is, in words."""
+    if left is None:
+        return f"{done} of {total} episodes (the first run compiles kernels, later ones load them)"
+    minutes, seconds = divmod(round(left), 60)
+    return (
+        f"{done} of {total} episodes, {minutes} min {seconds} s left"
+        if minutes
+        else (f"{done} of {total} episodes, {seconds} s left")
+    )

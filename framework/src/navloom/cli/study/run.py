@@ -1,0 +1,129 @@
+"""`navloom run`: one run in lockstep."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from navloom.cli.options import Record, RunOptions, ViewOptions
+from navloom.cli.output import LOG, log_of, print_json, say_so, stage
+from navloom.cli.summary import is_reached, print_summary, tell_faults
+
+__all__ = ["recorded", "run"]
+
+STALLED = 10.0
+"""s without a tick after which it is said what a run is at."""
+COMPILING = 12
+"""How many times as long the first tick may take to come."""
+
+
+def run(
+    given: RunOptions,
+    *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for result.json, trace.bin and run.png.")
+    ] = None,
+    record: Record = None,
+    view: ViewOptions,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
+) -> None:
+    """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
+    from navloom.cli.written import Written, record_of, rerun_of
+    from navloom.plugins import Discovery
+    from navloom.plugins.observing import Onlookers
+    from navloom.report.results import ResultFolder
+    from navloom.study.episode import run_episode
+    from navloom.viewer.watching import watch_run
+
+    loaded = given.load(say_so)
+    where = view.asked()
+    discovery = Discovery(loaded.config.plugins.blocked)
+    with (
+        watch_run(loaded, where, log_of("viewer").info) as watch,
+        Onlookers(discovery, log_of("plugins").warning) as onlookers,
+    ):
+        with ResultFolder(out) as folder, recorded(loaded, record) as recorder, stage(as_json) as (say, progress):
+            observers = [*([] if recorder is None else [recorder]), *watch.observers]
+            with redirect_stdout(sys.stderr), watched_for_stalls(watch.between(progress)) as tell:  # plugins may print
+                episode = run_episode(
+                    loaded, discovery=discovery, observers=observers, onlookers=onlookers, trace=folder.trace, say=say,
+                    progress=tell,
+                )  # fmt: skip
+                summary = episode.summary()
+                onlookers.finish(summary)
+            folder.keep(episode, summary)
+        watch.finish()
+        written = Written(folder, record_of(recorder), rerun_of(view.rerun, watch.showing))
+        tell_faults(episode, summary, record)
+        if as_json:
+            print_json({**summary, "written": written.to_json()})
+        else:
+            print_summary(episode, summary)
+        is_whole = written.tell(as_json)
+    raise typer.Exit(0 if is_reached(summary) and is_whole else 1)
+
+
+@contextmanager
+def watched_for_stalls(
+    progress: Callable[[float, float], None], patience: float = STALLED
+) -> Iterator[Callable[[float, float], None]]:
+    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way.
+
+    Before the first tick kernels may be compiled: until then it is given `COMPILING` times as long.
+    """
+    runs, moved, ended = threading.get_ident(), [time.monotonic()], threading.Event()
+    limits = [COMPILING * patience]
+
+    def tell(done: float, total: float) -> None:
+        moved[0], limits[0] = time.monotonic(), patience
+        progress(done, total)
+
+    def look() -> None:
+        told = 0.0
+        while not ended.wait(0.1 * patience):
+            last, limit = moved[0], limits[0]
+            if last != told and time.monotonic() - last > limit:
+                told = last
+                frame = sys._current_frames()[runs]
+                while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in sys.stdlib_module_names:
+                    frame = frame.f_back
+                place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
+                LOG.warning(f"no tick for {limit:g} s: the run is at {place}; Ctrl-C ends it")
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield tell
+    finally:
+        ended.set()
+        thread.join()
+
+
+@contextmanager
+def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
+    """The observer that writes a recording, if one is asked for. A disk that is full ends it, not the run."""
+    if path is None:
+        yield None
+        return
+    from navloom.hosting.provenance import distributions
+    from navloom.recording.header import header_of
+    from navloom.recording.lockstep_recorder import LockstepRecorder
+    from navloom.recording.worldfiles import world_files
+    from navloom.recording.writer import RecordingWriter
+
+    header = header_of(loaded, "lockstep", distributions(loaded.config))
+    writer = RecordingWriter(path, header, world_files(loaded))
+    try:
+        with LockstepRecorder(writer, log_of("recording").warning) as recorder:
+            yield recorder
+    except BaseException:
+        if not writer.messages:  # the run was refused: there is nothing in it
+            writer.discard()
+        raise

@@ -1,0 +1,230 @@
+"""Makes a recording of a CARMEN log: its laser scans and its odometry, as a platform would have published them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.angles import wrap
+from navloom.geometry.frames import compose, inverse
+from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
+from navloom.recording.carmen import LASERS, ODOM, Beams, Survey, scans, survey
+from navloom.recording.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of
+from navloom.recording.header import RecordingError
+from navloom.recording.imported import RANGE_SCAN, ImportedLog, imported_config, placed_in_map, writing
+
+__all__ = ["CarmenLog", "import_carmen"]
+
+Floats = NDArray[np.float64]
+Poses = Literal["odometry", "corrected"]
+SENSORS = {"FLASER": "laser", "ROBOTLASER1": "laser", "RLASER": "rear_laser", "ROBOTLASER2": "rear_laser"}
+"""Name of the sensor by the first word of its lines."""
+OFFSETS = {"laser": "robot_frontlaser_offset", "rear_laser": "robot_rearlaser_offset"}
+LIMITS = {"laser": "robot_front_laser_max", "rear_laser": "robot_rear_laser_max"}
+RANGE_MIN = 0.02
+"""Readings below are no measurement, m: drivers write 0 for none."""
+RANGE_MAX = 80.0
+"""Readings from here on are no echo, m, where the log does not say: a SICK LMS writes 81.83 or 81.91."""
+STEADY = 0.02
+"""How far the laser's place on the robot may scatter over a log, m and rad, to be its mount."""
+
+
+@dataclass
+class CarmenLog:
+    """What became of a log.
+
+    Attributes:
+        is_corrected: Its poses are a particle filter's.
+        odometry: Messages of odometry.
+        scans: Messages by sensor.
+        mounts: x, y, m, yaw, rad, by sensor.
+        skipped: What was left out, by reason.
+        first_ns, last_ns: Stamps, ns.
+    """
+
+    is_corrected: bool
+    odometry: int = 0
+    scans: Counter[str] = field(default_factory=Counter)
+    mounts: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    skipped: Counter[str] = field(default_factory=Counter)
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def to_json(self) -> dict[str, Any]:
+        """For `import --json`."""
+        return {
+            "seconds": (self.last_ns - self.first_ns) * 1e-9,
+            "corrected": self.is_corrected,
+            "odometry": self.odometry,
+            "scans": dict(self.scans),
+            "mounts": {name: [x, y, math.degrees(yaw)] for name, (x, y, yaw) in self.mounts.items()},
+            "skipped": dict(self.skipped),
+        }
+
+
+def import_carmen(
+    log: Path,
+    out: Path,
+    poses: Poses = "odometry",
+    period: float | None = None,
+    range_max: float | None = None,
+    mounts: Mapping[str, tuple[float, float, float]] | None = None,
+    map_ref: str | None = None,
+    start: tuple[float, float, float] | None = None,
+) -> CarmenLog:
+    """Convert a log.
+
+    Args:
+        log: The text, or the text in gzip.
+        out: Recording to write.
+        poses: "odometry" is the wheels', recovered where the log is corrected; "corrected" is what the log says.
+        period: Time between two scans, s, where the log's times are of no use.
+        range_max: Readings from here on are no echo, m; None for the log's own limit, else `RANGE_MAX`.
+        mounts: x, y, m, yaw, rad, by sensor, where the log is not right about it.
+        map_ref, start: As for `placed_in_map`.
+
+    Raises:
+        RecordingError: No log, one beyond a bound, or without scans, odometry or times; or `out` exists.
+        ConfigError: The map cannot be read.
+        WriteError: The disk is full; nothing is left.
+    """
+    found = survey(log)
+    named = _named(found)
+    wrong = [name for name in mounts or () if name not in named.values()]
+    if wrong:
+        raise RecordingError(f"--mount {wrong[0]}: the log has no such sensor; it has {', '.join(named.values())}")
+    result = CarmenLog(found.is_corrected)
+    result.mounts = {name: (mounts or {}).get(name) or _mount(found, word, name) for word, name in named.items()}
+    try:
+        is_scan = found.events[:, 1] != ODOM
+        if poses == "corrected":
+            found.events = found.events[is_scan]
+        times = stamps_of(found.events, found.is_corrected, period)
+        if poses == "corrected":
+            word = next(word for word, name in named.items() if name == "laser")
+            is_front = found.events[:, 1] == LASERS.index(word) + 1
+            way = corrected_odometry(found.events[is_front], times[is_front], np.array(result.mounts["laser"]))
+        else:
+            way = raw_odometry(found.events, times, found.is_corrected)
+    except RecordingError as error:
+        raise RecordingError(f"{log}: {error}") from None
+    result.skipped.update(found.skipped)
+    loaded = imported_config(log.name, dict.fromkeys(named.values(), RANGE_SCAN))
+    if map_ref is not None or start is not None:
+        loaded = placed_in_map(loaded, map_ref, start, Pose2D(*way.poses[0].tolist()))
+    with writing(out, loaded, log.name) as written:
+        _write(written, log, found, times, way, named, range_max, result)
+        if not result.scans:
+            raise RecordingError(f"{log}: no scan can be used: {next(iter(result.skipped), 'it holds none')}")
+    result.first_ns, result.last_ns = written.first_ns, written.last_ns
+    return result
+
+
+def _named(found: Survey) -> dict[str, str]:
+    """Name of each sensor by the first word of its lines. A laser that is in a log in two formats is taken once."""
+    kinds = {int(kind) for kind in np.unique(found.events[:, 1])} - {ODOM}
+    words = [LASERS[kind - 1] for kind in sorted(kinds)]
+    named: dict[str, str] = {}
+    for word in words:
+        if SENSORS[word] in named.values():
+            found.skipped[f"{word}: the same laser as {next(w for w, n in named.items() if n == SENSORS[word])}"] = (
+                found.counts[word]
+            )
+        else:
+            named[word] = SENSORS[word]
+    if not named:
+        raise RecordingError(f"no scans: expected lines of {', '.join(LASERS)}; there are {', '.join(found.counts)}")
+    if "laser" not in named.values():
+        named = dict.fromkeys(named, "laser")
+    return named
+
+
+def _mount(found: Survey, word: str, name: str) -> tuple[float, float, float]:
+    """Where a laser is on the robot: by the two poses of its scans where these agree, else by the log's parameters."""
+    rows = found.events[found.events[:, 1] == LASERS.index(word) + 1]
+    places = compose(inverse(rows[:, 5:8]), rows[:, 2:5])
+    off = np.abs(places - places[0])
+    off[:, 2] = np.abs(wrap(off[:, 2]))
+    if off.max() < STEADY and np.abs(places[0]).max() > 1e-6:
+        x, y, yaw = places[0].tolist()
+        return x, y, yaw
+    try:
+        offset = float(found.params.get(OFFSETS[name], 0.0))
+    except ValueError:
+        offset = 0.0
+    return (offset if abs(offset) < 10.0 else 0.0), 0.0, (math.pi if name == "rear_laser" else 0.0)
+
+
+def _limit(found: Survey, name: str, given: float | None, beams: Beams) -> float:
+    if given is not None or beams.range_max is not None:
+        return given or beams.range_max or RANGE_MAX
+    try:
+        limit = float(found.params.get(LIMITS[name], RANGE_MAX))
+    except ValueError:
+        return RANGE_MAX
+    return limit if RANGE_MIN < limit < 1e4 else RANGE_MAX
+
+
+def _write(
+    written: ImportedLog,
+    log: Path,
+    found: Survey,
+    times: Floats,
+    way: Timeline,
+    named: Mapping[str, str],
+    range_max: float | None,
+    result: CarmenLog,
+) -> None:
+    """Odometry and scans in the order of their stamps, odometry first where both are at the same time."""
+    time_of = dict(zip(found.events[:, 0].astype(int).tolist(), times.tolist(), strict=True))
+    word_of = dict(zip(found.events[:, 0].astype(int).tolist(), found.events[:, 1].astype(int).tolist(), strict=True))
+    done, last_ns = 0, dict[str, int]()
+
+    def odometry_until(stamp_ns: float) -> None:
+        nonlocal done
+        while done < len(way.stamps) and way.stamps[done] <= stamp_ns:
+            (x, y, heading), (v, w) = way.poses[done].tolist(), way.twists[done].tolist()
+            at = int(way.stamps[done])
+            written.put("odometry", Odometry(at, Pose2D(x, y, heading), Twist2D(v, 0.0, w)), at)
+            done += 1
+
+    for line, ranges, beams in scans(log):
+        word = LASERS[word_of[line] - 1]
+        if word not in named:
+            continue
+        name, stamp_ns = named[word], round(time_of[line] * 1e9)
+        if stamp_ns <= last_ns.get(name, -1):
+            result.skipped[f"{word}: at the time of the scan before it"] += 1
+            continue
+        scan = _scan(stamp_ns, ranges, beams, result.mounts[name], _limit(found, name, range_max, beams))
+        if scan is None:
+            result.skipped[f"{word}: no reading is a measurement"] += 1
+            continue
+        odometry_until(stamp_ns)
+        written.put(name, scan, stamp_ns)
+        last_ns[name] = stamp_ns
+        result.scans[name] += 1
+    odometry_until(math.inf)
+    result.odometry = done
+
+
+def _scan(
+    stamp_ns: int, ranges: Floats, beams: Beams, mount: tuple[float, float, float], range_max: float
+) -> RangeScan | None:
+    """A scan in the base frame. What is at or beyond the limit is no echo; what is below `RANGE_MIN` is left out."""
+    is_kept = ranges >= RANGE_MIN
+    count = int(is_kept.sum())
+    if not count:
+        return None
+    bearings: Floats = beams.first + beams.step * np.arange(len(ranges), dtype=np.float64)[is_kept] + mount[2]
+    echoes = np.where(ranges[is_kept] >= range_max, np.inf, ranges[is_kept])
+    zeros = np.zeros(count)
+    origins = np.tile(np.array(mount[:2]), (count, 1))
+    return RangeScan(stamp_ns, origins, wrap(bearings), zeros, zeros, echoes, RANGE_MIN, range_max)

@@ -1,0 +1,54 @@
+"""What a check is, and what it finds.
+
+To add a check to a tier:
+
+1. Write a function `def mirrored(bench: Bench) -> Iterator[Finding]` in a module of the tier's package. It plays scenes
+   with `bench`, and yields a `Finding` for each fault. A behaviour check yields a `Shown` for what it reports
+   without judgement. Where it has nothing to say of a plugin, it raises `NotRun` with the reason.
+2. Put `@check(TIER, KINDS, "What it demands, in one sentence.")` before it. The function's name is the check's name.
+3. Name it in the tuple `CHECKS` of the tier's package. `navloom.testing.tiers` lists the tiers.
+
+A check runs in the process of the plugin, which may hang or die: `navloom.testing.worker` says how that is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from navloom.testing.bench import Bench
+from navloom.testing.findings import Finding, Shown
+
+__all__ = ["Check", "check"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One named demand on plugins.
+
+    Attributes:
+        name: As `--only` takes it.
+        tier: One of `navloom.testing.tiers.TIERS`.
+        kinds: Roles and other kinds of plugin that it concerns.
+        demands: What it demands, in one sentence.
+        run: Plays a plugin and gives what it finds.
+        is_static: It looks at the class alone and makes no object: a driver of a real robot stays untouched.
+    """
+
+    name: str
+    tier: str
+    kinds: frozenset[str]
+    demands: str
+    run: Callable[[Bench], Iterable[Finding | Shown]]
+    is_static: bool = False
+
+
+def check(
+    tier: str, kinds: Iterable[str], demands: str, *, is_static: bool = False
+) -> Callable[[Callable[[Bench], Iterable[Finding | Shown]]], Check]:
+    """Make a check of a function; its name is the function's."""
+
+    def declare(run: Callable[[Bench], Iterable[Finding | Shown]]) -> Check:
+        return Check(run.__name__, tier, frozenset(kinds), demands, run, is_static)
+
+    return declare

@@ -1,0 +1,10 @@
+"""The contract tier: what every plugin must pass. `navloom.testing.checks` says how to add a check."""
+
+from __future__ import annotations
+
+from navloom.testing.contract import answers, declared, repeats
+
+__all__ = ["CHECKS"]
+
+CHECKS = (*declared.CHECKS, *answers.CHECKS, *repeats.CHECKS)
+"""In the order they run: first what needs no object, then what says most of a broken plugin."""

@@ -1,0 +1,77 @@
+"""What a plugin answers: types, ranges, odd readings, typed failures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from navloom.messages import PlanFailure
+from navloom.testing.bench import USUAL, Bench
+from navloom.testing.checks import check
+from navloom.testing.contract.kinds import PLAYED
+from navloom.testing.findings import Finding, NotRun
+from navloom.testing.inputs import IMPOSSIBLE
+
+__all__ = ["CHECKS"]
+
+
+@check("contract", PLAYED, "The process that runs it lives on: it neither exits, crashes nor is killed.")
+def survives(bench: Bench) -> Iterator[Finding]:
+    """Play everything once. The runner tells of a process that ended."""
+    for scene in bench.scenes:
+        bench.base(scene)
+    yield from ()
+
+
+@check("contract", PLAYED, "Each call returns: none hangs.")
+def returns(bench: Bench) -> Iterator[Finding]:
+    """As `survives`: a timer ends a process that hangs, and the runner tells of it."""
+    yield from survives.run(bench)  # type: ignore[misc]
+
+
+@check("contract", PLAYED, "In every usual scene each answer is of its type and within its ranges.")
+def answers(bench: Bench) -> Iterator[Finding]:
+    """The checks at the door, and those of the message itself."""
+    yield from _faults(bench, (USUAL, "at_goal"))
+
+
+@check("contract", PLAYED, "Empty scans, scans without echo, single beams and readings of 0 m bring an answer "
+       "without NaN, or InputError.")  # fmt: skip
+def odd_readings(bench: Bench) -> Iterator[Finding]:
+    """What sensors give now and then."""
+    topics = ("empty", "infinite", "single_beam", "nearest")
+    if not bench.of_topic(*topics):
+        raise NotRun("it reads no range sensor")
+    yield from _faults(bench, topics, may_refuse=True)
+
+
+@check("contract", {"planner"}, "A goal that cannot be reached brings a PlanFailure, never an exception or a path.")
+def typed_failures(bench: Bench) -> Iterator[Finding]:
+    """Goals in a wall and behind walls; and requests that a planner may answer either way."""
+    yield from _faults(bench, ("odd_request", IMPOSSIBLE))
+    for scene in bench.of_topic(IMPOSSIBLE):
+        if not isinstance(bench.base(scene), list):
+            continue
+        answer = bench.player(scene).step(scene.inputs[0])
+        if not isinstance(answer, PlanFailure):
+            yield Finding(
+                "gives a path where there is none", "PlanFailure(request_id, 'goal_occupied' or 'no_path', place, why)",
+                given=bench.at(scene, 0), scene=scene.name,
+            )  # fmt: skip
+
+
+def _faults(bench: Bench, topics: tuple[str, ...], may_refuse: bool = False) -> Iterator[Finding]:
+    """The faults of first plays, each text once."""
+    told: set[str] = set()
+    for scene in bench.of_topic(*topics):
+        base = bench.base(scene)
+        if isinstance(base, list):
+            continue
+        fault, step = base
+        if may_refuse and fault.is_refusal:
+            continue
+        if fault.problem not in told:
+            told.add(fault.problem)
+            yield bench.finding(fault, bench.at(scene, step), scene.name)
+
+
+CHECKS = (survives, returns, answers, odd_readings, typed_failures)

@@ -1,0 +1,126 @@
+"""What a plugin declares: signatures and parameters. No object is made."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from navloom.roles import Params
+from navloom.testing.bench import Bench
+from navloom.testing.checks import check
+from navloom.testing.contract.kinds import CLASSES, EVERY
+from navloom.testing.findings import Finding
+from navloom.testing.subject import place_of
+
+__all__ = ["CHECKS", "fields_of"]
+
+UNIT = re.compile(
+    r"(?<![\w])(m|mm|cm|km|s|ms|ns|min|h|rad|deg|degrees?|°|Hz|kHz|kg|N|V|A|W|%|m/s|m/s\^2|m/s²|rad/s|rad/s²|1/s|1/m|"
+    r"m²|m\^2|percent|cells?|metres?|seconds?|sectors?|beams?|scans?|steps?|ticks?|points?|counts?|iterations?|samples?|"
+    r"nodes?|times|frames?|bytes?|particles?)(?![\w])"
+)
+NO_UNIT = re.compile(
+    r"\b(no unit|dimensionless|unitless|weights?|gains?|ratio|share|fraction|factor|probability|percent|number of|"
+    r"how many|over nominal|multiple|exponent|power of|quantile|score|preference|times|per|threshold|density|damping|"
+    r"coefficient|divided by|cost)\b",
+    re.IGNORECASE,
+)
+
+
+def fields_of(model: type[Params]) -> list[tuple[str, FieldInfo]]:
+    """The parameters of a model."""
+    return list(model.model_fields.items())
+
+
+@check("contract", EVERY, "It is found under its name, and the registry takes it.", is_static=True)
+def registers(bench: Bench) -> Iterator[Finding]:
+    """What is refused never gets here: the worker tells it of this check."""
+    yield from ()
+
+
+@check("contract", CLASSES, "Verb, reset, configure and warm_up take the arguments that they are called with.",
+       is_static=True)  # fmt: skip
+def signatures(bench: Bench) -> Iterator[Finding]:
+    """Each method is bound to the arguments that the framework calls it with."""
+    cls = bench.subject.thing
+    calls: dict[str, tuple[tuple[str, ...], str]] = {
+        bench.subject.verb: (("self", "given"), "(self, given)"),
+        "reset": (("self",), "(self)"),
+        "configure": (("self", "params"), "(self, params)"),
+        "warm_up": ((), "(cls), marked @classmethod"),
+    }
+    for name, (arguments, form) in calls.items():
+        method = getattr(cls, name)
+        try:
+            inspect.signature(method).bind(*arguments)
+        except TypeError as error:
+            yield Finding(
+                f"{name}{inspect.signature(method)} cannot be called: {error}", f"def {name}{form}", place_of(method)
+            )
+        if inspect.iscoroutinefunction(method) or inspect.isgeneratorfunction(method):
+            yield Finding(f"{name}() gives a coroutine or generator", f"a plain method that returns its answer: def "
+                          f"{name}{form}", place_of(method))  # fmt: skip
+
+
+@check("contract", CLASSES, "Each default is within its parameter's own bounds.", is_static=True)
+def defaults_within_bounds(bench: Bench) -> Iterator[Finding]:
+    """Pydantic does not check defaults by itself."""
+    model: type[Params] = bench.subject.thing.Params
+    values = {name: field.get_default(call_default_factory=True) for name, field in fields_of(model) if not
+              field.is_required()}  # fmt: skip
+    given = {**bench.subject.params.model_dump(), **values}
+    try:
+        model.model_validate(given)
+    except ValidationError as error:
+        for one in error.errors(include_url=False):
+            name = ".".join(map(str, one["loc"])) or "the defaults together"
+            yield Finding(
+                f"the default of {name} is {one['input']!r}", f"a default that its own bounds allow: {one['msg']}",
+                place_of(model),
+            )  # fmt: skip
+
+
+@check("contract", CLASSES, "The description of each parameter gives its unit.", is_static=True)
+def units(bench: Bench) -> Iterator[Finding]:
+    """Of real numbers; whole numbers, switches and texts have none."""
+    model: type[Params] = bench.subject.thing.Params
+    for name, field in fields_of(model):
+        text = field.description or ""
+        if not text:
+            yield Finding(
+                f"the parameter {name} has no description", "what it is, and its unit: Field(…, description='…, m.')",
+                place_of(model),
+            )  # fmt: skip
+        elif _is_real(field.annotation) and not (UNIT.search(text) or NO_UNIT.search(text) or _is_angle(name)):
+            yield Finding(
+                f"the description of {name} gives no unit: {text!r}", "its unit, as in 'Look-ahead distance, m.'; or "
+                "'no unit'", place_of(model),
+            )  # fmt: skip
+
+
+@check("contract", CLASSES, "Parameters that the plugin does not know are refused.", is_static=True)
+def unknown_parameters(bench: Bench) -> Iterator[Finding]:
+    """A misspelt key in a config is an error only where the model forbids it."""
+    model: type[Params] = bench.subject.thing.Params
+    if model.model_config.get("extra") != "forbid":
+        yield Finding(
+            f"{model.__name__} takes unknown keys", "model_config without `extra`, so that misspelt keys are refused",
+            place_of(model),
+        )  # fmt: skip
+
+
+def _is_real(annotation: Any) -> bool:
+    """Whether a parameter is a real number, or may be one."""
+    return annotation is float or float in get_args(annotation)
+
+
+def _is_angle(name: str) -> bool:
+    return name.endswith(("_deg", "_hz", "_ns", "_ms", "_m", "_s"))
+
+
+CHECKS = (registers, signatures, defaults_within_bounds, units, unknown_parameters)

@@ -1,0 +1,15 @@
+"""Which kinds of plugin a check concerns."""
+
+from __future__ import annotations
+
+from navloom.plugins.registry import NODE
+from navloom.roles import ROLES
+from navloom.testing.subject import CHECKED
+
+__all__ = ["CLASSES", "EVERY", "PLAYED"]
+
+EVERY = frozenset(CHECKED)
+CLASSES = frozenset((*ROLES, NODE))
+"""Plugins that are classes with parameters."""
+PLAYED = frozenset(ROLES)
+"""Plugins that are played through scenes."""

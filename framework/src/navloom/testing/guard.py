@@ -1,0 +1,190 @@
+"""What a plugin does beside answering, seen from within its process: clocks, files, processes, threads.
+
+Only the process of `navloom.testing.worker` installs this, before it imports the plugin.
+"""
+
+from __future__ import annotations
+
+import datetime
+import faulthandler
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import PurePath
+from types import FrameType
+from typing import IO, Any, NamedTuple
+
+__all__ = ["GUARD", "Deed", "Guard"]
+
+CLOCKS = ("time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "process_time",
+          "process_time_ns")  # fmt: skip
+KINDS = {
+    "os.fork": "process", "os.forkpty": "process", "os.posix_spawn": "process", "os.system": "process",
+    "os.exec": "process", "subprocess.Popen": "process", "_thread.start_new_thread": "thread",
+    "socket.connect": "socket", "socket.bind": "socket", "socket.getaddrinfo": "socket", "open": "file",
+    "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
+}  # fmt: skip
+"""Events of the interpreter's audit hooks that no verb has a use for, and what they are about."""
+LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
+"""Code below which files are read and written for code, not by the plugin."""
+
+
+class Deed(NamedTuple):
+    """Something a plugin did in a call: what kind, in words, and its file and line."""
+
+    kind: str
+    text: str
+    place: str
+
+
+class Guard:
+    """Watches the calls into a plugin.
+
+    Attributes:
+        deeds: What was seen; a check empties it before it looks.
+    """
+
+    def __init__(self) -> None:
+        self.deeds: list[Deed] = []
+        self.is_own: Callable[[str], bool] = lambda module: False
+        self.mark: Callable[[str], None] = lambda text: None
+        self.crash_file: IO[str] | None = None
+        self.limit = 0.0
+        self._depth = 0
+        self._shift: tuple[float, float] | None = None
+        self._readings = 0
+
+    def install(self, crash_file: IO[str]) -> None:
+        """Put the hooks in place, for the rest of the process."""
+        self.crash_file = crash_file
+        faulthandler.enable(crash_file)
+        sys.addaudithook(self._on_event)
+        os.register_at_fork(after_in_child=lambda: os._exit(0))  # a fork would run the checks a second time
+        self._wrap_clocks()
+        self._wrap_exit()
+
+    @contextmanager
+    def within(self, what: str, limit: float = 0.0) -> Iterator[None]:
+        """A call into the plugin. After `limit`, s, the process ends with the place where it hangs; 0 for the usual."""
+        limit = limit or self.limit
+        self.mark(what)
+        self._depth += 1
+        if limit and self.crash_file is not None:
+            faulthandler.dump_traceback_later(limit, exit=True, file=self.crash_file)
+        try:
+            yield
+        finally:
+            if limit and self.crash_file is not None:
+                faulthandler.cancel_dump_traceback_later()
+            self._depth -= 1
+            self.mark("")
+
+    @contextmanager
+    def clock(self, start: float, pace: float) -> Iterator[None]:
+        """Have the plugin see a clock that begins elsewhere, s, and moves by `pace`, s, with each look at it."""
+        self._shift, self._readings = (start, pace), 0
+        try:
+            yield
+        finally:
+            self._shift = None
+
+    def _on_event(self, event: str, given: tuple[Any, ...]) -> None:
+        if not self._depth or event not in KINDS:
+            return
+        if event == "open" and not _writes(given):
+            return
+        place = self._own_place(sys._getframe(1))
+        if place:
+            self.deeds.append(Deed(KINDS[event], f"{event} {_short(given)}".strip(), place))
+
+    def _own_place(self, frame: FrameType | None) -> str:
+        """The plugin's line that a call comes from; empty where it comes from an import or a compiler."""
+        while frame is not None:
+            module = str(frame.f_globals.get("__name__", ""))
+            if module.partition(".")[0] in LOADERS:
+                return ""
+            if self.is_own(module):
+                return f"{PurePath(frame.f_code.co_filename).name}:{frame.f_lineno}"
+            frame = frame.f_back
+        return ""
+
+    def _read_clock(self, name: str, real: Callable[[], Any]) -> Any:
+        if not self._depth:
+            return real()
+        caller = sys._getframe(2)
+        if not self.is_own(str(caller.f_globals.get("__name__", ""))):
+            return real()
+        self.deeds.append(Deed("clock", name, f"{PurePath(caller.f_code.co_filename).name}:{caller.f_lineno}"))
+        if self._shift is None:
+            return real()
+        self._readings += 1
+        start, pace = self._shift
+        seconds = start + self._readings * pace
+        return round(seconds * 1e9) if name.endswith("_ns") else seconds
+
+    def _wrap_clocks(self) -> None:
+        for name in CLOCKS:
+            setattr(time, name, _wrapped(self, name, getattr(time, name)))
+        setattr(datetime, "datetime", _shifted_datetime(self))  # noqa: B010  (of a class that is not to change)
+
+    def _wrap_exit(self) -> None:
+        leave = os._exit
+
+        def exit_at_once(status: int) -> None:
+            if self._depth and self.crash_file is not None:
+                faulthandler.dump_traceback(self.crash_file, all_threads=False)
+                self.crash_file.flush()
+            leave(status)
+
+        os._exit = exit_at_once  # type: ignore[assignment]
+
+
+def _wrapped(guard: Guard, name: str, real: Callable[[], Any]) -> Callable[[], Any]:
+    def read() -> Any:
+        return guard._read_clock(f"time.{name}", real)
+
+    return read
+
+
+def _shifted_datetime(guard: Guard) -> type:
+    """A datetime class whose `now` and kin read the guard's clock."""
+    real: Any = datetime.datetime
+
+    class _Kind(type(real)):  # type: ignore[misc]
+        def __instancecheck__(cls, one: object) -> bool:
+            return isinstance(one, real)
+
+    class Shifted(real, metaclass=_Kind):  # type: ignore[misc]
+        @classmethod
+        def now(cls, tz: Any = None) -> Any:
+            return real.fromtimestamp(guard._read_clock("datetime.now", real.now().timestamp), tz)
+
+        @classmethod
+        def utcnow(cls) -> Any:
+            stamp = guard._read_clock("datetime.utcnow", real.now().timestamp)
+            return real.fromtimestamp(stamp, datetime.UTC).replace(tzinfo=None)
+
+        @classmethod
+        def today(cls) -> Any:
+            return real.fromtimestamp(guard._read_clock("datetime.today", real.now().timestamp))
+
+    Shifted.__name__ = Shifted.__qualname__ = "datetime"
+    return Shifted
+
+
+def _writes(given: tuple[Any, ...]) -> bool:
+    """Whether an `open` event is for writing; its mode is None where `os.open` was called, with flags."""
+    _, mode, flags = given
+    if isinstance(mode, str):
+        return any(letter in mode for letter in "wax+")
+    return bool(isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+
+
+def _short(given: tuple[Any, ...]) -> str:
+    return str(given[0])[:80] if given and isinstance(given[0], (str, bytes)) else ""
+
+
+GUARD = Guard()
+"""The guard of this process; without `install` it only counts calls."""

@@ -1,0 +1,218 @@
+"""A plugin of a role that is played: made, given inputs one after the other, its answers compared byte by byte."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from navloom.engine.door import (
+    AnswerError,
+    LocalizerDoor,
+    MapperDoor,
+    PlannerDoor,
+    PlatformDoor,
+    TwistDoor,
+)
+from navloom.engine.random_streams import stream_source
+from navloom.messages import Avoidance, Message, RecoveryStep, TrackingCommand
+from navloom.messages.codec import decode, encode, schema_label
+from navloom.roles import Context, InputError, PlatformOutput
+from navloom.roles.extra import Extras
+from navloom.testing.guard import GUARD
+from navloom.testing.subject import Subject
+
+__all__ = ["Fault", "Player", "bytes_of", "first_difference", "loosened", "size_of", "through_codec"]
+
+NOWHERE = ("", 0, 0, 0, 0, 0)
+"""An envelope that says nothing."""
+TOLERANCE = 0.2
+"""How near to its goal a robot must come, m, where a path is checked."""
+
+
+class Fault(Exception):
+    """A call that raised, or whose answer does not fit.
+
+    Attributes:
+        problem: What the plugin did, as a sentence without its subject.
+        expected: What it should have done.
+        place: File and line of its code.
+        is_refusal: It raised InputError, its word for data that it cannot use.
+        answer: What it gave, where it gave anything.
+    """
+
+    def __init__(self, problem: str, expected: str, place: str, is_refusal: bool = False) -> None:
+        super().__init__(problem)
+        self.problem, self.expected, self.place, self.is_refusal = problem, expected, place, is_refusal
+
+
+class Streams:
+    """The random streams of a context, which can be wound back to their beginning."""
+
+    def __init__(self, source: Callable[[str], np.random.Generator]) -> None:
+        self._source = source
+        self._made: dict[str, tuple[np.random.Generator, Any]] = {}
+
+    def __call__(self, name: str) -> np.random.Generator:
+        if name not in self._made:
+            stream = self._source(name)
+            self._made[name] = (stream, stream.bit_generator.state)
+        return self._made[name][0]
+
+    def rewind(self) -> None:
+        """Have each stream give again what it gave from the start."""
+        for stream, state in self._made.values():
+            stream.bit_generator.state = state
+
+
+class Player:
+    """One object of a plugin with a context of its own.
+
+    Args:
+        subject: The plugin.
+        context: What it is made with; its streams are made anew from the seed.
+        seed: Of its streams.
+        params: Its parameters; default those of the subject.
+
+    Raises:
+        Fault: It cannot be made.
+    """
+
+    def __init__(self, subject: Subject, context: Context, seed: int, params: Any = None) -> None:
+        self.subject = subject
+        self.streams = Streams(stream_source(seed, subject.kind, context.instance))
+        self.context = replace(context, stream=self.streams)
+        self.params = subject.params if params is None else params
+        self.plugin = self._call("__init__", lambda: subject.thing(self.params, self.context))
+        self._verb = getattr(self.plugin, subject.verb)
+        self._door = self._new_door()
+
+    def step(self, given: Any) -> Any:
+        """Call the verb once, and hold the answer against what the framework demands. Raises Fault."""
+        answer = self._call(self.subject.verb, lambda: self._verb(given))
+        try:
+            return self._door(answer, given)
+        except AnswerError as error:
+            problem, _, expected = str(error).rpartition(" (")[0].partition(", expected ")
+            raise Fault(problem.partition("() ")[2] or problem, expected, self.subject.place) from None
+
+    def play(self, inputs: Iterable[Any]) -> list[bytes]:
+        """The answers to inputs, as bytes. Raises Fault."""
+        return [bytes_of(self.step(given)) for given in inputs]
+
+    def reset(self) -> None:
+        """Reset the plugin; its streams begin again too. Raises Fault."""
+        self.streams.rewind()
+        self._call("reset", self.plugin.reset)
+        self._door = self._new_door()
+
+    def configure(self, params: Any) -> None:
+        """Hand it new parameters. Raises Fault."""
+        self._call("configure", lambda: self.plugin.configure(params))
+
+    def _new_door(self) -> Callable[[Any, Any], Any]:
+        """What holds an answer against the input: of a fresh door, since doors remember stamps."""
+        plugin, kind = self.plugin, self.subject.kind
+        if kind == "platform":
+            return PlatformDoor(plugin).check
+        if kind == "localizer":
+            return LocalizerDoor(plugin).check
+        if kind == "mapper":
+            return MapperDoor(plugin).check
+        if kind == "planner":
+            return PlannerDoor(plugin, TOLERANCE).check
+        gives: type[Any] = {"controller": TrackingCommand, "avoider": Avoidance, "recovery": RecoveryStep}[kind]
+        door: TwistDoor[Any] = TwistDoor(plugin, gives)
+        return lambda answer, given: door.check(answer)
+
+    def _call(self, what: str, act: Callable[[], Any]) -> Any:
+        try:
+            with GUARD.within(what):
+                return act()
+        except InputError as error:
+            raise Fault(
+                f"{what}() raises InputError: {error}", "an answer, since these data fit", self._line_of(error), True
+            ) from error
+        except (Exception, SystemExit, KeyboardInterrupt) as error:
+            raise Fault(
+                f"{what}() raises {type(error).__name__}: {error}", "an answer", self._line_of(error)
+            ) from error
+
+    def _line_of(self, error: BaseException) -> str:
+        """The innermost line of the plugin's own code that an error came through."""
+        place = ""
+        for frame, line in traceback.walk_tb(error.__traceback__):
+            if self.subject.is_own(str(frame.f_globals.get("__name__", ""))):
+                place = f"{PurePath(frame.f_code.co_filename).name}:{line}"
+        return place or self.subject.place
+
+
+def bytes_of(value: Any) -> bytes:
+    """An answer or an input as bytes: equal for equal contents, bit for bit."""
+    if isinstance(value, Message):
+        return schema_label(type(value)).encode() + encode(value, NOWHERE)
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    if isinstance(value, Extras):
+        return b"".join(bytes_of(one) for one in value._held.values())
+    if isinstance(value, Mapping):
+        return b"".join(str(key).encode() + bytes_of(one) for key, one in value.items())
+    if isinstance(value, (tuple, list)):
+        return b"".join(map(bytes_of, value)) + b"%d" % len(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return b"".join(bytes_of(getattr(value, one.name)) for one in fields(value))
+    return repr(value).encode()
+
+
+def _rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any], Any]) -> Any:
+    """An input with its messages and arrays replaced."""
+    if isinstance(value, Message):
+        return leaf(value)
+    if isinstance(value, np.ndarray):
+        return array(value)
+    if isinstance(value, Extras):
+        return Extras({key: _rebuilt(one, leaf, array) for key, one in value._held.items()})
+    if isinstance(value, Mapping):
+        return {key: _rebuilt(one, leaf, array) for key, one in value.items()} if value else value
+    if isinstance(value, tuple) and not hasattr(value, "_fields"):
+        return tuple(_rebuilt(one, leaf, array) for one in value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value)(**{one.name: _rebuilt(getattr(value, one.name), leaf, array) for one in fields(value)})
+    return value
+
+
+def through_codec(given: Any) -> Any:
+    """An input whose messages were encoded and decoded, as they are where a plugin runs in another process."""
+    return _rebuilt(given, lambda one: decode(encode(one, NOWHERE), schema_label(type(one)))[0], lambda array: array)
+
+
+def loosened(given: Any) -> Any:
+    """An input whose arrays can be written to, so that a plugin that writes to them is seen to."""
+    return _rebuilt(given, _loose_message, np.array)
+
+
+def _loose_message(message: Message) -> Message:
+    made = object.__new__(type(message))
+    for name in message.kinds:
+        value = getattr(message, name)
+        type(message).__dict__[name].__set__(made, _rebuilt(value, _loose_message, np.array))
+    return made
+
+
+def size_of(answer: Any) -> int:
+    """Bytes of all messages of an answer."""
+    if isinstance(answer, PlatformOutput):
+        return sum(len(bytes_of(one)) for one in (answer.odometry, *answer.scans.values()))
+    return len(bytes_of(answer)) if answer is not None else 0
+
+
+def first_difference(one: Sequence[bytes | str], other: Sequence[bytes | str]) -> int | None:
+    """Number of the first step at which two plays differ; None where they are equal."""
+    for number, (here, there) in enumerate(zip(one, other, strict=False)):
+        if here != there:
+            return number
+    return None if len(one) == len(other) else min(len(one), len(other))

@@ -1,0 +1,38 @@
+"""What a plugin prints, kept apart from the lines that its process tells."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from typing import IO
+
+__all__ = ["PRINTED", "Printed"]
+
+
+class Printed:
+    """Standard output of this process, in a file from `capture` on."""
+
+    def __init__(self) -> None:
+        self._file: IO[bytes] | None = None
+        self._seen = 0
+
+    def capture(self) -> None:
+        """Lead standard output, that of C code too, into a file that vanishes with the process."""
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as the process)
+        sys.stdout.flush()
+        os.dup2(self._file.fileno(), 1)
+
+    def news(self) -> str:
+        """What was printed since the last call."""
+        if self._file is None:
+            return ""
+        sys.stdout.flush()
+        size = os.fstat(self._file.fileno()).st_size
+        text = os.pread(self._file.fileno(), min(size - self._seen, 4096), self._seen).decode(errors="replace")
+        self._seen = size
+        return text
+
+
+PRINTED = Printed()
+"""Of this process."""

@@ -1,0 +1,127 @@
+"""A process that a plugin runs in: what it tells, and what its end says."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path, PurePath
+from queue import Empty, Queue
+from threading import Thread
+from typing import Any
+
+from navloom.testing.findings import Finding
+from navloom.testing.subject import Request
+
+__all__ = ["MARK_SIZE", "Process", "digests_of"]
+
+MARK_SIZE = 256
+"""Bytes of the file that says which call is under way."""
+SILENCE = 240.0
+"""How long a process may tell nothing, s: beyond, it is ended. Calls have a shorter limit of their own."""
+FRAME = re.compile(r'File "([^"]+)", line (\d+)')
+
+
+class Process:
+    """A worker process, as a context.
+
+    Args:
+        job: What `navloom.testing.worker` is to do.
+        hash_seed: Of Python's hashes of texts.
+    """
+
+    def __init__(self, job: dict[str, Any], hash_seed: int = 0) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="navloom-check-")
+        self.mark, self.crash = Path(self._folder.name) / "mark", Path(self._folder.name) / "crash"
+        self.mark.write_bytes(bytes(MARK_SIZE))
+        self.crash.touch()
+        self._errors = open(Path(self._folder.name) / "stderr", "w+")  # noqa: SIM115
+        self.is_silent = False
+        self._child = subprocess.Popen(
+            [sys.executable, "-m", "navloom.testing.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            start_new_session=True,
+            env={**os.environ, "PYTHONHASHSEED": str(hash_seed)},
+        )
+        assert self._child.stdin is not None
+        self._child.stdin.write(json.dumps({**job, "mark": str(self.mark), "crash": str(self.crash)}))
+        self._child.stdin.close()
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(self, *given: object) -> None:
+        self._child.kill()
+        self._child.wait()
+        self._errors.close()
+        self._folder.cleanup()
+
+    def lines(self) -> Iterator[dict[str, Any]]:
+        """What it tells, until it ends or falls silent."""
+        queue: Queue[str | None] = Queue()
+        Thread(target=self._read, args=(queue,), daemon=True).start()
+        while True:
+            try:
+                line = queue.get(timeout=SILENCE)
+            except Empty:
+                self.is_silent = True
+                self._child.kill()
+                return
+            if line is None:
+                self._child.wait()
+                return
+            yield json.loads(line)
+
+    def _read(self, queue: Queue[str | None]) -> None:
+        assert self._child.stdout is not None
+        for line in self._child.stdout:
+            queue.put(line)
+        queue.put(None)
+
+    def autopsy(self, folder: str, usual_place: str) -> tuple[str, Finding]:
+        """The check that says how the process ended, and what to say.
+
+        Args:
+            folder: Of the plugin's code.
+            usual_place: File and line to blame where none is known.
+        """
+        crash = self.crash.read_text(errors="replace")
+        call = self.mark.read_bytes().rstrip(b"\0 ").decode(errors="replace")
+        place = _place_in(crash, folder) or usual_place
+        what = f"{call}()" if call else "its code"
+        if crash.startswith("Timeout") or self.is_silent:
+            return "returns", Finding(f"{what} does not return", "a call that ends within its time", place)
+        if crash.startswith("Fatal Python error"):
+            fatal = crash.splitlines()[0].removeprefix("Fatal Python error: ")
+            return "survives", Finding(f"{what} crashes the process: {fatal}", "code that never does", place)
+        code = self._child.returncode
+        how = f"is killed by signal {-code}" if code < 0 else f"ends with exit code {code}"
+        self._errors.seek(0)
+        last = (self._errors.read().strip().splitlines() or [""])[-1]
+        hint = f" ({last[:200]})" if last else ""
+        return "survives", Finding(f"the process {how} in {what}{hint}", "an answer or an exception; no exit", place)
+
+
+def _place_in(crash: str, folder: str) -> str:
+    """The innermost line of the plugin in what faulthandler wrote."""
+    for file, line in FRAME.findall(crash):
+        if folder and (file == folder or file.startswith(folder + os.sep)):
+            return f"{PurePath(file).name}:{line}"
+    return ""
+
+
+def digests_of(request: Request, hash_seed: int) -> dict[str, list[str]]:
+    """Hashes of a plugin's answers by scene, from a fresh process with other seeds, another clock and hash seed."""
+    job = {"name": request.name, "params": list(request.params), "seed": request.seed, "out": ""}
+    found: dict[str, list[str]] = {}
+    with Process({**job, "checks": []}, hash_seed) as process:
+        for line in process.lines():
+            found.update(line.get("digests", {}))
+    return found

@@ -1,0 +1,99 @@
+"""Runs checks in a process of the plugin, and turns the death of that process into a finding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from navloom.testing.checks import Check
+from navloom.testing.findings import Finding, Report, Result
+from navloom.testing.process import Process
+from navloom.testing.tiers import TIERS, checks_of
+
+__all__ = ["check_plugin"]
+
+MOST_DEATHS = 3
+"""After so many processes that ended, the rest of the checks is not run."""
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass
+class _Told:
+    """What processes told so far."""
+
+    owner: str = ""
+    place: str = ""
+    folder: str = ""
+    results: dict[str, Result] = field(default_factory=dict)
+
+
+def check_plugin(
+    name: str,
+    *,
+    params: Sequence[str] = (),
+    seed: int = 0,
+    tiers: Sequence[str] = tuple(TIERS),
+    only: Sequence[str] = (),
+    out: Path | None = None,
+    progress: Progress = lambda check, done, total: None,
+) -> Report:
+    """Check one plugin.
+
+    Args:
+        name: As `avoider.vff`.
+        params: TOML assignments of its parameters.
+        seed: Of everything random.
+        tiers: Which to run.
+        only: Names of the checks to run; empty for all of the tiers.
+        out: Folder for pictures; None for none.
+        progress: Is told the name of each check as it starts, its number, and how many there are.
+    """
+    checks = [one for one in checks_of(name.partition(".")[0], tiers) if not only or one.name in only]
+    job = {"name": name, "params": list(params), "seed": seed, "out": str(out or "")}
+    told = _Told()
+    deaths = 0
+    while missing := [one for one in checks if one.name not in told.results]:
+        ended = _one_process(job, missing, told, lambda check: progress(check, len(told.results), len(checks)))
+        if ended is None:
+            break
+        deaths += 1
+        _blame(told, checks, *ended, is_last=deaths >= MOST_DEATHS)
+    results = tuple(told.results[one.name] for one in checks)
+    options = tuple(f"--set {value!r}" if " " in value else f"--set {value}" for value in params)
+    return Report(name, told.owner, told.place, seed, results, options)
+
+
+def _one_process(
+    job: dict[str, Any], checks: Sequence[Check], told: _Told, progress: Callable[[str], None]
+) -> tuple[str, str, Finding] | None:
+    """Run checks in one process; where it ends early, the check, the name of the one that says so, and the finding."""
+    under_way = ""
+    with Process({**job, "checks": [one.name for one in checks]}) as process:
+        for line in process.lines():
+            if "start" in line:
+                under_way = line["start"]
+                progress(under_way)
+            elif "result" in line:
+                result = Result.of_json(line["result"])
+                told.results[result.check] = result
+            elif "loaded" in line:
+                told.owner, told.place, told.folder = (line["loaded"][key] for key in ("owner", "place", "folder"))
+            elif "done" in line:
+                return None
+        name, finding = process.autopsy(told.folder, told.place)
+    return under_way, name, finding
+
+
+def _blame(told: _Told, checks: Sequence[Check], under_way: str, name: str, finding: Finding, is_last: bool) -> None:
+    """Keep what the end of a process says, and what of the other checks is not run for it."""
+    of_tier = {one.name: one.tier for one in checks}
+    first = not under_way or under_way in ("registers", "survives", "returns")
+    name = name if name in of_tier else under_way or checks[0].name
+    told.results[name] = Result(name, of_tier[name], "failed", (finding,))
+    for one in checks:
+        is_stopped = one.name == under_way or ((first or is_last) and one.name not in told.results)
+        if is_stopped and one.name != name:
+            reason = f"the plugin ended its process: see the check `{name}`"
+            told.results[one.name] = Result(one.name, one.tier, "not_run", reason=reason)

@@ -1,0 +1,158 @@
+"""The plugin that is checked: how it is found, and where its code is."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+from navloom.config import ConfigError, check_params
+from navloom.entry_kinds import OTHERS
+from navloom.inputs.texts import toml_of
+from navloom.plugins import Discovery, PluginError
+from navloom.plugins.registry import NODE, nearest
+from navloom.roles import ROLES, Role, verb_of
+
+__all__ = ["CHECKED", "Request", "Subject", "discovery_of", "find"]
+
+CHECKED = (*ROLES, NODE, "metric", "panel", "world", "scheme", "message")
+"""Kinds of plugin that there are checks for."""
+
+
+class Request(NamedTuple):
+    """Which plugin is to be checked, as plain values: it is found again in each process.
+
+    Attributes:
+        name: As `avoider.vff`.
+        params: TOML assignments of its parameters, as `gain=2.0`.
+        seed: Of everything random in the checks.
+    """
+
+    name: str
+    params: tuple[str, ...] = ()
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A plugin that was loaded.
+
+    Attributes:
+        kind: Its role, or one of the other kinds.
+        name: Of its entry point, without the kind.
+        thing: The class; of metrics and panels the object, of worlds and schemes the function.
+        owner: Distribution and version.
+        params: Its parameters as checked; None for what has none.
+    """
+
+    kind: str
+    name: str
+    thing: Any
+    owner: str
+    params: Any = field(default=None)
+
+    @property
+    def full_name(self) -> str:
+        """As `avoider.vff`."""
+        return f"{self.kind}.{self.name}"
+
+    @property
+    def home(self) -> str:
+        """Top-level package of its code; the module itself for what is part of the framework."""
+        module = str(getattr(self.source, "__module__", "") or "")
+        return module if module.partition(".")[0] == "navloom" else module.partition(".")[0]
+
+    @property
+    def source(self) -> Any:
+        """What its code is read from: a class or a function."""
+        if self.kind == "metric":
+            return self.thing.compute
+        return self.thing.to_rerun if self.kind == "panel" else self.thing
+
+    @property
+    def verb(self) -> str:
+        """The method that the checks call; empty where the thing itself is called."""
+        if self.kind in ROLES:
+            return verb_of(self.kind)
+        return "step" if self.kind == NODE else ""
+
+    @property
+    def place(self) -> str:
+        """File and line of its verb, as `adapter.py:31`."""
+        found = getattr(self.source, self.verb, None) if self.verb else self.source
+        return place_of(found if found is not None else self.source)
+
+    def is_own(self, module: str) -> bool:
+        """Whether a module is part of the plugin's code."""
+        return module == self.home or module.startswith(f"{self.home}.")
+
+
+def place_of(thing: Any) -> str:
+    """File and line of a function or class, as `adapter.py:31`; empty where it has no Python source."""
+    try:
+        thing = inspect.unwrap(thing)
+        code = getattr(thing, "__code__", None)
+        if code is not None:
+            return f"{PurePath(code.co_filename).name}:{code.co_firstlineno}"
+        return f"{PurePath(inspect.getsourcefile(thing) or '').name}:{inspect.getsourcelines(thing)[1]}"
+    except (TypeError, OSError):
+        return ""
+
+
+def discovery_of(request: Request) -> Discovery:
+    """Where plugins are looked for. The one place to add sources beside the installed entry points."""
+    return Discovery()
+
+
+def find(request: Request) -> Subject:
+    """Load a plugin.
+
+    Raises:
+        PluginError: It is unknown, broken, or refused by the registry.
+        ConfigError: Its parameters do not fit.
+    """
+    kind, _, name = request.name.partition(".")
+    if kind not in CHECKED or not name:
+        known = ", ".join(OTHERS if kind in OTHERS else CHECKED)
+        raise PluginError(
+            f"{request.name}: expected KIND.NAME, as avoider.vff"
+            + (f"; there are no checks for a {kind}" if kind in OTHERS else nearest(kind, list(CHECKED)) or known)
+        )
+    discovery = discovery_of(request)
+    thing = _loaded(discovery, kind, name)
+    info = next((one for one in discovery.infos() if (one.role, one.name) == (kind, name)), None)
+    owner = f"{info.distribution} {info.version}".strip() if info is not None else ""
+    return Subject(kind, name, thing, owner, _params(thing, request) if isinstance(thing, type) else None)
+
+
+def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
+    if kind in ROLES or kind == NODE:
+        return discovery.plugin(kind, name)
+    if kind == "message":
+        return discovery.message(_schema_of(discovery, name))
+    registry = discovery.load(kind, name)
+    of_kind: Mapping[str, Mapping[str, Any]] = {
+        "metric": registry.metrics, "panel": registry.panels, "world": registry.worlds, "scheme": registry.schemes,
+    }  # fmt: skip
+    registered = of_kind[kind]
+    if name not in registered:
+        given = ", ".join(registered) or "nothing"
+        raise PluginError(f"the entry point {kind}.{name} registers {given}, expected {kind}.{name}")
+    return registered[name]
+
+
+def _schema_of(discovery: Discovery, name: str) -> str:
+    """A message's schema name, of `Tracks` or `navloom_people.Tracks`."""
+    known = discovery.names("message")
+    return name if name in known else next((one for one in known if one.rpartition(".")[2] == name), name)
+
+
+def _params(cls: type, request: Request) -> Any:
+    """A plugin's parameters: its defaults, with what the request changes."""
+    if not issubclass(cls, Role):
+        if request.params:
+            raise ConfigError(f"--set {request.params[0]}: {request.name} has no parameters")
+        return None
+    return check_params(cls.Params, toml_of("\n".join(request.params), "--set", ConfigError), request.name)

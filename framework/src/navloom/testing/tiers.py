@@ -1,0 +1,30 @@
+"""The tiers of `navloom check`, each with its checks in the order they run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from navloom.testing import contract
+from navloom.testing.behaviour import tier as behaviour
+from navloom.testing.checks import Check
+
+__all__ = ["BEHAVIOUR", "CONTRACT", "TIERS", "checks_of", "find_check"]
+
+CONTRACT = "contract"
+"""What every plugin must pass."""
+BEHAVIOUR = behaviour.BEHAVIOUR
+"""What a plugin claims is demanded, the rest is shown."""
+
+TIERS: Mapping[str, Sequence[Check]] = MappingProxyType({CONTRACT: contract.CHECKS, BEHAVIOUR: behaviour.CHECKS})
+"""Checks by tier. A further tier is one more entry here: its package's `CHECKS`."""
+
+
+def checks_of(kind: str, tiers: Sequence[str] = tuple(TIERS)) -> list[Check]:
+    """The checks of some tiers that concern a kind of plugin."""
+    return [check for tier in tiers for check in TIERS[tier] if kind in check.kinds]
+
+
+def find_check(name: str) -> Check | None:
+    """The check of a name."""
+    return next((check for checks in TIERS.values() for check in checks if check.name == name), None)

@@ -1,0 +1,162 @@
+"""The process of the plugin: it loads it, runs the checks, and tells of each as a line of JSON.
+
+`python -m navloom.testing.worker`, started by `navloom.testing.runner`. Standard input has the job. What the plugin
+prints goes to a file, for the check `silent`. Lines that are told:
+
+- `{"loaded": {owner, place, folder}}` once the plugin is there;
+- `{"start": NAME}` before a check, `{"result": {…}}` after it; `{"done": true}` at the end.
+
+Where the process ends without the last line, the runner blames the plugin: the file `mark` says which call was under
+way, and the file `crash` where, if faulthandler could still tell.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import mmap
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterable
+from hashlib import sha256
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from navloom.errors import NavloomError
+from navloom.testing.bench import Bench, alike
+from navloom.testing.checks import Check
+from navloom.testing.findings import Finding, NotRun, Result, Shown
+from navloom.testing.guard import GUARD
+from navloom.testing.player import Fault
+from navloom.testing.printed import PRINTED
+from navloom.testing.process import MARK_SIZE
+from navloom.testing.subject import Request, Subject, find
+from navloom.testing.tiers import find_check
+
+__all__ = ["main"]
+
+CALL_LIMIT = 20.0
+"""Longest call of a plugin, s, of which the first may compile."""
+WARM_UP_LIMIT = 180.0
+"""Longest warm-up, s."""
+
+Tell = Callable[[dict[str, Any]], None]
+
+
+def main() -> None:
+    """Do the job that standard input names."""
+    job = json.loads(sys.stdin.read())
+    out = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
+    PRINTED.capture()
+    with open(job["mark"], "r+b") as file:
+        mark = mmap.mmap(file.fileno(), MARK_SIZE)
+    GUARD.mark = lambda text: mark.__setitem__(slice(None), text.encode()[:MARK_SIZE].ljust(MARK_SIZE))
+    GUARD.install(open(job["crash"], "w", buffering=1))  # noqa: SIM115  (open as long as the process)
+    GUARD.limit = job.get("limit") or CALL_LIMIT
+
+    def tell(line: dict[str, Any]) -> None:
+        out.write(json.dumps(line) + "\n")
+        out.flush()
+
+    request = Request(job["name"], tuple(job["params"]), job["seed"])
+    subject = _loaded(request, job["checks"], tell)
+    if subject is not None:
+        bench = Bench(subject, request, Path(job["out"]) if job["out"] else None)
+        if job["checks"]:
+            _run_checks(bench, [one for name in job["checks"] if (one := find_check(name))], tell)
+        else:
+            tell({"digests": _digests(bench)})
+    tell({"done": True})
+    os._exit(0)  # threads that a plugin left may not keep this process
+
+
+def _loaded(request: Request, checks: Iterable[str], tell: Tell) -> Subject | None:
+    """The plugin; where it cannot be loaded, that is the finding of the check `registers`."""
+    started = perf_counter()
+    try:
+        subject = find(request)
+        GUARD.is_own = subject.is_own
+        tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": _folder(subject)}})
+        if hasattr(subject.thing, "warm_up"):
+            with GUARD.within("warm_up", WARM_UP_LIMIT):
+                subject.thing.warm_up()
+        return subject
+    except NavloomError as error:
+        text, place = str(error), ""
+    except (Exception, SystemExit) as error:
+        text, place = f"warm_up() raises {type(error).__name__}: {error}", subject.place
+    for name in checks:
+        found = find_check(name)
+        assert found is not None
+        if name == "registers":
+            finding = Finding(text, "a plugin that can be loaded", place)
+            result = Result(name, found.tier, "failed", (finding,), seconds=perf_counter() - started)
+        else:
+            result = Result(name, found.tier, "not_run", reason="it could not be loaded: see the check `registers`")
+        tell({"result": result.to_json()})
+    return None
+
+
+def _folder(subject: Subject) -> str:
+    """Folder or file of the plugin's code, to recognise its lines in a crash."""
+    try:
+        file = Path(inspect.getsourcefile(subject.source) or "")
+    except TypeError:
+        return ""
+    return str(file.parent if "." in str(getattr(subject.source, "__module__", "")) else file)
+
+
+def _run_checks(bench: Bench, checks: Iterable[Check], tell: Tell) -> None:
+    for check in checks:
+        tell({"start": check.name})
+        tell({"result": _run(bench, check).to_json()})
+
+
+def _run(bench: Bench, check: Check) -> Result:
+    """One check. An error of its own is told as such, never as the plugin's."""
+    started = perf_counter()
+    findings: list[Finding] = []
+    shown: list[Shown] = []
+    reason = ""
+    try:
+        if not check.is_static and not _may_be_made(bench.subject):
+            raise NotRun("it is a real platform, which a check would move")
+        for one in check.run(bench):
+            if isinstance(one, Finding):
+                findings.append(one)
+            else:
+                shown.append(one)
+    except NotRun as error:
+        reason = str(error)
+    except Fault as fault:
+        findings.append(bench.finding(fault, f"in the check {check.name}"))
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        reason = (
+            f"the check itself failed, please report it: {type(error).__name__}: {error} ({place.name}:{place.lineno})"
+        )
+    outcome: Any = "failed" if findings else "not_run" if reason else "shown" if shown else "passed"
+    return Result(check.name, check.tier, outcome, tuple(findings), tuple(shown), reason, perf_counter() - started)
+
+
+def _may_be_made(subject: Subject) -> bool:
+    """Whether objects of it may be made: a real platform would take its ports and move."""
+    return subject.kind != "platform" or bool(subject.thing.is_simulated)
+
+
+def _digests(bench: Bench) -> dict[str, list[str]]:
+    """Hashes of the answers to every scene that is played to its end, in a process with other seeds and clock."""
+    found = {}
+    for scene in bench.of_topic("usual"):
+        try:
+            with alike(seeds=4711, clock=(1_900_000_000.0, 7.3)):
+                found[scene.name] = [sha256(one).hexdigest() for one in bench.player(scene).play(scene.inputs)]
+        except Fault:
+            continue
+    return found
+
+
+if __name__ == "__main__":
+    main()

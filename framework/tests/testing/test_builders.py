@@ -1,0 +1,75 @@
+"""Builders and scenes of `navloom.testing`."""
+
+import math
+
+import numpy as np
+import pytest
+from navloom import Avoidance, Avoider, Params, Twist2D
+from navloom.testing import (
+    avoider_input,
+    box,
+    closed,
+    controller_input,
+    corridor,
+    grid,
+    localizer_input,
+    make,
+    mapper_input,
+    planner_input,
+    recovery_input,
+    scan,
+    sweep,
+    wall_ahead,
+)
+
+
+class Careful(Avoider):
+    """Stops where anything ahead is near."""
+
+    name = "careful"
+
+    class Params(Params):
+        distance: float = 0.5
+
+    def avoid(self, given):
+        nearest = min((one.ranges.min() for one in given.scans), default=math.inf)
+        return Avoidance(Twist2D(0.0 if nearest < self.params.distance else 0.3, 0.0, 0.0), "steering")
+
+
+def test_a_unit_test_of_an_avoider_is_five_lines():
+    avoider = make(Careful, distance=0.6)
+    assert avoider.avoid(avoider_input(scan(wall_ahead(0.4)))).twist.vx == 0.0
+    assert avoider.avoid(avoider_input(scan(wall_ahead(0.8)))).twist.vx == 0.3
+
+
+def test_a_scan_of_a_world_is_that_of_geometry():
+    seen = scan(wall_ahead(2.0), beams=3, field_of_view=math.radians(90.0))
+    assert seen.ranges == pytest.approx([2.0 * math.sqrt(2.0), 2.0, 2.0 * math.sqrt(2.0)])
+    moved = scan(wall_ahead(2.0), at=(0.5, 0.0, math.radians(60.0)), beams=1)
+    assert moved.ranges == pytest.approx([1.5 / math.cos(math.radians(60.0))])
+    mounted = scan(wall_ahead(2.0), beams=1, mount=(0.2, 0.1, 0.0))
+    assert mounted.ranges == pytest.approx([1.8]) and mounted.origins.tolist() == [[0.2, 0.1]]
+
+
+def test_a_sweep_meets_wall_and_floor():
+    seen = sweep(wall_ahead(2.0), frames=2, beams=1, pitches=(math.radians(-30.0), 0.0), height=0.5)
+    assert seen.ranges[:, 0] == pytest.approx([0.5 / math.sin(math.radians(30.0)), 2.0])
+
+
+def test_scenes_are_as_wide_as_they_say():
+    assert scan(closed(0.8), beams=4, field_of_view=math.radians(270.0)).ranges[1:3] == pytest.approx(
+        [0.8 / math.cos(math.radians(45.0))] * 2
+    )
+    side = scan(corridor(2.4), at=(0.0, 0.0, math.radians(90.0)), beams=1)
+    assert side.ranges == pytest.approx([1.2])
+    cells = grid(box(2.0, 0.0, 0.4), 0.1).cells
+    assert np.count_nonzero(cells == 100) == 16
+
+
+def test_every_role_has_an_input_of_one_line():
+    assert mapper_input(scan(), sweep()).sweep_sensors == ("sensor0",)
+    assert planner_input(corridor(), goal=(4.0, 0.0), request_id=3).request.request_id == 3
+    assert localizer_input(scan(), odometry=(1.0, 0.0)).odometry.pose.x == 1.0
+    assert recovery_input(trail=[(0.0, 0.0), (0.1, 0.0)]).trail.shape == (2, 3)
+    on = controller_input((1.0, 0.2)).reference
+    assert (on.progress, on.cross_track, on.speed) == pytest.approx((1.0, 0.2, 0.3))

@@ -1,0 +1,180 @@
+"""ROS messages as ours: ranges by the conventions of REP 117 and sensor_msgs to ours, in the base frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from navloom import Odometry, Pose2D, RangeScan, Sweep, Twist2D
+from numpy.typing import NDArray
+
+from navloom_ros.frames import Mount, quaternion_matrix, wrap
+
+__all__ = ["TILTED", "ConversionError", "laser_scan", "odometry", "point_cloud", "range_reading", "stamp_of", "yaw_of"]
+
+Floats = NDArray[np.float64]
+TILTED = math.radians(10.0)
+"""Tilt from which a planar scan is not one: its ranges are off by more than 1.5 %."""
+ELEVATION = math.radians(1.0)
+AZIMUTH = math.radians(0.5)
+"""Steps of the raster that a cloud without rows is put into."""
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+
+class ConversionError(ValueError):
+    """A message that cannot be converted; the text says why."""
+
+
+def stamp_of(header: Any) -> int:
+    """Stamp of a ROS header, ns."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def laser_scan(message: Any, mount: Mount) -> RangeScan:
+    """A LaserScan.
+
+    +inf and what is at or beyond range_max is no echo; -inf is something nearer than range_min, and becomes range_min;
+    NaN and what is below range_min is no measurement, and its beam is left out.
+    """
+    if mount.tilt > TILTED:
+        raise ConversionError(f"its plane is tilted by {math.degrees(mount.tilt):.0f}°: not a planar scan")
+    ranges = np.asarray(message.ranges, dtype=np.float64)
+    angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
+    offsets: Floats = np.arange(len(ranges), dtype=np.float64) * float(message.time_increment)
+    ranges, is_kept = _ranges(ranges, float(message.range_min), float(message.range_max))
+    directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))]) @ mount.rotation.T
+    return RangeScan(
+        stamp_of(message.header),
+        np.tile(mount.translation[:2], (int(is_kept.sum()), 1)),
+        wrap(np.arctan2(directions[is_kept, 1], directions[is_kept, 0])),
+        np.zeros(int(is_kept.sum())),
+        offsets[is_kept],
+        ranges[is_kept],
+        float(message.range_min),
+        float(message.range_max),
+    )
+
+
+def range_reading(message: Any, mount: Mount) -> RangeScan:
+    """A Range: one beam as wide as its field of view; the conventions of `laser_scan`."""
+    ranges, is_kept = _ranges(np.array([float(message.range)]), float(message.min_range), float(message.max_range))
+    if not is_kept[0]:
+        raise ConversionError("its reading is no measurement (NaN or below min_range)")
+    axis = mount.rotation[:, 0]
+    if math.hypot(axis[0], axis[1]) < math.cos(TILTED):
+        raise ConversionError("it does not look along the floor")
+    return RangeScan(
+        stamp_of(message.header),
+        mount.translation[None, :2],
+        np.array([math.atan2(axis[1], axis[0])]),
+        np.array([max(0.0, float(message.field_of_view)) / 2.0]),
+        np.zeros(1),
+        ranges,
+        float(message.min_range),
+        float(message.max_range),
+    )
+
+
+def _ranges(ranges: Floats, range_min: float, range_max: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Ranges by our rules, and which are measurements."""
+    found = np.where(np.isneginf(ranges), range_min, ranges)
+    with np.errstate(invalid="ignore"):
+        is_kept = found >= range_min
+        found = np.where(found >= range_max, np.inf, found)
+    return np.where(is_kept, found, 0.0), is_kept
+
+
+def point_cloud(message: Any, mount: Mount) -> Sweep:
+    """A PointCloud2 with fields x, y, z as a sweep of geometry "paper": ranges over elevation and azimuth.
+
+    Rows and columns are kept where each row has one elevation and each column one azimuth, as a level scanner of rings
+    gives them; else points go into a raster of 1° by 0.5°, and the nearest of each cell counts. What is not finite is
+    no return.
+    """
+    points = _points(message)
+    rows, columns = int(message.height), int(message.width)
+    points = points @ mount.rotation.T
+    distance = np.sqrt((points**2).sum(axis=1))
+    is_return = np.isfinite(distance) & (distance > 1e-6)
+    if not is_return.any():
+        raise ConversionError("it has no point")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        elevation = np.arcsin(np.clip(points[:, 2] / distance, -1.0, 1.0))
+        azimuth = np.arctan2(points[:, 1], points[:, 0])
+    raster = None
+    if rows > 1 and columns > 1:
+        raster = _as_it_lies(distance, elevation, azimuth, is_return, rows, columns)
+    if raster is None:
+        raster = _binned(distance[is_return], elevation[is_return], azimuth[is_return])
+    ranges, pitches, bearings = raster
+    finite = ranges[np.isfinite(ranges)]
+    return Sweep(
+        stamp_of(message.header), 0, ranges, pitches, np.zeros(len(pitches)), bearings, "paper",
+        float(mount.translation[0]), float(mount.translation[1]), max(0.0, float(mount.translation[2])),
+        0.0, float(finite.max()) * (1.0 + 1e-9),
+    )  # fmt: skip
+
+
+def _as_it_lies(
+    distance: Floats, elevation: Floats, azimuth: Floats, is_return: NDArray[np.bool_], rows: int, columns: int
+) -> tuple[Floats, Floats, Floats] | None:
+    """The cloud's own rows and columns; None where they are no elevations and azimuths."""
+    shape = (rows, columns)
+    holes = ~is_return.reshape(shape)
+    up = np.ma.masked_array(elevation.reshape(shape), holes)
+    round_ = np.ma.masked_array(np.unwrap(np.where(holes, 0.0, azimuth.reshape(shape)), axis=0), holes)
+    if up.count(axis=1).min() == 0 or up.count(axis=0).min() == 0:
+        return None
+    pitches, bearings = up.mean(axis=1), round_.mean(axis=0)
+    if (
+        np.abs(up - pitches[:, None]).max() > ELEVATION / 4.0
+        or np.abs(round_ - bearings[None, :]).max() > AZIMUTH / 2.0
+    ):
+        return None
+    ranges = np.where(holes, np.inf, distance.reshape(shape))
+    order, place = np.argsort(pitches.data, kind="stable"), np.argsort(wrap(bearings.data), kind="stable")
+    return ranges[np.ix_(order, place)], pitches.data[order], wrap(bearings.data)[place]
+
+
+def _binned(distance: Floats, elevation: Floats, azimuth: Floats) -> tuple[Floats, Floats, Floats]:
+    """The nearest point of each cell of a raster."""
+    row = np.floor(elevation / ELEVATION).astype(np.int64)
+    column = np.floor(azimuth / AZIMUTH).astype(np.int64)
+    first_row, first_column = row.min(), column.min()
+    ranges = np.full((int(row.max() - first_row) + 1, int(column.max() - first_column) + 1), np.inf)
+    np.minimum.at(ranges, (row - first_row, column - first_column), distance)
+    pitches = (first_row + np.arange(ranges.shape[0]) + 0.5) * ELEVATION
+    bearings = (first_column + np.arange(ranges.shape[1]) + 0.5) * AZIMUTH
+    return ranges, pitches, bearings
+
+
+def _points(message: Any) -> Floats:
+    """(n, 3) x, y, z of a cloud."""
+    fields = {field.name: field for field in message.fields}
+    if not {"x", "y", "z"} <= set(fields):
+        raise ConversionError(f"it has fields {', '.join(fields) or 'none'}, expected x, y and z")
+    order = ">" if message.is_bigendian else "<"
+    kinds = [order + _NUMBERS[fields[name].datatype] for name in "xyz"]
+    kind = np.dtype(
+        {"names": list("xyz"), "formats": kinds, "offsets": [fields[name].offset for name in "xyz"],
+         "itemsize": int(message.point_step)}
+    )  # fmt: skip
+    data = np.asarray(message.data, dtype=np.uint8).tobytes()
+    width, step = int(message.width), int(message.row_step) or int(message.width) * int(message.point_step)
+    rows = [np.frombuffer(data, kind, width, row * step) for row in range(int(message.height))]
+    cloud = np.concatenate(rows) if rows else np.empty(0, kind)
+    return np.column_stack([cloud[name].astype(np.float64) for name in "xyz"])
+
+
+def odometry(message: Any) -> Odometry:
+    """A nav_msgs Odometry: pose of base in the odometry frame, velocity in base."""
+    at, turn = message.pose.pose.position, message.pose.pose.orientation
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    pose = Pose2D(float(at.x), float(at.y), yaw_of(quaternion_matrix(turn.x, turn.y, turn.z, turn.w)))
+    return Odometry(stamp_of(message.header), pose, Twist2D(float(linear.x), float(linear.y), float(angular.z)))
+
+
+def yaw_of(rotation: Floats) -> float:
+    """Heading of a rotation, rad in [-π, π)."""
+    return float(wrap(np.asarray(math.atan2(rotation[1, 0], rotation[0, 0]))))

@@ -1,0 +1,180 @@
+"""Opens ROS bags with `rosbags`. That package bounds nothing, so its memory, its files and its queries are bounded."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path, PurePath
+from typing import Any
+
+from navloom.inputs.bounds import BAG_MB, YAML_MB, bytes_of, open_file, read_file, too_large
+from navloom.inputs.texts import yaml_of
+from navloom.recording.header import RecordingError
+
+__all__ = ["deserialized", "messages", "opened"]
+
+INFORMATION = "rosbag2_bagfile_information"
+"""Key of the YAML file of a ROS 2 bag."""
+PIECE = 1 << 20
+"""Bytes that are unpacked at once."""
+
+
+@contextmanager
+def opened(bag: Path) -> Iterator[Any]:
+    """A bag's reader, while no more memory may be allocated than the bound.
+
+    Args:
+        bag: A `.bag` file, the folder of a ROS 2 bag, or its one file.
+
+    Raises:
+        RecordingError: No bag that can be read, or one that takes more memory or unpacks to larger files.
+    """
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    if not bag.exists():
+        raise RecordingError(f"{bag}: no such bag")
+    path = bag.parent if bag.suffix in (".db3", ".mcap") and (bag.parent / "metadata.yaml").exists() else bag
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="navloom-bag-")))
+        path = _checked(path, folder)
+        stack.enter_context(_bounded_memory(bag))
+        try:
+            reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+            stack.enter_context(reader)
+        except MemoryError:
+            raise
+        except Exception as error:  # of its own, of the parsers under it, and assertions
+            raise RecordingError(
+                f"{bag}: not a bag that can be read ({_words(error)}); expected F.bag or a ROS 2 bag's folder"
+            ) from None
+        yield reader
+
+
+def messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
+    """Connection, time of receipt, ns, and bytes of each message. Raises RecordingError where the bag is damaged."""
+    if not connections:  # which the reader takes for all
+        return
+    try:
+        yield from reader.messages(connections=connections)
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"{reader.paths[0]}: damaged: {_words(error)}; copy the bag again") from None
+
+
+def deserialized(reader: Any, raw: bytes, connection: Any) -> Any:
+    """The object of a message. Raises RecordingError where its bytes are no message of its type."""
+    try:
+        return reader.deserialize(raw, connection.msgtype)
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise RecordingError(
+            f"{reader.paths[0]}: {connection.topic}: not a message of {connection.msgtype}: {_words(error)}; "
+            "copy the bag again"
+        ) from None
+
+
+@contextmanager
+def _bounded_memory(bag: Path) -> Iterator[None]:
+    """Lets the system refuse memory beyond the bound: what a bag claims and packs is unpacked by foreign code."""
+    limit = bytes_of(BAG_MB, RecordingError)
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    with suppress(OSError):  # what is allocated already, only Linux says
+        used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
+        least = min((one for one in before if one != resource.RLIM_INFINITY), default=used + limit)
+        resource.setrlimit(resource.RLIMIT_AS, (min(used + limit, least), before[1]))
+    try:
+        yield
+    except MemoryError:
+        raise RecordingError(
+            too_large(f"{bag}: not a bag that can be read, or a large one: it takes more memory", limit)
+        ) from None
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def _checked(path: Path, folder: Path) -> Path:
+    """The bag, or a copy in `folder` where its files are compressed, once its files are what they should be."""
+    if not path.is_dir():
+        with _readable(path), open_file(path, RecordingError):
+            pass
+        if path.suffix == ".db3":
+            _refuse_queries(path)
+        return path
+    described = path / "metadata.yaml"
+    with _readable(described):
+        tree = yaml_of(read_file(described, YAML_MB, RecordingError), str(described), RecordingError)
+    try:
+        about = tree[INFORMATION]
+        files = [path / PurePath(name).name for name in about["relative_file_paths"]]
+        is_packed = str(about.get("compression_mode", "")).lower() == "file"
+        is_sqlite = about["storage_identifier"] == "sqlite3"
+    except (KeyError, TypeError, AttributeError):
+        raise RecordingError(f"{described}: not the description of a ROS 2 bag; copy the bag again") from None
+    if is_packed:
+        files = _unpacked(files, folder)
+        about = {**about, "compression_mode": "", "compression_format": "",
+                 "relative_file_paths": [one.name for one in files]}  # fmt: skip
+        (folder / "metadata.yaml").write_text(json.dumps({INFORMATION: about}, default=str), "utf-8")
+        path = folder
+    for file in files:
+        with _readable(file), open_file(file, RecordingError):
+            pass
+        if is_sqlite:
+            _refuse_queries(file)
+    return path
+
+
+def _unpacked(files: Sequence[Path], folder: Path) -> list[Path]:
+    """Files of a bag that were compressed as a whole, unpacked; together no larger than the bound."""
+    import zstandard
+
+    left = limit = bytes_of(BAG_MB, RecordingError)
+    out = []
+    for path in files:
+        target = folder / path.stem
+        with _readable(path), open_file(path, RecordingError) as packed, target.open("wb") as file:
+            source = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
+            try:
+                while piece := source.read(PIECE):
+                    left -= len(piece)
+                    if left < 0:
+                        raise RecordingError(too_large(f"{path}: unpacks to more than {limit / 1e6:g} MB", limit))
+                    file.write(piece)
+            except zstandard.ZstdError as error:
+                raise RecordingError(f"{path}: damaged: {error}; copy the bag again") from None
+        out.append(target)
+    return out
+
+
+def _refuse_queries(path: Path) -> None:
+    """Refuse a database whose tables are queries or computed columns: reading one row of these may never end."""
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+            database.execute("PRAGMA trusted_schema = OFF")
+            for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master LIMIT 1000"):
+                is_plain = kind == "index" or (kind == "table" and str(text).upper().startswith("CREATE TABLE"))
+                columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,)) if is_plain else ()
+                if not is_plain or any(hidden for (hidden,) in columns):
+                    raise RecordingError(f"{path}: {kind} {str(name)[:40]!r} is computed, expected plain tables")
+    except (sqlite3.Error, UnicodeError) as error:
+        raise RecordingError(f"{path}: not the database of a bag: {error}; copy the bag again") from None
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _words(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 200 else f"{text[:197]}..."

@@ -1,0 +1,167 @@
+"""A robot on a ROS 2 network as a platform."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from navloom import (
+    Contact,
+    Context,
+    InputError,
+    Message,
+    Odometry,
+    Params,
+    Platform,
+    PlatformInput,
+    PlatformOutput,
+    Pose2D,
+    RangeScan,
+    SensorSpec,
+    Twist2D,
+)
+
+from navloom_ros.base.frames import planar
+from navloom_ros.base.link import FLOWING, TRANSFORMS, Link, Settings, Topic, now_ns
+from navloom_ros.base.params import LaserSettings, Mount, RangeSettings, Ros2BaseParams
+from navloom_ros.base.readings import Anchor, Beams
+from navloom_ros.base.sources import CLOCK, CONTACT, ODOMETRY, STATIC, TF, Laser, Ranges, Robot
+from navloom_ros.errors import RosError
+from navloom_ros.params import network_of
+from navloom_ros.qos import DEFAULT
+
+__all__ = ["Ros2Base"]
+
+STILL = Twist2D(0.0, 0.0, 0.0)
+
+
+class Ros2Base(Platform):
+    """Drives a base by its velocity topic; odometry, scans and contact are those of its network.
+
+    Live it raises while the robot cannot be driven, with the reason: then the gate stops it, until it can again.
+    """
+
+    name = "ros2_base"
+    sensor_kinds: ClassVar[Mapping[str, type[Message]]] = {"laser_scan": RangeScan, "ranges": RangeScan}
+    sensor_settings: ClassVar[Mapping[str, type[Params]]] = {"laser_scan": LaserSettings, "ranges": RangeSettings}
+    Params = Ros2BaseParams
+
+    def __init__(self, params: Any, context: Context) -> None:
+        super().__init__(params, context)
+        if 0.0 < params.base_timeout_s < 2.0 * context.period:
+            raise InputError(
+                f"base_timeout_s: {params.base_timeout_s:g} s is less than two ticks of {context.period:g} s: the base "
+                "would stop between commands; set a shorter run.period"
+            )
+        self._sensors = {spec.name: _sensor(spec) for spec in context.sensors}
+        anchor = Anchor(params.odometry_origin == "first", context.robot.max_linear, context.robot.max_angular)
+        try:
+            self._link = Link(_settings(params, context.period), self._topics())
+        except RosError as error:
+            raise InputError(str(error)) from None
+        self._robot = Robot(
+            self._link, params.base_frame, params.odometry_frame, anchor, params.simulated, params.contact_field
+        )
+        self._command = STILL
+        self._zero_ns: int | None = None
+        self._newest = dict.fromkeys((ODOMETRY, *self._sensors), 0)
+
+    def drive(self, command: Twist2D, time_ns: int) -> None:
+        """Send a velocity at once."""
+        self._command = command
+        self._link.send(command.vx, command.vy, command.wz, self._robot.clock_ns(now_ns()))
+
+    def advance(self, given: PlatformInput) -> PlatformOutput:
+        """Send the command once more, and say what the robot has said since the last tick.
+
+        Raises:
+            RosError: The robot cannot be driven now.
+        """
+        self.drive(given.command, given.time_ns)  # a base counts the time since its last command
+        now, robot, given_ns = now_ns(), self._robot, given.time_ns
+        if self._zero_ns is None or now - given_ns < self._zero_ns or now - given_ns > self._zero_ns + 10**9:
+            self._zero_ns = now - given_ns
+        robot.listen(self.params.odometry == "tf")
+        if why := self._link.problem() or robot.clock_problem(now) or self._silence(now):
+            raise RosError(why)
+        odometry = Odometry(
+            self._stamp(ODOMETRY, robot.measured_ns or 0, given_ns), Pose2D(*robot.pose), Twist2D(*robot.twist)
+        )
+        return PlatformOutput(odometry, dict(self._scans(now, given_ns)), Contact(robot.is_touching), None)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._link.close()
+
+    def _scans(self, now: int, time_ns: int) -> Any:
+        for name, sensor in self._sensors.items():
+            found = sensor.read(self._robot, now)
+            if sensor.lacks:
+                raise RosError(
+                    f"sensor {name}: {self.params.tf_topic} does not say where its frame {sensor.lacks!r} is in "
+                    f"{self.params.base_frame!r}: publish that, or give the sensor a mount"
+                )
+            if found is not None:
+                yield name, _scan(found[0], self._stamp(name, found[1], time_ns))
+
+    def _stamp(self, name: str, measured_ns: int, time_ns: int) -> int:
+        """A time of this host's monotonic clock on the run clock; it never runs backwards."""
+        assert self._zero_ns is not None
+        newest = min(self._newest[name], time_ns)
+        self._newest[name] = max(newest, min(time_ns, measured_ns - self._zero_ns))
+        return self._newest[name]
+
+    def _silence(self, now: int) -> str:
+        """Why there is no odometry; empty where there is."""
+        by_frames = self.params.odometry == "tf"
+        what = self.params.tf_topic if by_frames else self.params.odometry_topic
+        measured_ns = self._robot.measured_ns
+        if measured_ns is not None and now - measured_ns <= self.params.odometry_timeout * 1e9:
+            return ""
+        why = self._robot.unusable or self._link.why_silent(TF if by_frames else ODOMETRY)
+        since = (
+            "has not been heard" if measured_ns is None else f"has been silent for {(now - measured_ns) * 1e-9:.2f} s"
+        )
+        return f"{what} {since}{': ' * bool(why)}{why}"
+
+    def _topics(self) -> dict[str, Topic]:
+        params = self.params
+        transform = "tf2_msgs/msg/TFMessage"
+        topics = {
+            TF: Topic(params.tf_topic, transform, FLOWING),
+            STATIC: Topic(f"{params.tf_topic}_static", transform, TRANSFORMS),
+        }
+        if params.odometry == "topic":
+            topics[ODOMETRY] = Topic(params.odometry_topic, "nav_msgs/msg/Odometry")
+        if params.contact_topic:
+            topics[CONTACT] = Topic(params.contact_topic, params.contact_type, DEFAULT)
+        if params.simulated:
+            topics[CLOCK] = Topic("/clock", "rosgraph_msgs/msg/Clock", FLOWING)
+        for sensor in self._sensors.values():
+            if isinstance(sensor, Laser):
+                topics[sensor.topic] = Topic(sensor.topic, "sensor_msgs/msg/LaserScan")
+            else:
+                topics |= {name: Topic(name, "sensor_msgs/msg/Range") for name in sensor.topics}
+        return topics
+
+
+def _sensor(spec: SensorSpec) -> Laser | Ranges:
+    if spec.kind == "laser_scan":
+        laser = LaserSettings.model_validate(dict(spec.settings))
+        return Laser(laser.topic, None if laser.mount is None else _mount(laser.mount), laser.short_is_nothing)
+    ranges = RangeSettings.model_validate(dict(spec.settings))
+    mounts = None if ranges.mounts is None else tuple(map(_mount, ranges.mounts))
+    return Ranges(tuple(ranges.topics), mounts, round(ranges.stale_after * 1e9))
+
+
+def _mount(mount: Mount) -> Any:
+    return planar(mount.x, mount.y, mount.heading)
+
+
+def _settings(params: Ros2BaseParams, period: float) -> Settings:
+    silence = max(params.guard_silence, 2.0 * period)
+    return Settings(network_of(params), params.command_topic, params.stamped, params.base_frame, silence)
+
+
+def _scan(beams: Beams, stamp_ns: int) -> RangeScan:
+    return RangeScan(stamp_ns, *beams)

@@ -1,0 +1,82 @@
+"""The tree of frames that a robot publishes on /tf and /tf_static, and how a planar sensor is mounted in it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Frames", "heading_of", "planar", "rotation"]
+
+Floats = NDArray[np.float64]
+
+MOST_FRAMES = 1000
+"""Frames that are kept; further ones are passed over."""
+UNIT = 0.05
+"""How far the length of a quaternion may be from 1."""
+
+
+class Frames:
+    """Where each frame was last in its parent; names without a leading slash."""
+
+    def __init__(self) -> None:
+        self._in_parent: dict[str, tuple[str, Floats]] = {}
+
+    def add(self, message: Any) -> None:
+        """Take in a TFMessage; transforms that are none are passed over."""
+        for one in message.transforms:
+            child, moved = one.child_frame_id.lstrip("/"), one.transform.translation
+            turned = rotation(one.transform.rotation)
+            known = child in self._in_parent or len(self._in_parent) < MOST_FRAMES
+            if turned is None or not known or not np.isfinite([moved.x, moved.y, moved.z]).all():
+                continue
+            matrix = np.eye(4)
+            matrix[:3, :3], matrix[:3, 3] = turned, (moved.x, moved.y, moved.z)
+            self._in_parent[child] = one.header.frame_id.lstrip("/"), matrix
+
+    def find(self, target: str, frame: str) -> Floats | None:
+        """The (4, 4) transform from a frame to the target frame; None where no chain of frames joins them."""
+        from_frame, from_target = self._chain(frame.lstrip("/")), self._chain(target.lstrip("/"))
+        for name, to_common in from_frame.items():
+            if name in from_target:
+                found: Floats = np.linalg.inv(from_target[name]) @ to_common
+                return found
+        return None
+
+    def _chain(self, frame: str) -> dict[str, Floats]:
+        """Every frame above one, with the transform to it, itself first."""
+        matrix = np.eye(4)
+        chain = {frame: matrix}
+        while (above := self._in_parent.get(frame)) is not None and above[0] not in chain:  # else it is a circle
+            frame, matrix = above[0], above[1] @ matrix
+            chain[frame] = matrix
+        return chain
+
+
+def rotation(quaternion: Any) -> Floats | None:
+    """The (3, 3) matrix of a quaternion message; None where it is none."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(length - 1.0) < UNIT:  # NaN too
+        return None
+    x, y, z, w = x / length, y / length, z / length, w / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def heading_of(matrix: Floats) -> float:
+    """Heading of a frame's x axis in the plane, rad."""
+    return math.atan2(matrix[1, 0], matrix[0, 0])
+
+
+def planar(x: float, y: float, heading: float) -> Floats:
+    """The (4, 4) transform of a pose in the plane, m and rad."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])

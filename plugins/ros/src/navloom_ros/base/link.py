@@ -1,0 +1,159 @@
+"""The robot's ROS network as a platform needs it: joined in the background, guarded, and joined again by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from navloom_ros.base.guardian import Guard, velocity
+from navloom_ros.joining import Joining, Network
+from navloom_ros.node import Node, Publisher, Received, Subscription
+from navloom_ros.qos import DEFAULT, Qos
+
+__all__ = ["TRANSFORMS", "Link", "Settings", "Topic", "now_ns"]
+
+READINGS = Qos(reliable=False, depth=20)
+"""Of sensor data: what comes between two ticks."""
+TRANSFORMS = Qos(transient_local=True, depth=100)
+"""Of /tf_static, which several nodes may publish, each its own."""
+FLOWING = Qos(depth=200)
+"""Of /tf, which comes at hundreds of Hz."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic to read.
+
+    Attributes:
+        name: Of the topic.
+        kind: Its type.
+        qos: How it is asked for.
+    """
+
+    name: str
+    kind: str
+    qos: Qos = READINGS
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Where the robot is and how it takes commands.
+
+    Attributes:
+        network: Of the robot.
+        command: Topic of velocities.
+        stamped: They are TwistStamped.
+        frame: Frame of a TwistStamped.
+        silence: s without a tick after which the guardian stops the base.
+    """
+
+    network: Network
+    command: str
+    stamped: bool
+    frame: str
+    silence: float
+
+    @property
+    def kind(self) -> str:
+        """Type of the velocities."""
+        return "geometry_msgs/msg/TwistStamped" if self.stamped else "geometry_msgs/msg/Twist"
+
+    def for_guardian(self) -> dict[str, object]:
+        """What the guardian has to know, as JSON has it."""
+        network = {**vars(self.network), "folders": [str(folder) for folder in self.network.folders]}
+        network["node"] = f"{self.network.node}_guardian"
+        return {**vars(self), "network": network}
+
+
+class Link:
+    """Reads topics and sends velocities.
+
+    Args:
+        settings: Where the robot is.
+        topics: What to read; nothing else of the network is received.
+
+    Raises:
+        RosError: Settings that no network can meet.
+    """
+
+    def __init__(self, settings: Settings, topics: Mapping[str, Topic]) -> None:
+        self._settings, self._topics = settings, dict(topics)
+        self._publisher: Publisher | None = None
+        self._subscriptions: dict[str, Subscription] = {}
+        types = self._types = settings.network.types()
+        for topic in topics.values():
+            types.fields(topic.kind)
+        self._joining = Joining(settings.network, self._set_up)
+        self._guard = Guard(settings.for_guardian())
+
+    def problem(self) -> str:
+        """Why the base cannot be driven now; empty where it can."""
+        if not self._guard.is_alive:
+            self._guard.close(is_frozen=True)
+            self._guard = Guard(self._settings.for_guardian())
+            return "the guardian's process has ended or hangs; another one starts"
+        node = self._joining.node
+        if node is None:
+            return self._joining.why
+        if not node.wire.joined:
+            return f"the link to the router {self._settings.network.router} is down"
+        if not self._guard.is_ready:
+            return "the guardian's process starts"
+        return self._nobody_listens(node)
+
+    def take(self, name: str) -> Iterator[Received]:
+        """What a topic has brought since the last call, oldest first."""
+        subscription = self._subscriptions.get(name)
+        while subscription is not None and (received := subscription.take()) is not None:
+            yield received
+
+    def why_silent(self, name: str) -> str:
+        """What is known of a topic that brings nothing."""
+        node, topic, subscription = self._joining.node, self._topics[name].name, self._subscriptions.get(name)
+        if node is None or subscription is None:
+            return self._joining.why
+        if subscription.refused:
+            return f"{subscription.refused} messages could not be read, the last one because {subscription.reason}"
+        if others := node.mismatches(topic):
+            ours = f"{subscription.entity.type_name} of {self._types.distribution}"
+            return f"it is published as {others[0].type_name}, {others[0].type_hash}; expected {ours}"
+        if not node.graph.find(subscription.entity.name, ("MP",)):
+            return "nobody publishes it"
+        return ""
+
+    def send(self, vx: float, vy: float, wz: float, stamp_ns: int | None) -> None:
+        """Send a velocity, m/s and rad/s; the stamp is of the robot's clock, None where that is unknown."""
+        self._guard.beat(bool(vx or vy or wz), stamp_ns)
+        if self._publisher is not None:
+            settings = self._settings
+            self._publisher.publish(velocity(self._types, settings.stamped, vx, vy, wz, settings.frame, stamp_ns))
+
+    def close(self) -> None:
+        """Leave the network; the guardian stops the base once more and ends."""
+        self._guard.close()
+        self._joining.close()
+
+    def _set_up(self, node: Node) -> None:
+        for name, topic in self._topics.items():
+            self._subscriptions[name] = node.subscription(topic.name, topic.kind, topic.qos)
+        self._publisher = node.publisher(self._settings.command, self._settings.kind, DEFAULT)
+
+    def _nobody_listens(self, node: Node) -> str:
+        assert self._publisher is not None
+        ours = self._publisher.entity
+        listeners = node.graph.find(ours.name, ("MS",))
+        if any((one.type_name, one.type_hash) == (ours.type_name, ours.type_hash) for one in listeners):
+            return ""
+        if not listeners:
+            return f"nobody subscribes {ours.name}: the base is not there"
+        other = listeners[0]
+        hint = f"; set stamped = {str(not self._settings.stamped).lower()}" if "/Twist" in other.type_name else ""
+        if other.type_name == ours.type_name:
+            hint = f": hash {other.type_hash} is not that of {self._types.distribution}; set distribution"
+        return f"{other.full_node_name} subscribes {ours.name} as {other.type_name}, not {ours.type_name}{hint}"
+
+
+def now_ns() -> int:
+    """This host's monotonic clock, ns."""
+    return time.monotonic_ns()

@@ -1,0 +1,247 @@
+"""What a robot on a ROS network says of itself, as it was last heard: motion, contact, clock, frames, readings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_ros.base.frames import Frames, heading_of
+from navloom_ros.base.readings import (
+    Anchor,
+    Beams,
+    Motion,
+    Unusable,
+    beams_of_laser,
+    beams_of_ranges,
+    is_set,
+    motion_of,
+    stamp_ns_of,
+)
+from navloom_ros.base.stamps import Delays
+
+__all__ = ["CLOCK", "CONTACT", "ODOMETRY", "STATIC", "TF", "Heard", "Laser", "Ranges", "Robot"]
+
+ODOMETRY, TF, STATIC, CONTACT, CLOCK = "odometry", "tf", "tf static", "contact", "clock"
+"""Names of the topics that are no sensor's."""
+STANDING_NS = 500_000_000
+"""A clock that has not moved for so long is that of a simulator that has been paused."""
+
+Floats = NDArray[np.float64]
+
+
+class Heard(Protocol):
+    """A message as `navloom_ros.node.Received` has it."""
+
+    @property
+    def message(self) -> Any: ...
+    @property
+    def source_ns(self) -> int: ...
+    @property
+    def gid(self) -> bytes: ...
+    @property
+    def arrived_ns(self) -> int: ...
+
+
+class Reads(Protocol):
+    """What gives the messages of a topic since the last call."""
+
+    def take(self, name: str) -> Iterator[Heard]: ...
+
+
+@dataclass
+class Robot:
+    """Everything but the range sensors.
+
+    Args:
+        reads: Where messages come from.
+        frame, odometry_frame: Of the base, and of odometry where that comes from /tf.
+        anchor: Where the odometry frame is.
+        is_simulated: Stamps are those of /clock.
+        contact_field: What says that there is a contact.
+
+    Attributes:
+        measured_ns: When the newest motion was measured, on this host's monotonic clock; None before the first.
+        pose, twist: That motion, in the frame that is kept.
+        is_touching: A contact is there.
+        unusable: Why the newest message that meant nothing did not.
+    """
+
+    reads: Reads
+    frame: str
+    odometry_frame: str
+    anchor: Anchor
+    is_simulated: bool = False
+    contact_field: str = "data"
+    frames: Frames = field(default_factory=Frames)
+    measured_ns: int | None = None
+    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    twist: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    is_touching: bool = False
+    unusable: str = ""
+    _delays: dict[str, Delays] = field(default_factory=dict)
+    _clock: tuple[int, int] | None = None
+    _sent: tuple[int, int] | None = None
+    _moved: tuple[tuple[float, float, float], int] | None = None
+
+    def listen(self, from_tf: bool) -> None:
+        """Take in what has come. Args: from_tf: Odometry is that of /tf."""
+        for heard in self.reads.take(CLOCK):
+            shown_ns = stamp_ns_of(heard.message.clock)
+            if self._clock is None or shown_ns != self._clock[0]:
+                self._clock = shown_ns, heard.arrived_ns
+        for name in (STATIC, TF):
+            for heard in self.reads.take(name):
+                self.frames.add(heard.message)
+                if from_tf and name == TF:
+                    self._move_by_frames(heard)
+        for heard in self.reads.take(ODOMETRY):
+            try:
+                self._move(motion_of(heard.message), heard, stamp_ns_of(heard.message.header.stamp))
+            except Unusable as error:
+                self.unusable = str(error)
+        for heard in self.reads.take(CONTACT):
+            self.is_touching = is_set(heard.message, self.contact_field)
+
+    def clock_problem(self, now_ns: int) -> str:
+        """Why the clock of a simulated robot is not to be relied on; empty where it is."""
+        if not self.is_simulated:
+            return ""
+        if self._clock is None:
+            return "/clock has not been heard, and simulated = true"
+        stands = now_ns - self._clock[1] > STANDING_NS
+        return "/clock stands still: the simulator is paused or gone" if stands else ""
+
+    def clock_ns(self, now_ns: int) -> int | None:
+        """What the robot's clock shows, for stamps that go to it; None where that is not known."""
+        known = self._clock if self.is_simulated else self._sent
+        return None if known is None else known[0] + now_ns - known[1]
+
+    def when_ns(self, name: str, heard: Heard, stamp_ns: int) -> int:
+        """When something was measured, on this host's monotonic clock; by topic."""
+        delays = self._delays.setdefault(name, Delays())
+        if self.is_simulated and self._clock is not None:
+            return delays.measured_by_clock_ns(stamp_ns, self._clock[0], heard.arrived_ns)
+        return delays.measured_ns(stamp_ns, heard.source_ns, heard.arrived_ns)
+
+    def _move(self, motion: Motion, heard: Heard, stamp_ns: int) -> None:
+        at_ns = self.when_ns(ODOMETRY, heard, stamp_ns)
+        self._sent = heard.source_ns, heard.arrived_ns
+        if self.measured_ns is None or at_ns >= self.measured_ns:
+            self.pose, self.twist = self.anchor.place(motion.pose, heard.gid, at_ns), motion.twist
+            self.measured_ns = at_ns
+
+    def _move_by_frames(self, heard: Heard) -> None:
+        """Odometry from /tf: the pose as it is, the velocity by how it changed."""
+        own = [one for one in heard.message.transforms if one.header.frame_id.lstrip("/") == self.odometry_frame]
+        found = self.frames.find(self.odometry_frame, self.frame)
+        if not own or found is None:
+            return
+        stamp_ns = stamp_ns_of(own[-1].header.stamp)
+        pose = (float(found[0, 3]), float(found[1, 3]), heading_of(found))
+        if self._moved is None or stamp_ns > self._moved[1]:
+            twist = self.twist if self._moved is None else _twist_between(*self._moved, pose, stamp_ns)
+            self._moved = pose, stamp_ns
+            self._move(Motion(pose, twist), heard, stamp_ns)
+        elif stamp_ns < self._moved[1] - STANDING_NS:  # the clock began again
+            self._moved = pose, stamp_ns
+
+
+@dataclass
+class Laser:
+    """One laser.
+
+    Args:
+        topic: Name by which its messages are taken.
+        mount: (4, 4) to base; None where /tf says.
+        short_is_nothing: See `beams_of_laser`.
+
+    Attributes:
+        lacks: Frame that /tf does not join with the base; empty where there is none.
+        unusable: Why the newest scan means nothing; empty where it does.
+    """
+
+    topic: str
+    mount: Floats | None
+    short_is_nothing: bool
+    lacks: str = ""
+    unusable: str = ""
+
+    def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
+        """The newest scan since the last call and when it was measured; None where nothing came that says anything."""
+        newest: tuple[Beams, int] | None = None
+        for heard in robot.reads.take(self.topic):
+            header = heard.message.header
+            mount = robot.frames.find(robot.frame, header.frame_id) if self.mount is None else self.mount
+            self.lacks = header.frame_id if mount is None else ""
+            at_ns = robot.when_ns(self.topic, heard, stamp_ns_of(header.stamp))
+            if mount is None:
+                continue
+            try:
+                beams = beams_of_laser(heard.message, mount, self.short_is_nothing)
+                self.unusable = "" if len(beams.ranges) else "no beam of the scan says anything"
+            except Unusable as error:
+                self.unusable = str(error)
+            else:
+                newest = (beams, at_ns) if len(beams.ranges) else newest
+        return newest
+
+
+@dataclass
+class Ranges:
+    """A ring of range sensors; it says something while each of them does.
+
+    Args:
+        topics: Names by which their messages are taken.
+        mounts: (4, 4) to base, one a topic; None where /tf says.
+        stale_ns: How long a reading counts.
+
+    Attributes:
+        lacks, unusable: See `Laser`.
+    """
+
+    topics: tuple[str, ...]
+    mounts: tuple[Floats, ...] | None
+    stale_ns: int
+    lacks: str = ""
+    unusable: str = ""
+    _last: dict[str, tuple[Any, Floats, int]] = field(default_factory=dict)
+
+    def read(self, robot: Robot, now_ns: int) -> tuple[Beams, int] | None:
+        """All readings, where one has come since the last call and none is stale."""
+        has_news = False
+        for number, topic in enumerate(self.topics):
+            for heard in robot.reads.take(topic):
+                header = heard.message.header
+                mount = robot.frames.find(robot.frame, header.frame_id) if self.mounts is None else self.mounts[number]
+                self.lacks = header.frame_id if mount is None else ""
+                if mount is not None:
+                    self._last[topic] = heard.message, mount, robot.when_ns(topic, heard, stamp_ns_of(header.stamp))
+                    has_news = True
+        fresh = [last for last in self._last.values() if now_ns - last[2] <= self.stale_ns]
+        if not has_news or len(fresh) < len(self.topics):
+            return None
+        ordered = [self._last[topic] for topic in self.topics]
+        try:
+            beams = beams_of_ranges([one[0] for one in ordered], [one[1] for one in ordered])
+        except Unusable as error:
+            self.unusable = str(error)
+            return None
+        self.unusable = ""
+        return beams, max(one[2] for one in ordered)
+
+
+def _twist_between(
+    before: tuple[float, float, float], before_ns: int, after: tuple[float, float, float], after_ns: int
+) -> tuple[float, float, float]:
+    """Velocity in the base frame by which a pose became another."""
+    seconds = (after_ns - before_ns) * 1e-9
+    turn = math.remainder(after[2] - before[2], math.tau)
+    heading = before[2] + 0.5 * turn
+    x, y = after[0] - before[0], after[1] - before[1]
+    cos, sin = math.cos(heading), math.sin(heading)
+    return (cos * x + sin * y) / seconds, (-sin * x + cos * y) / seconds, turn / seconds

@@ -1,0 +1,112 @@
+"""Where sensors are mounted, from a log's transforms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BASES", "FrameTree", "Mount", "quaternion_matrix", "wrap"]
+
+Floats = NDArray[np.float64]
+BASES = ("base_link", "base_footprint")
+FLOOR = "base_footprint"
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """Where a sensor is: rotation (3, 3) and translation (3,), m, of its frame in base; z from the floor if known."""
+
+    rotation: Floats
+    translation: Floats
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the sensor's plane and the floor, rad; a sensor that hangs upside down has none."""
+        return float(np.arccos(np.clip(abs(self.rotation[2, 2]), 0.0, 1.0)))
+
+
+def quaternion_matrix(x: float, y: float, z: float, w: float) -> Floats:
+    """Rotation matrix (3, 3) of a quaternion; of one without length, as unset messages have it, no rotation."""
+    length = float(np.sqrt(x * x + y * y + z * z + w * w))
+    if length < 1e-9:
+        return np.eye(3)
+    x, y, z, w = x / length, y / length, z / length, w / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def wrap(angles: Floats) -> Floats:
+    """Angles in [-π, π), rad."""
+    turned = angles - math.tau * np.round(angles / math.tau)
+    return np.where((turned >= math.pi) | (turned < -math.pi), -math.pi, turned)
+
+
+class FrameTree:
+    """Frames with their parents: static transforms, and of moving ones the first that came."""
+
+    def __init__(self) -> None:
+        self._up: dict[str, tuple[str, Floats, bool]] = {}
+
+    def add(self, message: Any, is_static: bool) -> None:
+        """Take in a TFMessage. What is static is believed before what moves."""
+        for one in message.transforms:
+            child, parent = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/")
+            known = self._up.get(child)
+            if known is not None and (known[2] or not is_static):
+                continue
+            at, turn = one.transform.translation, one.transform.rotation
+            motion = np.eye(4)
+            motion[:3, :3] = quaternion_matrix(turn.x, turn.y, turn.z, turn.w)
+            motion[:3, 3] = at.x, at.y, at.z
+            self._up[child] = (parent, motion, is_static)
+
+    def knows(self, frame: str) -> bool:
+        """The frame is in a transform."""
+        return frame in self._up or any(parent == frame for parent, _, _ in self._up.values())
+
+    def parent(self, frame: str) -> str:
+        """The frame that a frame is in; empty where that is not known."""
+        return self._up[frame][0] if frame in self._up else ""
+
+    def base(self, child_of_odometry: str) -> str:
+        """The robot's own frame: base_link where there is one, else what the odometry moves."""
+        return next((name for name in BASES if self.knows(name)), child_of_odometry.lstrip("/") or BASES[0])
+
+    def between(self, frame: str, base: str) -> Floats | None:
+        """(4, 4) motion that takes points of a frame into base; None where the two are not connected."""
+        root_of_frame, from_frame = self._climb(frame.lstrip("/"))
+        root_of_base, from_base = self._climb(base)
+        shared = next((name for name in root_of_frame if name in root_of_base), None)
+        if shared is None:
+            return None
+        return np.linalg.inv(from_base[root_of_base.index(shared)]) @ from_frame[root_of_frame.index(shared)]
+
+    def mount(self, frame: str, base: str) -> Mount | None:
+        """Where a sensor's frame is in base; its height is counted from the floor where the log says where that is."""
+        motion = self.between(frame, base)
+        if motion is None:
+            return None
+        if self.knows(FLOOR) and base != FLOOR:
+            floor = self.between(frame, FLOOR)
+            if floor is not None:
+                motion = motion.copy()
+                motion[2, 3] = floor[2, 3]
+        return Mount(motion[:3, :3], motion[:3, 3])
+
+    def _climb(self, frame: str) -> tuple[list[str], list[Floats]]:
+        """Frames above a frame, itself first, and the motion from it into each."""
+        names, motions = [frame], [np.eye(4)]
+        while names[-1] in self._up and len(names) < 64:
+            parent, motion, _ = self._up[names[-1]]
+            names.append(parent)
+            motions.append(motion @ motions[-1])
+        return names, motions

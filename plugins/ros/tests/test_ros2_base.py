@@ -1,0 +1,261 @@
+"""The platform `ros2_base` and a robot of its own physics on a network over loopback."""
+
+import math
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from navloom import Context, InputError, PlatformInput, Pose2D, RobotSpec, SensorSpec, Twist2D
+from navloom_ros.base.adapter import Ros2Base
+from navloom_ros.base.frames import Frames, heading_of, planar
+from navloom_ros.base.params import Ros2BaseParams
+from navloom_ros.base.readings import Anchor, Unusable, beams_of_laser, beams_of_ranges, motion_of
+from navloom_ros.base.stamps import Delays
+from navloom_ros.errors import RosError
+from pydantic import ValidationError
+from ros_golden import KILTED
+from ros_network import Router, until
+from ros_robot import MOUNT, ROOM, Robot
+
+PERIOD = 0.05
+SECOND = 1_000_000_000
+SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
+SENSORS = (
+    SensorSpec("laser", "laser_scan", {}),
+    SensorSpec("sonars", "ranges", {"topics": ["/sonar"]}),
+)
+
+
+class Driven:
+    """A platform that is stepped as the live runner does it: ticks by the wall clock."""
+
+    def __init__(self, router, **params):
+        given = {"router": router, "distribution": "kilted", "base_timeout_s": 0.5, "contact_topic": "/bumper"} | params
+        spec = RobotSpec(SQUARE, 0.5, 0.05, 0.2, 0.5, 1.0, 1.0, 1.0)
+        context = Context("base", PERIOD, spec, np.random.default_rng, Pose2D(0.0, 0.0, 0.0), SENSORS)
+        self.platform = Ros2Base(Ros2BaseParams.model_validate(given), context)
+        self._start_ns = time.monotonic_ns()
+        self.why = ""
+
+    def tick(self, vx=0.0, wz=0.0):
+        """One tick: what the platform says, or None where it cannot."""
+        time.sleep(PERIOD)
+        time_ns = time.monotonic_ns() - self._start_ns
+        try:
+            return self.platform.advance(PlatformInput(Twist2D(vx, 0.0, wz), None, time_ns)), time_ns
+        except RosError as error:
+            self.why = str(error)
+            return None
+
+    def begin(self, longest=20.0):
+        """Until it drives."""
+        return until(self.tick, longest)
+
+
+@pytest.fixture(scope="module")
+def network():
+    with Router() as router:
+        yield router
+
+
+@pytest.fixture(scope="module")
+def robot(network):
+    with Robot(KILTED, network.endpoint) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def driven(network, robot):
+    one = Driven(network.endpoint)
+    assert one.begin(), one.why
+    yield one
+    one.platform.close()
+
+
+def speeds(robot, since):
+    return [speed for at, speed, _ in list(robot.heard) if at >= since]
+
+
+def test_it_drives_and_hears_the_robot(driven, robot):
+    before = robot.pose[0]
+    scans, sonars = [], []
+    for _ in range(20):
+        out, time_ns = driven.tick(0.3)
+        scans += [(scan, time_ns) for name, scan in out.scans.items() if name == "laser"]
+        sonars += [scan for name, scan in out.scans.items() if name == "sonars"]
+        assert 0 <= time_ns - out.odometry.stamp_ns < 0.25 * SECOND  # though the robot's clock is 123 s ahead
+        assert out.contact.touching is False and out.truth is None
+    assert robot.pose[0] - before > 0.15 and out.odometry.twist.vx == pytest.approx(0.3)
+    assert out.odometry.pose.x == pytest.approx(robot.pose[0], abs=0.1)
+    scan, _ = scans[-1]
+    ahead = scan.ranges[np.argmin(np.abs(scan.bearings))]
+    assert ahead == pytest.approx(ROOM - robot.pose[0] - MOUNT, abs=0.1)
+    assert scan.origins[0].tolist() == pytest.approx([MOUNT, 0.0])
+    assert math.isinf(sonars[-1].ranges[0]) and sonars[-1].half_angles[0] == pytest.approx(0.15)
+    driven.tick()
+
+
+def test_the_guardian_stops_the_base_of_a_platform_that_freezes(driven, robot):
+    for _ in range(4):
+        driven.tick(0.1)
+    frozen = time.monotonic()
+    stopped = until(lambda: [at for at, speed, _ in list(robot.heard) if at > frozen and speed == 0.0], 2.0)
+    assert stopped[0] - frozen < 0.15 + 0.05  # the robot looks every 20 ms, and this host may be busy
+    assert driven.begin()  # and it drives again
+    assert until(lambda: driven.tick(0.1) and speeds(robot, time.monotonic() - 0.1)[-1:] == [0.1], 2.0)
+    driven.tick()
+
+
+def test_a_robot_that_falls_silent_is_a_reason(driven, robot):
+    robot.is_silent = True
+    until(lambda: driven.tick() is None, 2.0)
+    assert driven.why.startswith("/odom has been silent for 0.")
+    robot.is_silent = False
+    assert driven.begin()
+
+
+def test_a_contact_is_felt(driven, robot):
+    robot.touches = True
+    assert until(lambda: (told := driven.tick()) and told[0].contact.touching, 2.0)
+    robot.touches = False
+    assert until(lambda: (told := driven.tick()) and not told[0].contact.touching, 2.0)
+
+
+def test_a_guardian_that_dies_is_replaced(driven):
+    driven.platform._link._guard._process.kill()
+    assert until(lambda: driven.tick() is None, 2.0)
+    assert "guardian" in driven.why
+    assert driven.begin()
+
+
+def test_the_robots_router_may_restart(driven, network, robot):
+    network.stop()
+    assert until(lambda: driven.tick() is None, 5.0)
+    assert driven.why == f"the link to the router {network.endpoint} is down"
+    network.start()
+    assert driven.begin(), driven.why
+    assert until(lambda: driven.tick(0.1) and speeds(robot, time.monotonic() - 0.1)[-1:] == [0.1], 3.0)
+    driven.tick()
+
+
+def test_a_base_that_takes_the_other_type_is_named(network, robot):
+    other = Driven(network.endpoint, stamped=True, node="other")
+    assert until(lambda: other.tick() or "stamped" in other.why, 15.0)
+    assert other.why == (
+        "/base subscribes /cmd_vel as geometry_msgs/msg/Twist, not geometry_msgs/msg/TwistStamped; set stamped = false"
+    )
+    other.platform.close()
+
+
+def test_a_base_without_a_command_timeout_is_refused():
+    with pytest.raises(ValidationError, match=r"base_timeout_s\n.*required"):
+        Ros2BaseParams.model_validate({})
+    with pytest.raises(ValidationError, match="without_base_timeout = true"):
+        Ros2BaseParams.model_validate({"base_timeout_s": 0.0})
+    assert Ros2BaseParams.model_validate({"base_timeout_s": 0.0, "without_base_timeout": True})
+
+
+def test_a_tick_longer_than_the_bases_patience_is_refused():
+    with pytest.raises(InputError, match=r"less than two ticks of 0\.05 s"):
+        Driven("tcp/127.0.0.1:1", base_timeout_s=0.09)
+
+
+# --- what needs no network ------------------------------------------------------------------------------------------
+
+
+def quaternion(roll=0.0, yaw=0.0):
+    if roll:
+        return SimpleNamespace(x=math.sin(roll / 2), y=0.0, z=0.0, w=math.cos(roll / 2))
+    return SimpleNamespace(x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+
+
+def transforms(*rows):
+    return SimpleNamespace(
+        transforms=[
+            SimpleNamespace(
+                header=SimpleNamespace(frame_id=parent),
+                child_frame_id=child,
+                transform=SimpleNamespace(translation=SimpleNamespace(x=x, y=y, z=0.0), rotation=turned),
+            )
+            for parent, child, x, y, turned in rows
+        ]
+    )
+
+
+def test_frames_are_found_up_and_down_the_tree():
+    frames = Frames()
+    frames.add(
+        transforms(("odom", "/base", 5.0, 0.0, quaternion()), ("base", "mast", 1.0, 0.0, quaternion(yaw=math.pi / 2)))
+    )
+    frames.add(transforms(("mast", "laser", 0.5, 0.0, quaternion())))
+    found = frames.find("base", "laser")
+    assert found[:2, 3].tolist() == pytest.approx([1.0, 0.5]) and heading_of(found) == pytest.approx(math.pi / 2)
+    assert frames.find("laser", "odom") is not None and frames.find("base", "elsewhere") is None
+    frames.add(transforms(("laser", "odom", 0.0, 0.0, quaternion())))  # a circle ends
+    assert frames.find("base", "elsewhere") is None
+
+
+def scan(ranges, **given):
+    values = {"range_min": 0.1, "range_max": 10.0, "angle_min": -0.5, "angle_increment": 0.5, "time_increment": 0.01}
+    return SimpleNamespace(ranges=np.array(ranges, np.float32), **(values | given))
+
+
+def test_only_beams_that_say_something_are_kept():
+    beams = beams_of_laser(scan([math.nan, 2.0, 0.0, math.inf, -math.inf, 11.0]), planar(0.2, 0.0, 0.0), False)
+    assert beams.ranges.tolist() == [2.0, math.inf, pytest.approx(0.1), math.inf]
+    assert beams.bearings.tolist() == pytest.approx([0.0, 1.0, 1.5, 2.0])
+    assert beams.time_offsets.tolist() == pytest.approx([0.01, 0.03, 0.04, 0.05])
+    assert len(beams_of_laser(scan([0.0, 2.0]), planar(0, 0, 0), True).ranges) == 2
+
+
+def test_a_laser_may_hang_upside_down_but_not_lean():
+    frames = Frames()
+    frames.add(
+        transforms(("base", "laser", 0.0, 0.0, quaternion(roll=math.pi)), ("base", "lean", 0, 0, quaternion(roll=0.5)))
+    )
+    beams = beams_of_laser(scan([1.0, 2.0, 3.0]), frames.find("base", "laser"), False)
+    assert beams.bearings.tolist() == pytest.approx([0.5, 0.0, -0.5])
+    with pytest.raises(Unusable, match="tilted by 29°"):
+        beams_of_laser(scan([1.0]), frames.find("base", "lean"), False)
+
+
+@pytest.mark.parametrize("wrong", [{"range_min": math.nan}, {"range_max": 0.0}, {"angle_increment": 1e9}])
+def test_a_scan_that_means_nothing_is_unusable(wrong):
+    with pytest.raises(Unusable):
+        beams_of_laser(scan([1.0], **wrong), planar(0, 0, 0), False)
+
+
+def test_a_range_beyond_its_reach_is_no_echo():
+    one = SimpleNamespace(min_range=0.1, max_range=3.0, field_of_view=0.2, range=3.5)
+    assert math.isinf(beams_of_ranges([one], [planar(0, 0, 0)]).ranges[0])
+    one.range = math.nan
+    with pytest.raises(Unusable):
+        beams_of_ranges([one], [planar(0, 0, 0)])
+
+
+def test_odometry_that_is_no_number_is_unusable():
+    message = KILTED.new("nav_msgs/msg/Odometry", twist={"twist": {"linear": {"x": math.nan}}})
+    with pytest.raises(Unusable):
+        motion_of(message)
+
+
+def test_a_clock_that_is_ahead_is_never_compared_with_ours():
+    delays = Delays()
+    hour = 3600 * SECOND
+    assert delays.measured_ns(hour - 20_000_000, hour, SECOND) == SECOND - 20_000_000  # 20 ms old when sent
+    late = delays.measured_ns(hour + SECOND, hour + SECOND, 2 * SECOND + 300_000_000)
+    assert late == 2 * SECOND  # it took 300 ms longer than the first
+    assert delays.measured_ns(5, hour + 2 * SECOND, 3 * SECOND) == 3 * SECOND and delays.odd == 1
+    assert delays.measured_ns(0, 2 * hour, 4 * SECOND) == 4 * SECOND  # the robot's clock was set
+    assert delays.measured_ns(0, hour, 5 * SECOND) == 5 * SECOND
+
+
+def test_odometry_that_begins_again_goes_on_where_it_was():
+    anchor = Anchor(False, 0.5, 1.0)
+    assert anchor.place((2.0, 1.0, math.pi / 2), b"one", 0) == (2.0, 1.0, math.pi / 2)
+    assert anchor.place((0.0, 0.0, 0.0), b"two", SECOND) == pytest.approx((2.0, 1.0, math.pi / 2))
+    assert anchor.place((0.5, 0.0, 0.0), b"two", 2 * SECOND) == pytest.approx((2.0, 1.5, math.pi / 2))
+    assert anchor.restarts == 1
+    first = Anchor(True, 0.5, 1.0)
+    assert first.place((2.0, 1.0, 1.0), b"one", 0) == pytest.approx((0.0, 0.0, 0.0))

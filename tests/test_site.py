@@ -1,0 +1,86 @@
+"""The documentation site: it builds without a warning and without a network, and its reference is complete."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import io
+import logging
+import re
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import navloom
+import pytest
+from mkdocs.commands.build import build
+from mkdocs.config import load_config
+from navloom_sensors_sim.adapter import SensorsSim
+
+TOP = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The site, built strictly where no connection can be made."""
+    folder = tmp_path_factory.mktemp("site")
+
+    def refuse(*address: object) -> None:
+        raise AssertionError(f"the build connects to {address}")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(socket.socket, "connect", refuse)
+        patch.chdir(TOP)
+        said = io.StringIO()
+        handler = logging.StreamHandler(said)
+        handler.setLevel(logging.WARNING)
+        logging.getLogger("mkdocs").addHandler(handler)
+        try:
+            build(load_config(str(TOP / "mkdocs.yml"), strict=True, site_dir=str(folder)))
+        finally:
+            logging.getLogger("mkdocs").removeHandler(handler)
+        assert said.getvalue() == ""
+        yield folder
+
+
+def test_no_page_fetches_anything(site: Path) -> None:
+    fetched = re.compile(r'<(?:script|img|link|iframe)[^>]*?(?:src|href)="?(https?:)?//')
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 30
+    assert [str(page) for page in pages if fetched.search(page.read_text("utf-8"))] == []
+
+
+def test_every_public_name_is_in_the_reference(site: Path) -> None:
+    names = {name for house in navloom._HOUSES for name in importlib.import_module(house).__all__}
+    things = {name: getattr(navloom, name) for name in names}
+    documented = {name for name, thing in things.items() if inspect.isclass(thing) or inspect.isfunction(thing)}
+    pages = [*site.glob("reference/**/*.html"), site / "messages/index.html"]
+    text = " ".join(page.read_text("utf-8") for page in pages)
+    assert documented - set(re.findall(r'id="navloom\.(?:messages\.)?(\w+)"', text)) == set()
+
+
+def test_the_reference_shows_types_and_meanings_of_shared_entries(site: Path) -> None:
+    page = (site / "reference/mapper/index.html").read_text("utf-8")
+    for field in ("sweeps", "scans"):
+        assert re.search(
+            rf">{field}</span></code></td>\s*<td>\s*<code>.{{1,600}}?New data, in stamp order", page, re.DOTALL
+        )
+
+
+def test_every_page_is_in_the_navigation(site: Path) -> None:
+    home = (site / "index.html").read_text("utf-8")
+    listed = {link.rstrip("/") for link in re.findall(r'<a href="([^"#:]+)" class="md-nav__link">', home)}
+    pages = {page.stem for page in (TOP / "docs").glob("*.md")}
+    assert pages - listed == set()
+
+
+def test_every_sensor_setting_is_in_the_reference_and_printed(
+    site: Path, in_process: Callable[..., tuple[int, str, str]]
+) -> None:
+    page = (site / "reference/sensors/index.html").read_text("utf-8")
+    _, printed, _ = in_process("plugins", "platform.sensors_sim")
+    for kind, model in SensorsSim.sensor_settings.items():
+        assert f"sensors_sim: {kind}" in page and f"sensor of kind {kind} gives" in printed
+        for name, field in model.model_fields.items():
+            assert f"<code>{name}</code>" in page and name in printed.split()
+            assert field.description and field.description in " ".join(printed.split())

@@ -17,7 +17,8 @@ CALLERS = tuple(os.path.join(HERE, house, "") for house in ("engine", "live", "p
 STANDARD = os.path.join(os.path.dirname(os.path.abspath(os.__file__)), "")
 _FRAME = re.compile(r'\s*File "(?P<path>[^"\n]*)", line (?P<line>\d+) in (?P<name>.+)')
 _DUMP = re.compile(
-    r'\s*File "[^"\n]*", line \d+ in |(Current t|T)hread 0x|Stack \(most recent|Extension modules: |\s*<no Python frame>|\s*\.\.\.$|$'
+    r'\s*File "[^"\n]*", line \d+ in |(Current t|T)hread 0x|Stack \(most recent|Extension modules: |'
+    r"\s*<no Python frame>|\s*\.\.\.$|$"
 )
 
 

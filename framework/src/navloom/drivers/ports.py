@@ -176,6 +176,7 @@ def _make_raw(descriptor: int, speed: int) -> None:
     marks: list[bytes | int] = [b"\0"] * 32
     marks[termios.VMIN], marks[termios.VTIME] = 1, 0
     flags = termios.CS8 | termios.CREAD | termios.CLOCAL
-    termios.tcsetattr(descriptor, termios.TCSANOW, [0, 0, flags, 0, speed, speed, marks])
+    settings: list[int | list[bytes | int]] = [0, 0, flags, 0, speed, speed, marks]
+    termios.tcsetattr(descriptor, termios.TCSANOW, settings)
     termios.tcflush(descriptor, termios.TCIOFLUSH)
     fcntl.ioctl(descriptor, termios.TIOCEXCL)

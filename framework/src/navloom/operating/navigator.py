@@ -14,6 +14,7 @@ from navloom.live.mailbox import Inlet, Mailbox, Packet
 from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.operating.joining import join
+from navloom.operating.listening import Listening
 from navloom.transport.quality import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
@@ -219,7 +220,7 @@ class Navigator:
         self.client.call("gate", "main", "resume", {})
 
     def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
-        """Put another instance in charge once it has warmed up; gives the selection's epoch.
+        """Make another instance active once it has warmed up; gives the selection's epoch.
 
         Raises:
             Refused: There is no such instance; TimeoutError: it did not warm up within s.
@@ -230,11 +231,15 @@ class Navigator:
             if time.monotonic() > limit:
                 raise TimeoutError(
                     f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
-                    f"{answer['selected']} stays in charge until it has"
+                    f"{answer['selected']} stays active until it has"
                 )
             time.sleep(0.05)
             answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
         return int(answer["epoch"])
+
+    def listen(self, streams: Sequence[str]) -> Listening:
+        """What the robot publishes on some streams, each given as role/port; `take` gives what has come."""
+        return Listening(self.client, streams)
 
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
         """Parameters of an instance."""

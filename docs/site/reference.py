@@ -215,6 +215,17 @@ def module(name: str) -> str:
     return f"## {name}\n\n" + shown(name, options="\n    options: { show_root_heading: false, heading_level: 2 }")
 
 
+def testing_page() -> str:
+    """Builders and scenes."""
+    return page(
+        "Testing",
+        "Import from `navloom.testing`.",
+        shown("navloom.testing.builders", options="\n    options: { show_root_heading: false }"),
+        "## Scenes",
+        shown("navloom.testing.scenes", options="\n    options: { show_root_heading: false }"),
+    )
+
+
 def hooks_page() -> str:
     """The plugin door."""
     return page(
@@ -260,6 +271,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "metrics.md": metrics_page,
     "geometry.md": geometry_page,
     "avoidance.md": avoidance_page,
+    "testing.md": testing_page,
     "hooks.md": hooks_page,
     "config.md": lambda: page("Config", config_sections()),
     "commands.md": lambda: page("Command line", command_sections()),

@@ -70,8 +70,10 @@ OF_THE_WIRE = {
     "ros/wire.py": {"time", "zenoh"},
     "ros/node.py": {"threading", "time"},
     "ros/actions.py": {"threading"},
-    "ros/link.py": {"threading", "time"},
+    "ros/joining.py": {"threading"},
+    "ros/link.py": {"time"},
     "ros/guardian.py": {"time"},
+    "ros/goals.py": {"threading"},
 }
 """Waivers: what speaks to another network has its session, the threads that wait for it, and the clock of stamps."""
 

@@ -163,7 +163,7 @@ class Supervisor:
             self._bound(child)
             if child.process is not None and child.process.poll() is not None:
                 self._repair_folder()  # where others read what became of it, and the next one listens
-                self._bury(child, now)
+                self._reap(child, now)
                 fallen.append(child)
             elif child.state == "waiting" and restarts and now >= child.again_at:
                 child.restarts += 1
@@ -288,7 +288,7 @@ class Supervisor:
         if ended:
             self._say(f"ended what process {name} left: {_listed(ended)}")
 
-    def _bury(self, child: Worker, now: float) -> None:
+    def _reap(self, child: Worker, now: float) -> None:
         assert child.process is not None
         code, pid, name = child.process.poll(), child.process.pid, child.task.name
         assert code is not None

@@ -14,6 +14,7 @@ from navloom.live.mailbox import Inlet, Mailbox, Packet
 from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.operating.joining import join
+from navloom.operating.listening import Listening
 from navloom.transport.quality import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
@@ -235,6 +236,10 @@ class Navigator:
             time.sleep(0.05)
             answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
         return int(answer["epoch"])
+
+    def listen(self, streams: Sequence[str]) -> Listening:
+        """What the robot publishes on some streams, each given as role/port; `take` gives what has come."""
+        return Listening(self.client, streams)
 
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
         """Parameters of an instance."""

@@ -183,7 +183,7 @@ class Workers:
             if worker.has_grown(resident):
                 self._retire(worker)
         elif kind == "dead":
-            self._bury(worker, "")
+            self._reap(worker, "")
 
     def _patience(self, worker: Worker) -> float:
         """s without a sign of life that a worker is allowed: what bounds episodes does not bound imports."""
@@ -191,9 +191,9 @@ class Workers:
 
     def _give_up(self, worker: Worker) -> None:
         worker.process.kill()
-        self._bury(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
+        self._reap(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
 
-    def _bury(self, worker: Worker, reason: str) -> None:
+    def _reap(self, worker: Worker, reason: str) -> None:
         """Take a dead worker out; what it was at is lost."""
         worker.process.join()
         worker.connection.close()

@@ -51,11 +51,9 @@ STAND_INS = {
     ("bench.md", "navloom bench"): "navloom bench --help",
     ("performance.md", "navloom bench"): "navloom bench --help",
     ("README.md", "navloom compare"): SHORT_STUDY,
-    ("adding-worlds.md", "navloom compare"): "navloom compare building --plugin pillars.py --worlds two_pillars "
-    "--vary avoider=dwa,vff --seeds 0:1 --jobs 1 --out study",
-    ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --only signatures",
-    ("tutorial.md", "navloom compare"): "navloom compare building --plugin clear_way.py --vary avoider=clear_way,vff "
-    "--worlds empty --seeds 0:1 --jobs 1 --out study",
+    ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
+    ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
+    ("tutorial.md", "navloom compare"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
 """Commands of more than some seconds, by page and beginning, and what is typed instead but with `-m slow`."""

@@ -250,11 +250,11 @@ def the_readmes_robot(reader: Reader) -> None:
 
 def the_tutorials_avoider(reader: Reader) -> None:
     """clear_way.py as the tutorial has it, in a folder of its own."""
-    folder = reader.folder / "clear-way"
+    folder = reader.folder / "navloom-clear-way"
     folder.mkdir()
     for step in steps(TOP / "docs" / "tutorial.md"):
         if step.kind == "file" and step.name == "clear_way.py":
-            reader.take(dataclasses.replace(step, name="clear-way/clear_way.py"))
+            reader.take(dataclasses.replace(step, name="navloom-clear-way/navloom_clear_way.py"))
 
 
 SCENES: dict[str, Callable[[Reader], None]] = {

@@ -255,7 +255,7 @@ class Navigator:
             if time.monotonic() > limit:
                 raise TimeoutError(
                     f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
-                    f"{answer['selected']} stays in charge until it has"
+                    f"{answer['selected']} stays active until it has"
                 )
             time.sleep(0.05)
             answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})

@@ -46,8 +46,11 @@ AFTER = 1.25
 AGAIN = 60.0
 """How long the robot may take to drive at full speed again, s."""
 FILLING = (
-    "300 silent connections", "300 half handshakes", "garbage to the TLS port", "handshakes without a certificate"
-)  # fmt: skip
+    "300 silent connections",
+    "300 half handshakes",
+    "garbage to the TLS port",
+    "handshakes without a certificate",
+)
 """Kinds after which nobody may join for long: Zenoh waits 0.1 s after each handshake that fails."""
 MORE = """
 router = "tls/127.0.0.1:{port}"

@@ -30,7 +30,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs a program of an environment with the wheels, in its folder; gives what it prints."""
     top = tmp_path_factory.mktemp("wheels")
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    environment |= {"PIP_FIND_LINKS": str(top / "dist"), "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+    links = f"{top / 'dist'} {environment.get('PIP_FIND_LINKS', '')}".strip()
+    environment |= {"PIP_FIND_LINKS": links, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
 
     def run(program: str, *words: object, within: str = ".", exit_code: int = 0) -> str:
         command = [str(top / "env" / "bin" / program), *map(str, words)]

@@ -155,11 +155,11 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     discovery = discovery or Discovery(config.plugins.blocked)
     parts, world, robot = find_parts(config, discovery, problems), None, None
     catalogue = catalogue_of_parts(config, parts, problems)
+    platform_part = parts.get(("platform", config.platform.instance))
     with problems.gather():
-        world = _world(loaded, discovery)
+        world = _world(loaded, discovery, platform_part)
     with problems.gather():
         robot = robot_spec(config)
-    platform_part = parts.get(("platform", config.platform.instance))
     sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
     for place, role, table in config.role_tables():
         with problems.gather():
@@ -355,10 +355,38 @@ def stride_of(table: RoleTable, period: float) -> int:
     return 1 if table.rate_hz is None else round(1.0 / (table.rate_hz * period))
 
 
-def _world(loaded: Loaded, discovery: Discovery) -> World | None:
+def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World | None:
+    """The true world: that of the config, or the one that the platform brings along."""
+    own = None if platform is None else _own_world(platform)
     if loaded.config.world is None:
-        return None
+        return own
+    if own is not None:
+        raise ConfigError(
+            f"world.ref: is {loaded.config.world.ref!r}, but the platform {loaded.config.platform.plugin} brings a "
+            "world of its own: leave [world] and --worlds out"
+        )
     return _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
+
+
+def own_world(loaded: Loaded, discovery: Discovery) -> World | None:
+    """The world that the platform of a config brings along; None where it brings none, or cannot tell.
+
+    Raises:
+        ConfigError, PluginError: The platform is not known, or refuses its parameters or its scene.
+    """
+    problems = Gathered()
+    parts = find_parts(loaded.config, discovery, problems)
+    problems.refuse(loaded.error)
+    return _own_world(parts["platform", loaded.config.platform.instance])
+
+
+def _own_world(part: Part) -> World | None:
+    assert issubclass(part.cls, Platform)
+    with _blamed(part, "own_world"):
+        world: World | None = part.cls.own_world(part.params)
+        if world is not None and not isinstance(world, World):
+            raise TypeError(f"it gives {type(world).__name__}, expected World or None")
+    return world
 
 
 def _resolve(loaded: Loaded, discovery: Discovery, place: str, reference: str) -> World:
@@ -375,7 +403,10 @@ def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> Occ
     if reference != "world":
         world = _resolve(loaded, discovery, "map.ref", reference)
     if world is None:
-        raise ConfigError('map.ref: is "world", but there is no [world]; name a map, as in ref = "rosmap:F.yaml"')
+        raise ConfigError(
+            'map.ref: is "world", but there is no [world], and the platform tells none; name a map, as in '
+            'ref = "rosmap:F.yaml"'
+        )
     return grid_of(world, resolution, loaded.config.robot.height)
 
 

@@ -24,6 +24,9 @@ NOT_RUN = {
     ("security.md", "navloom stop --connect"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
     ("security.md", "navloom node robot.toml"): "needs a third host, and an alternative `forces` in the config",
     ("certificates.md", "navloom status --connect"): "needs an expired certificate; framework/tests/cli makes one",
+    ("recording.md", "navloom replay run.mcap --only avoider --until 123 --pdb"): (
+        "a debugger waits for its user; framework/tests/recording/test_excerpt.py types into it"
+    ),
     ("command-line.md", "navloom man | man"): "shows a page in a pager",
     ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
     ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",

@@ -166,7 +166,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
 
 
 def test_trackers_and_avoiders_are_compared(people: Path, typed: Typed) -> None:
-    vary = ("--vary", "avoider=polite,improved_vfh", "--vary", "node.people.plugin=people_tracker,nearest_tracker")
+    vary = ("--vary", "avoider=polite,improved_vfh", "--vary", "people=people_tracker,nearest_tracker")
     few = ("--set", "run.stop_after=3", "--seeds", "0:1", "--jobs", "1")
     code, out, err = typed("compare", str(people), *vary, *few)
     assert code == 0 and "4 methods x 1 worlds x 1 seeds: 4 episodes" in out, out + err
@@ -182,6 +182,16 @@ def test_a_tracker_runs_in_shadow_of_the_one_that_is_compared_with_it(people: Pa
         True,
         {"nearest_tracker": "nearest_tracker"},
     )
+
+
+def test_a_tracker_is_named_by_its_plugin_or_by_an_alternative(people: Path) -> None:
+    shelf = 'alternative=[{ role = "people", plugin = "nearest_tracker", name = "near", latency = 0.1 }]'
+    methods = methods_of(str(people), ["people=people_tracker,near"], [shelf], Discovery())
+    assert [method.name for method in methods] == ["people_tracker", "near"]
+    table = methods[1].loaded.config.role_table("people")
+    assert (table.plugin, table.latency) == ("nearest_tracker", 0.1)
+    with pytest.raises(ConfigError, match=r"--vary people=nearest: neither a plugin .* did you mean 'nearest_tracker'"):
+        methods_of(str(people), ["people=people_tracker,nearest"], (), Discovery())
 
 
 def test_the_kinds_of_sensors_are_listed_with_messages_and_settings(people: Path, typed: Typed) -> None:

@@ -529,7 +529,7 @@ def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
 
 
 def test_run_says_what_was_noted(capsys: pytest.CaptureFixture[str]) -> None:
-    tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[])), {"warnings": [{"text": "46 times"}]})
+    tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[], failed=[])), {"warnings": [{"text": "46 times"}]})
     assert "46 times" in capsys.readouterr().err
 
 

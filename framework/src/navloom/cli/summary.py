@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -34,10 +35,16 @@ def is_reached(summary: Mapping[str, Any]) -> bool:
     return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
 
 
-def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
-    """What plugins broke, and what else is wrong with them."""
-    for fault in episode.log.faults:
-        LOG.warning(fault, extra=with_traceback_of(fault))
+def tell_faults(episode: Any, summary: Mapping[str, Any], recording: Path | None = None) -> None:
+    """What plugins broke, with the command that repeats the step where it was recorded, and what else is wrong."""
+    from navloom.recording.excerpt import repeating
+
+    for fault, (role, name, tick) in zip(episode.log.faults, episode.log.failed, strict=True):
+        text = fault
+        if recording is not None:
+            is_only = sum(owner == role for owner, _ in episode.system.parts) == 1
+            text += f"\nrepeat that step: {repeating(recording, role, name, tick, is_only)}"
+        LOG.warning(text, extra=with_traceback_of(fault))
     for warning in summary["warnings"]:
         LOG.warning(f"warning: {warning['text']}")
 

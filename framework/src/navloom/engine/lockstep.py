@@ -59,6 +59,7 @@ class RunLog:
         gate_stops: How often the gate stopped a driving robot.
         gate_limits: How often its monitor began to slow or stop the robot.
         faults: "role instance: what happened" of plugins that broke.
+        failed: Role, instance and tick of each of them.
         trace_sha256: Hash of the trace.
     """
 
@@ -73,6 +74,7 @@ class RunLog:
     gate_stops: int = 0
     gate_limits: int = 0
     faults: list[str] = field(default_factory=list)
+    failed: list[tuple[str, str, int]] = field(default_factory=list)
     trace_sha256: str = ""
     _stopped_for: str = ""
     _limited_by: str = ""
@@ -225,6 +227,7 @@ class Lockstep:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""
         text = f"{stepper.role} {stepper.name} failed: {fault}"
         self.log.faults.append(text)
+        self.log.failed.append((stepper.role, stepper.name, stepper.stepped))
         stepper.enabled = False
         self._make_plan()
         if stepper.active and stepper.role not in self._goal.optional:

@@ -132,6 +132,7 @@ class Conductor:
                 self.log.step_ns[role].append(report.duration_ns)
             if report.fault is not None and report.fault[0] == number:
                 self.log.faults.append(f"{role} {name} failed: {report.fault[1]}")
+                self.log.failed.append((role, name, number))
             for port, inlet in ports.items():
                 for message, envelope, tick in self._barrier.read(inlet, number):
                     if tick == number:

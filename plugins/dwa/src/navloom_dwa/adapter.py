@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, RangeScan, Twist2D
 from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import THIN_BEAM
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ class Dwa(Avoider[DwaParams]):
     """The best velocity that can be reached and stopped in time (Fox, Burgard & Thrun 1997; critics of Nav2's DWB)."""
 
     name = "dwa"
+    claims = {Claim.FOOTPRINT, Claim.MIRROR}
 
     def __init__(self, params: DwaParams, context: Context) -> None:
         super().__init__(params, context)

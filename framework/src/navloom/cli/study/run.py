@@ -61,7 +61,7 @@ def run(
             folder.keep(episode, summary)
         watch.finish()
         written = Written(folder, record_of(recorder), rerun_of(view.rerun, watch.showing))
-        tell_faults(episode, summary)
+        tell_faults(episode, summary, record)
         if as_json:
             print_json({**summary, "written": written.to_json()})
         else:

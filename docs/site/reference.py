@@ -210,6 +210,16 @@ def avoidance_page() -> str:
     )
 
 
+def drivers_page() -> str:
+    """What drivers share."""
+    return page(
+        "Drivers",
+        "What drivers of real robots share. Import from the module that is named. See "
+        "[Write a driver](../writing-a-driver.md).",
+        *(module(f"navloom.drivers.{name}") for name in ("link", "ports", "clocks")),
+    )
+
+
 def module(name: str) -> str:
     """A module with all that it exports."""
     return f"## {name}\n\n" + shown(name, options="\n    options: { show_root_heading: false, heading_level: 2 }")
@@ -260,6 +270,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "metrics.md": metrics_page,
     "geometry.md": geometry_page,
     "avoidance.md": avoidance_page,
+    "drivers.md": drivers_page,
     "hooks.md": hooks_page,
     "config.md": lambda: page("Config", config_sections()),
     "commands.md": lambda: page("Command line", command_sections()),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -25,11 +26,13 @@ class Robot:
     max_deceleration: float
     motor_lag: float = 0.0
     dead_time: float = 0.0
+    half_track: float = 0.0
+    max_angular_acceleration: float = math.inf
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Self:
         """From what every plugin is told about the robot."""
         return cls(
             spec.footprint, spec.max_linear, spec.max_angular, spec.max_acceleration, spec.max_deceleration,
-            spec.motor_lag, spec.dead_time,
+            spec.motor_lag, spec.dead_time, spec.half_track, spec.max_angular_acceleration,
         )  # fmt: skip

@@ -217,7 +217,7 @@ class GateStatus(Message):
 
 @message()
 class Selection(Message):
-    """Which instance of each role is in charge.
+    """Which instance of each role is active.
 
     Attributes:
         epoch: Rises with each swap; commands of an older epoch are refused.
@@ -231,5 +231,5 @@ class Selection(Message):
 
     @property
     def chosen(self) -> dict[str, str]:
-        """Instance in charge, by role."""
+        """Active instance, by role."""
         return dict(entry.split(" ", 1) for entry in self.instances)

@@ -220,7 +220,7 @@ class Navigator:
         self.client.call("gate", "main", "resume", {})
 
     def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
-        """Put another instance in charge once it has warmed up; gives the selection's epoch.
+        """Make another instance active once it has warmed up; gives the selection's epoch.
 
         Raises:
             Refused: There is no such instance; TimeoutError: it did not warm up within s.
@@ -231,7 +231,7 @@ class Navigator:
             if time.monotonic() > limit:
                 raise TimeoutError(
                     f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
-                    f"{answer['selected']} stays in charge until it has"
+                    f"{answer['selected']} stays active until it has"
                 )
             time.sleep(0.05)
             answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})

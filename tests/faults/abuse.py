@@ -45,7 +45,12 @@ AFTER = 1.25
 """How long the motors are watched after an attack, s: longer than the lease of a session that ends."""
 AGAIN = 60.0
 """How long the robot may take to drive at full speed again, s."""
-FILLING = ("300 silent connections", "300 half handshakes", "garbage to the TLS port", "handshakes without a certificate")
+FILLING = (
+    "300 silent connections",
+    "300 half handshakes",
+    "garbage to the TLS port",
+    "handshakes without a certificate",
+)
 """Kinds after which nobody may join for long: Zenoh waits 0.1 s after each handshake that fails."""
 MORE = """
 router = "tls/127.0.0.1:{port}"

@@ -17,7 +17,15 @@ __all__ = ["Robot"]
 
 @dataclass(frozen=True)
 class Robot:
-    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
+    """What has to be known of the robot.
+
+    Attributes:
+        footprint: (k, 2) corners of a convex polygon, m, base frame.
+        max_linear, max_angular: Speed limits, m/s and rad/s.
+        max_acceleration, max_deceleration: m/s².
+        motor_lag: Time constant with which the wheels follow a command, s.
+        dead_time: From a command to the wheels, s.
+    """
 
     footprint: NDArray[np.float64]
     max_linear: float

@@ -29,7 +29,7 @@ from navloom.transport.links import Link, settings
 
 __all__ = ["KINDS", "Attack", "main"]
 
-JOIN = 120.0
+JOIN = 30.0
 """Time in which an attack must join, s."""
 PREFIX = "lab/r1"
 MB = 2**20

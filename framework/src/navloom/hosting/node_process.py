@@ -102,12 +102,12 @@ class NodeProcess:
         ready: Callable[[], None] = lambda: None,
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """Join, step, leave. Returns when `ending` is set, or a node in charge hangs.
+        """Join, step, leave. Returns when `ending` is set, or an active node hangs.
 
         Args:
             say: Told what is being prepared.
             ready: Called once every node is there.
-            alive: Called again and again while no node in charge hangs: what feeds a service manager's watchdog.
+            alive: Called again and again while no active node hangs: what feeds a service manager's watchdog.
 
         Raises:
             ConfigError, LinkError, BusError: Nothing ran.
@@ -297,7 +297,7 @@ class NodeProcess:
                 runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
 
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
-        """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
+        """Wait for the end; give up where an active node hangs in its step or its thread died."""
         limit = self.system.config.live.hang_timeout
         stops = StopDetector()
         while not self.ending.wait(0.1):

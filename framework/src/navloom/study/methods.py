@@ -153,7 +153,7 @@ def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[Alternativ
 
 
 def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list[str]:
-    """The changes that make a plugin or alternative the one in charge of a role or node; none where it is already."""
+    """The changes that make a plugin or alternative the active one of a role or node; none where it is already."""
     active = base.config.role_table(role)
     if value == active.instance:
         return []
@@ -222,7 +222,7 @@ def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, d
 
 
 def _full(system: System) -> dict[str, Any]:
-    """Every value that holds by dotted place, parameters of the plugins in charge with their defaults."""
+    """Every value that holds by dotted place, parameters of the active plugins with their defaults."""
     tree = system.config.model_dump(mode="json")
     tree["node"] = {table["name"]: table for table in tree["node"]}
     for _, role, table in system.config.role_tables():

@@ -16,6 +16,8 @@ NOT_RUN = {
     ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
+    ("deploying.md", "navloom metrics"): "serves until Ctrl-C; framework/tests/operating asks it",
+    ("deploying.md", "docker compose"): "needs docker",
     ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("security.md", "tar "): "needs two hosts; test_the_two_hosts_of_the_security_page copies the files itself",
     ("security.md", "cd robot && navloom up"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",

@@ -30,6 +30,10 @@ NOT_RUN = {
     ("recording.md", "navloom replay run.mcap --only avoider --until 123 --pdb"): (
         "a debugger waits for its user; framework/tests/recording/test_excerpt.py types into it"
     ),
+    ("ros2.md", "navloom ros"): "needs a ROS network; plugins/ros/tests plays one",
+    ("ros2.md", "navloom up turtlebot.toml"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
+    ("ros2.md", "navloom goal"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
+    ("ros2.md", "navloom stop"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("command-line.md", "navloom man | man"): "shows a page in a pager",
     ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
     ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",

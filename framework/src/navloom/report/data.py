@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from navloom.config import ConfigError, load_config
-from navloom.engine.build import own_world
+from navloom.engine.brought import own_world
 from navloom.geometry.world import World
 from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
 from navloom.inputs.texts import json_of

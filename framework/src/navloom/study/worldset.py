@@ -15,7 +15,7 @@ import numpy as np
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.schema import Config
-from navloom.engine.build import own_world
+from navloom.engine.brought import own_world
 from navloom.geometry.world import World
 from navloom.plugins import Discovery, PluginError
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -19,9 +20,12 @@ from navloom.cli.summary import is_reached, print_summary, tell_faults
 __all__ = ["recorded", "run"]
 
 STALLED = 10.0
-"""s without a tick after which it is said what a run is at."""
+"""Longest time without a tick before the line that keeps the run is logged, s."""
 COMPILING = 12
-"""How many times as long the first tick may take to come."""
+"""Factor by which the first tick may take longer."""
+COMPILER = {"numba", "llvmlite"}
+BENEATH = sys.stdlib_module_names | COMPILER
+"""Modules in which a line tells a user nothing."""
 
 
 def run(
@@ -74,7 +78,7 @@ def run(
 def watched_for_stalls(
     progress: Callable[[float, float], None], patience: float = STALLED
 ) -> Iterator[Callable[[float, float], None]]:
-    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way.
+    """A progress function. If it is not called for `patience`, s, the line of code that keeps the run is logged.
 
     Before the first tick kernels may be compiled: until then it is given `COMPILING` times as long.
     """
@@ -91,11 +95,7 @@ def watched_for_stalls(
             last, limit = moved[0], limits[0]
             if last != told and time.monotonic() - last > limit:
                 told = last
-                frame = sys._current_frames()[runs]
-                while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in sys.stdlib_module_names:
-                    frame = frame.f_back
-                place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
-                LOG.warning(f"no tick for {limit:g} s: the run is at {place}; Ctrl-C ends it")
+                LOG.warning(f"no tick for {limit:g} s: {_where(sys._current_frames()[runs])}; Ctrl-C ends it")
 
     thread = threading.Thread(target=look, daemon=True)
     thread.start()
@@ -106,9 +106,19 @@ def watched_for_stalls(
         thread.join()
 
 
+def _where(frame: FrameType) -> str:
+    """The line that a thread is at, in words, beyond Python's own modules and the compiler of kernels."""
+    compiles = False
+    while frame.f_back and (top := frame.f_globals["__name__"].partition(".")[0]) in BENEATH:
+        compiles |= top in COMPILER
+        frame = frame.f_back
+    place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
+    return f"a kernel is being compiled for {place}" if compiles else f"the run is at {place}"
+
+
 @contextmanager
 def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
-    """The observer that writes a recording, if one is asked for. A disk that is full ends it, not the run."""
+    """The observer that writes a recording, if one is requested. A full disk ends the recording, not the run."""
     if path is None:
         yield None
         return
@@ -124,6 +134,6 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
         with LockstepRecorder(writer, log_of("recording").warning) as recorder:
             yield recorder
     except BaseException:
-        if not writer.messages:  # the run was refused: there is nothing in it
+        if not writer.messages:  # the run was refused: the file is empty
             writer.discard()
         raise

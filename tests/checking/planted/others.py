@@ -5,11 +5,10 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from navloom import (
-    Array,
     Box,
     Cylinder,
     Latest,
@@ -27,7 +26,6 @@ from navloom import (
     message,
 )
 from navloom.viewer import Panel
-from numpy.typing import NDArray
 from pydantic import Field
 
 from planted import Entries
@@ -138,13 +136,13 @@ class Bare(Message):
     x: float
 
 
-@ENTRIES.plant("Huge", "size", "message")
+@ENTRIES.plant("OtherName", "registers", "message")
 @message
-class Huge(Message):
-    """A default of 40 MB: each one made without it is larger than a stream allows."""
+class Named(Message):
+    """Its entry point has another name."""
 
     stamp_ns: Stamp
-    cells: Annotated[NDArray[np.float64], Array("float64", ("n",))] = np.zeros(5_000_000)
+    x: float
 
 
 # --- nodes ------------------------------------------------------------------------------------------------------------

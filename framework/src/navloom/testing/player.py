@@ -26,7 +26,7 @@ from navloom.roles.extra import Extras
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
 
-__all__ = ["Fault", "Player", "bytes_of", "first_difference", "loosened", "size_of", "through_codec"]
+__all__ = ["Fault", "Player", "bytes_of", "first_difference", "loosened", "rebuilt", "size_of", "through_codec"]
 
 NOWHERE = ("", 0, 0, 0, 0, 0)
 """An envelope that says nothing."""
@@ -42,12 +42,13 @@ class Fault(Exception):
         expected: What it should have done.
         place: File and line of its code.
         is_refusal: It raised InputError, its word for data that it cannot use.
-        answer: What it gave, where it gave anything.
+        call: The method that was called.
     """
 
-    def __init__(self, problem: str, expected: str, place: str, is_refusal: bool = False) -> None:
+    def __init__(self, problem: str, expected: str, place: str, is_refusal: bool = False, call: str = "") -> None:
         super().__init__(problem)
-        self.problem, self.expected, self.place, self.is_refusal = problem, expected, place, is_refusal
+        self.problem, self.expected, self.place = problem, expected, place
+        self.is_refusal, self.call = is_refusal, call
 
 
 class Streams:
@@ -133,14 +134,9 @@ class Player:
         try:
             with GUARD.within(what):
                 return act()
-        except InputError as error:
-            raise Fault(
-                f"{what}() raises InputError: {error}", "an answer, since these data fit", self._line_of(error), True
-            ) from error
         except (Exception, SystemExit, KeyboardInterrupt) as error:
-            raise Fault(
-                f"{what}() raises {type(error).__name__}: {error}", "an answer", self._line_of(error)
-            ) from error
+            problem = f"{what}() raises {type(error).__name__}: {error}"
+            raise Fault(problem, "an answer", self._line_of(error), isinstance(error, InputError), what) from error
 
     def _line_of(self, error: BaseException) -> str:
         """The innermost line of the plugin's own code that an error came through."""
@@ -168,38 +164,38 @@ def bytes_of(value: Any) -> bytes:
     return repr(value).encode()
 
 
-def _rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any], Any]) -> Any:
+def rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any], Any]) -> Any:
     """An input with its messages and arrays replaced."""
     if isinstance(value, Message):
         return leaf(value)
     if isinstance(value, np.ndarray):
         return array(value)
     if isinstance(value, Extras):
-        return Extras({key: _rebuilt(one, leaf, array) for key, one in value._held.items()})
+        return Extras({key: rebuilt(one, leaf, array) for key, one in value._held.items()})
     if isinstance(value, Mapping):
-        return {key: _rebuilt(one, leaf, array) for key, one in value.items()} if value else value
+        return {key: rebuilt(one, leaf, array) for key, one in value.items()} if value else value
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
-        return tuple(_rebuilt(one, leaf, array) for one in value)
+        return tuple(rebuilt(one, leaf, array) for one in value)
     if is_dataclass(value) and not isinstance(value, type):
-        return type(value)(**{one.name: _rebuilt(getattr(value, one.name), leaf, array) for one in fields(value)})
+        return type(value)(**{one.name: rebuilt(getattr(value, one.name), leaf, array) for one in fields(value)})
     return value
 
 
 def through_codec(given: Any) -> Any:
     """An input whose messages were encoded and decoded, as they are where a plugin runs in another process."""
-    return _rebuilt(given, lambda one: decode(encode(one, NOWHERE), schema_label(type(one)))[0], lambda array: array)
+    return rebuilt(given, lambda one: decode(encode(one, NOWHERE), schema_label(type(one)))[0], lambda array: array)
 
 
 def loosened(given: Any) -> Any:
     """An input whose arrays can be written to, so that a plugin that writes to them is seen to."""
-    return _rebuilt(given, _loose_message, np.array)
+    return rebuilt(given, _loose_message, np.array)
 
 
 def _loose_message(message: Message) -> Message:
     made = object.__new__(type(message))
     for name in message.kinds:
         value = getattr(message, name)
-        type(message).__dict__[name].__set__(made, _rebuilt(value, _loose_message, np.array))
+        type(message).__dict__[name].__set__(made, rebuilt(value, _loose_message, np.array))
     return made
 
 

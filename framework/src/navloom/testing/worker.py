@@ -12,7 +12,6 @@ way, and the file `crash` where, if faulthandler could still tell.
 
 from __future__ import annotations
 
-import inspect
 import json
 import mmap
 import os
@@ -78,7 +77,7 @@ def _loaded(request: Request, checks: Iterable[str], tell: Tell) -> Subject | No
     try:
         subject = find(request)
         GUARD.is_own = subject.is_own
-        tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": _folder(subject)}})
+        tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": subject.folder}})
         if hasattr(subject.thing, "warm_up"):
             with GUARD.within("warm_up", WARM_UP_LIMIT):
                 subject.thing.warm_up()
@@ -97,15 +96,6 @@ def _loaded(request: Request, checks: Iterable[str], tell: Tell) -> Subject | No
             result = Result(name, found.tier, "not_run", reason="it could not be loaded: see the check `registers`")
         tell({"result": result.to_json()})
     return None
-
-
-def _folder(subject: Subject) -> str:
-    """Folder or file of the plugin's code, to recognise its lines in a crash."""
-    try:
-        file = Path(inspect.getsourcefile(subject.source) or "")
-    except TypeError:
-        return ""
-    return str(file.parent if "." in str(getattr(subject.source, "__module__", "")) else file)
 
 
 def _run_checks(bench: Bench, checks: Iterable[Check], tell: Tell) -> None:

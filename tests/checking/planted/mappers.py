@@ -80,7 +80,7 @@ class CellsOf255(Hits):
         return replace(answer, grid=grid)
 
 
-@ENTRIES.plant("lends_its_cells", caught_by="answers_stay")
+@ENTRIES.plant("lends_its_cells", caught_by="answers")
 class LendsItsCells(Hits):
     """Its answer is the array that it goes on writing to."""
 
@@ -113,7 +113,7 @@ class KeepsMapOverReset(Hits):
         self.is_made, self.due_ns = True, 0
 
 
-@ENTRIES.plant("huge_map", caught_by="size")
+@ENTRIES.plant("huge_map", caught_by="message_size")
 class HugeMap(Hits):
     """Draws its map with cells of a millimetre."""
 

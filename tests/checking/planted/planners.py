@@ -149,7 +149,7 @@ class MarksMap(Flood):
         return free
 
 
-@ENTRIES.plant("keeps_map", caught_by="repeats")
+@ENTRIES.plant("keeps_map", caught_by="episodes")
 class KeepsMap(Flood):
     """Keeps the first map of a process for good, under the wrong key."""
 
@@ -170,7 +170,7 @@ class NegativeLength(Flood):
         return replace(answer, length=-1.0) if isinstance(answer, Path) else answer
 
 
-@ENTRIES.plant("half_length", caught_by="answers")
+@ENTRIES.plant("half_length", caught_by="path_length")
 class HalfLength(Flood):
     """Says that its path is half as long as it is."""
 

@@ -42,6 +42,10 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
     poses, true, legs = [], [], ((0.3, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.2, 0.0), (0.25, 0.3))
     worst, said, tick = 0.0, "moved as it was told", 0
     out = platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
+    first = out.odometry.pose
+    if max(abs(first.x), abs(first.y), abs(first.heading)) > SLACK:
+        worst = math.inf
+        said = f"began its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
     for v, w in ((0.0, 0.0), *legs):
         before = out.odometry.pose
         for _ in range(round(LEG / PERIOD)):

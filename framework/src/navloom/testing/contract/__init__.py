@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from navloom.testing.contract import answers, conduct, declared, parameters, repeats, state
+from navloom.testing.contract import answers, conduct, declared, parameters, repeats, sense, state
 
 __all__ = ["CHECKS"]
 
 CHECKS = (
     *declared.CHECKS,
     *answers.CHECKS,
+    *sense.CHECKS,
     *repeats.CHECKS,
     *state.CHECKS,
     *parameters.CHECKS,

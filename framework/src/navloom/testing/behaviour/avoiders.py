@@ -231,7 +231,7 @@ AVOIDERS = (
     Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 12),
     Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 12),
     Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,
-              stops_when_closed, 4),
+              stops_when_closed, 4, False),
     Behaviour("avoider", Claim.TRANSLATION, f"the same within {SAME:.0%} of the limits", look_scene, translation, 12),
     Behaviour("avoider", Claim.ROTATION, f"the same within {SAME:.0%} of the limits", look_scene, rotation, 12),
     Behaviour("avoider", Claim.MIRROR, f"the mirror image within {SAME:.0%} of the limits", look_scene, mirror, 12),

@@ -207,7 +207,7 @@ def accurate_mapper(make: Maker, scene: Scene) -> Measured:
     slack = grid.resolution + 0.05
     right = _near_share(cells, _surface(scene), slack)
     found = _near_share(seen.hits, cells, slack)
-    lines = (Line("hits", seen.hits[::7], is_dots=True), Line("occupied cells", cells, is_dots=True))
+    lines = (Line("occupied cells", cells, is_dots=True), Line("hits", seen.hits[::7], is_dots=True))
     said = f"has {right:.0%} of its occupied cells within {slack:.2f} m of something, and {found:.0%} of what was hit"
     return Measured(right >= TRUE_SHARE and found >= FOUND_SHARE, said, min(right, found), lines)
 

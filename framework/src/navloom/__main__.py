@@ -24,13 +24,11 @@ def main() -> None:
 
 def _run() -> None:
     """The command line as a process of its own: it ends, and code in C that breaks it is shown by its Python lines."""
-    import faulthandler
-
     from navloom.cli import main as run
     from navloom.cli.leaving import end_in_time
+    from navloom.crashes import dump_when_broken
 
-    if sys.stderr is not None:
-        faulthandler.enable(all_threads=False)
+    dump_when_broken()
     try:
         run()
     except SystemExit as ended:

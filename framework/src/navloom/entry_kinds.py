@@ -33,13 +33,13 @@ class CommandPoint(NamedTuple):
 
     Attributes:
         name: As it is typed after `navloom`.
-        target: Module that registers it.
+        value: Module that registers it.
         distribution: Name of its distribution.
         summary: What that distribution is for, in a line.
     """
 
     name: str
-    target: str
+    value: str
     distribution: str
     summary: str
 

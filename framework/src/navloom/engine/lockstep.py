@@ -255,7 +255,7 @@ class Lockstep:
             self._make_plan()
 
     def _select(self, selection: Selection) -> None:
-        """Lead every wire to the instances now in charge."""
+        """Lead every wire to the instances that are now active."""
         self._selection = None
         self._epoch = selection.epoch
         for entry in selection.instances:

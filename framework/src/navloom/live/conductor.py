@@ -38,7 +38,7 @@ class Conductor:
         system: The robot; no plugin of it is made here.
         board: Streams of this process.
         requests: Operators' requests by tick.
-        observers: Who looks on; they are shown the messages of those in charge, in the order of lockstep.
+        observers: Who looks on; they are shown the messages of the active ones, in the order of lockstep.
         trace: Where their messages go.
         check: Called while waiting; raises what should end the run.
     """

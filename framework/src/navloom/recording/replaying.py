@@ -78,7 +78,7 @@ class Replayer:
     Args:
         recording: With step records.
         system: Whose nodes are stepped; its plugins are made here.
-        stand_ins: Of this system's instance, the role whose steps it makes, whoever was in charge: another plugin.
+        stand_ins: Of this system's instance, the role whose steps it makes, whoever was active: another plugin.
             None: every instance makes its own.
         say: Told what is being prepared.
         excerpt: Which steps are made; default all.

@@ -260,7 +260,7 @@ def _checked(method: Method, case: WorldCase, discovery: CachedDiscovery, here: 
 
 
 def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[str, str]:
-    """Of Python, of the numerics, and of the distributions whose plugins are in charge."""
+    """Of Python, of the numerics, and of the distributions whose plugins are active."""
     owners = {(info.role, info.name): info for info in discovery.infos()}
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in ("navloom", "numpy", "numba", "scipy"):

@@ -374,7 +374,7 @@ class LiveRun:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
 
     def _learn_times(self, client: Client) -> None:
-        """Ask the nodes in charge how long their steps took since the goal began; those that are gone are left out."""
+        """Ask the active nodes how long their steps took since the goal began; those that are gone are left out."""
         spent: dict[int, int] = defaultdict(int)
         for answer in [] if not self.judges else client.bus.ask(client.keys.process("*", "steps"), timeout=1.0):
             for place, steps in json.loads(answer.data or b"{}").items():

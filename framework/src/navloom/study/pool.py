@@ -17,6 +17,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from navloom.crashes import dump_when_broken
 from navloom.study.rows import EpisodeTask, Row, episode_row, lost_row
 
 __all__ = ["Agenda", "PoolError", "Workers", "cores", "run_on_executor", "run_on_processes"]
@@ -256,6 +257,7 @@ def serve(connection: Connection) -> None:
     # Ctrl-C reaches the whole group: it is for the one who keeps the journal. Plugins that print must not spoil --json.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
+    dump_when_broken()
     said = 0.0
 
     def beat() -> None:

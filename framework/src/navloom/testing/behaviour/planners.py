@@ -14,7 +14,7 @@ from navloom.geometry.world import Place, Raster, World
 from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
 from navloom.roles import PlannerInput
 from navloom.roles.claims import Claim
-from navloom.study.shortest import optimal_length
+from navloom.study.optimal.shortest import optimal_length
 from navloom.testing.behaviour.measured import Behaviour, Line, Maker, Measured, Unfit
 from navloom.testing.behaviour.scene import Post, Scene, Wall
 

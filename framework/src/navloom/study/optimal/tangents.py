@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.compiled import compiled
-from navloom.study.free_space import Space
+from navloom.study.optimal.free_space import Space
 
 __all__ = ["Circles", "ShortestPath", "on_arc", "shortest_among"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.compiled import compiled
-from navloom.study.free_space import TOLERANCE, Shapes, shape_gap
+from navloom.study.optimal.free_space import TOLERANCE, Shapes, shape_gap
 
 __all__ = ["Field", "FieldSpace", "segment_is_free_in_field"]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.compiled import compiled
-from navloom.study.free_space import TOLERANCE, to_segment_squared
-from navloom.study.shape_space import Buckets, segment_is_free
+from navloom.study.optimal.free_space import TOLERANCE, to_segment_squared
+from navloom.study.optimal.shape_space import Buckets, segment_is_free
 
 __all__ = ["ANGLE_SLACK", "ARRIVES", "ENDS", "GOAL", "LEAVES", "LENGTH", "SIDE", "visible_tangents"]
 

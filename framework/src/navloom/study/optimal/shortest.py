@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from navloom.geometry.frames import inverse, transform
 from navloom.geometry.solids import centre_at, is_fixed, overlaps
 from navloom.geometry.world import Box, Obstacle, Place, Raster, World
-from navloom.study.field_space import FieldSpace
-from navloom.study.free_space import Shapes, Space
-from navloom.study.lazy_tangents import TangentSearch
-from navloom.study.lazy_theta import any_angle_path
-from navloom.study.shape_space import ShapeSpace
-from navloom.study.tangents import Circles, ShortestPath, shortest_among
+from navloom.study.optimal.field_space import FieldSpace
+from navloom.study.optimal.free_space import Shapes, Space
+from navloom.study.optimal.lazy_tangents import TangentSearch
+from navloom.study.optimal.lazy_theta import any_angle_path
+from navloom.study.optimal.shape_space import ShapeSpace
+from navloom.study.optimal.tangents import Circles, ShortestPath, shortest_among
 
 __all__ = ["length_to_reach", "optimal_length", "optimal_path", "warm_up"]
 

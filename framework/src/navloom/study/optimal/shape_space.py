@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.compiled import compiled
-from navloom.study.free_space import TOLERANCE, Shapes, gap_to, is_near_segment
+from navloom.study.optimal.free_space import TOLERANCE, Shapes, gap_to, is_near_segment
 
 __all__ = ["Buckets", "ShapeSpace", "arc_is_free", "bucket_span", "segment_is_free"]
 

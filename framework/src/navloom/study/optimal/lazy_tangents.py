@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.study.shape_space import ShapeSpace, arc_is_free
-from navloom.study.tangents import Circles, ShortestPath, on_arc
-from navloom.study.visible import ANGLE_SLACK, ARRIVES, ENDS, GOAL, LEAVES, LENGTH, SIDE, visible_tangents
+from navloom.study.optimal.shape_space import ShapeSpace, arc_is_free
+from navloom.study.optimal.tangents import Circles, ShortestPath, on_arc
+from navloom.study.optimal.visible import ANGLE_SLACK, ARRIVES, ENDS, GOAL, LEAVES, LENGTH, SIDE, visible_tangents
 
 __all__ = ["TangentSearch"]
 

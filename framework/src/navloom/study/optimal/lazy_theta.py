@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.geometry.compiled import compiled
-from navloom.study.field_space import Field, FieldSpace, segment_is_free_in_field
-from navloom.study.free_space import TOLERANCE
+from navloom.study.optimal.field_space import Field, FieldSpace, segment_is_free_in_field
+from navloom.study.optimal.free_space import TOLERANCE
 
 __all__ = ["any_angle_path"]
 

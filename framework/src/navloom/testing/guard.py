@@ -30,6 +30,8 @@ KINDS = {
 LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
 """Code below which files are read and written for code, not by the plugin."""
 
+MOST_DEEDS = 100
+
 
 class Deed(NamedTuple):
     """Something a plugin did in a call: what kind, in words, and its file and line."""
@@ -97,7 +99,12 @@ class Guard:
             return
         place = self._own_place(sys._getframe(1))
         if place:
-            self.deeds.append(Deed(KINDS[event], f"{event} {_short(given)}".strip(), place))
+            self._keep(Deed(KINDS[event], f"{event} {_short(given)}".strip(), place))
+
+    def _keep(self, deed: Deed) -> None:
+        """Keep the first deeds: a check of memory is on its way."""
+        if len(self.deeds) < MOST_DEEDS:
+            self.deeds.append(deed)
 
     def _own_place(self, frame: FrameType | None) -> str:
         """The plugin's line that a call comes from; empty where it comes from an import or a compiler."""
@@ -116,7 +123,7 @@ class Guard:
         caller = sys._getframe(2)
         if not self.is_own(str(caller.f_globals.get("__name__", ""))):
             return real()
-        self.deeds.append(Deed("clock", name, f"{PurePath(caller.f_code.co_filename).name}:{caller.f_lineno}"))
+        self._keep(Deed("clock", name, f"{PurePath(caller.f_code.co_filename).name}:{caller.f_lineno}"))
         if self._shift is None:
             return real()
         self._readings += 1

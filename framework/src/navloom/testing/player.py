@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from hashlib import sha256
 from pathlib import PurePath
 from typing import Any
 
@@ -18,6 +19,7 @@ from navloom.engine.door import (
     PlatformDoor,
     TwistDoor,
 )
+from navloom.engine.ports import Out
 from navloom.engine.random_streams import stream_source
 from navloom.messages import Avoidance, Message, RecoveryStep, TrackingCommand
 from navloom.messages.codec import decode, encode, schema_label
@@ -26,7 +28,17 @@ from navloom.roles.extra import Extras
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
 
-__all__ = ["Fault", "Player", "bytes_of", "first_difference", "loosened", "rebuilt", "size_of", "through_codec"]
+__all__ = [
+    "Fault",
+    "Player",
+    "bytes_of",
+    "digest",
+    "first_difference",
+    "loosened",
+    "rebuilt",
+    "size_of",
+    "through_codec",
+]
 
 NOWHERE = ("", 0, 0, 0, 0, 0)
 """An envelope that says nothing."""
@@ -89,21 +101,23 @@ class Player:
         self.context = replace(context, stream=self.streams)
         self.params = subject.params if params is None else params
         self.plugin = self._call("__init__", lambda: subject.thing(self.params, self.context))
-        self._verb = getattr(self.plugin, subject.verb)
         self._door = self._new_door()
 
     def step(self, given: Any) -> Any:
         """Call the verb once, and hold the answer against what the framework demands. Raises Fault."""
-        answer = self._call(self.subject.verb, lambda: self._verb(given))
+        answer = self._call(self.subject.verb, lambda: self._step(given))
         try:
             return self._door(answer, given)
         except AnswerError as error:
             problem, _, expected = str(error).rpartition(" (")[0].partition(", expected ")
             raise Fault(problem.partition("() ")[2] or problem, expected, self.subject.place) from None
 
+    def _step(self, given: Any) -> Any:
+        return getattr(self.plugin, self.subject.verb)(given)
+
     def play(self, inputs: Iterable[Any]) -> list[bytes]:
-        """The answers to inputs, as bytes. Raises Fault."""
-        return [bytes_of(self.step(given)) for given in inputs]
+        """Hashes of the answers to inputs. Raises Fault."""
+        return [digest(self.step(given)) for given in inputs]
 
     def reset(self) -> None:
         """Reset the plugin; its streams begin again too. Raises Fault."""
@@ -157,11 +171,18 @@ def bytes_of(value: Any) -> bytes:
         return b"".join(bytes_of(one) for one in value._held.values())
     if isinstance(value, Mapping):
         return b"".join(str(key).encode() + bytes_of(one) for key, one in value.items())
+    if isinstance(value, Out):
+        return value.name.encode()
     if isinstance(value, (tuple, list)):
         return b"".join(map(bytes_of, value)) + b"%d" % len(value)
     if is_dataclass(value) and not isinstance(value, type):
         return b"".join(bytes_of(getattr(value, one.name)) for one in fields(value))
     return repr(value).encode()
+
+
+def digest(value: Any) -> bytes:
+    """A hash of an answer or an input: equal for equal contents, bit for bit."""
+    return sha256(bytes_of(value)).digest()
 
 
 def rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any], Any]) -> Any:
@@ -203,10 +224,10 @@ def size_of(answer: Any) -> int:
     """Bytes of all messages of an answer."""
     if isinstance(answer, PlatformOutput):
         return sum(len(bytes_of(one)) for one in (answer.odometry, *answer.scans.values()))
-    return len(bytes_of(answer)) if answer is not None else 0
+    return sum(map(size_of, answer)) if isinstance(answer, (list, tuple)) else len(bytes_of(answer))
 
 
-def first_difference(one: Sequence[bytes | str], other: Sequence[bytes | str]) -> int | None:
+def first_difference(one: Sequence[bytes], other: Sequence[bytes]) -> int | None:
     """Number of the first step at which two plays differ; None where they are equal."""
     for number, (here, there) in enumerate(zip(one, other, strict=False)):
         if here != there:

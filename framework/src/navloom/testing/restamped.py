@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from navloom.engine.node import Tick
 from navloom.messages import Message, PoseTrack
 from navloom.testing.builders import ns
 from navloom.testing.player import rebuilt
@@ -24,6 +25,10 @@ def restamped(given: T, later: float, higher: int = 0) -> T:
     moved = rebuilt(given, lambda one: _message(one, shift, higher), np.array)
     if is_dataclass(moved) and not isinstance(moved, type):
         values = {one.name: getattr(moved, one.name) for one in fields(moved)}
+        if isinstance(values.get("tick"), Tick):
+            tick = values["tick"]
+            time_ns = tick.time_ns + shift
+            values["tick"] = tick._replace(number=tick.number + 1000 * higher, time=time_ns * 1e-9, time_ns=time_ns)
         moved = type(moved)(**{name: value + shift if name in STAMPS else value for name, value in values.items()})
     result: T = moved
     return result

@@ -18,16 +18,17 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from hashlib import sha256
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from navloom.errors import NavloomError
-from navloom.testing.bench import Bench, alike
+from navloom.testing.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, USUAL, Bench
 from navloom.testing.checks import Check
 from navloom.testing.findings import Finding, NotRun, Result, Shown
 from navloom.testing.guard import GUARD
+from navloom.testing.inputs import made_scenes
 from navloom.testing.player import Fault
 from navloom.testing.printed import PRINTED
 from navloom.testing.process import MARK_SIZE
@@ -66,7 +67,7 @@ def main() -> None:
         if job["checks"]:
             _run_checks(bench, [one for name in job["checks"] if (one := find_check(name))], tell)
         else:
-            tell({"digests": _digests(bench)})
+            tell({"digests": _digests(bench, bool(job.get("alike")))})
     tell({"done": True})
     os._exit(0)  # threads that a plugin left may not keep this process
 
@@ -136,15 +137,15 @@ def _may_be_made(subject: Subject) -> bool:
     return subject.kind != "platform" or bool(subject.thing.is_simulated)
 
 
-def _digests(bench: Bench) -> dict[str, list[str]]:
-    """Hashes of the answers to every scene that is played to its end, in a process with other seeds and clock."""
+def _digests(bench: Bench, is_alike: bool) -> dict[str, list[str]]:
+    """Hashes of the answers to every scene that is played to its end, the first of all plays in this process."""
     found = {}
-    for scene in bench.of_topic("usual"):
-        try:
-            with alike(seeds=4711, clock=(1_900_000_000.0, 7.3)):
-                found[scene.name] = [sha256(one).hexdigest() for one in bench.player(scene).play(scene.inputs)]
-        except Fault:
-            continue
+    seeds, clock = (1, CLOCK) if is_alike else (OTHER_SEEDS, OTHER_CLOCK)
+    for scene in made_scenes(bench.subject, bench.seed):
+        if scene.topic == USUAL:
+            with suppress(Fault):
+                answers = bench.play(scene, seeds=seeds, clock=clock)
+                found[scene.name] = [one.hex() for one in answers]
     return found
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from navloom.messages import Message
-from navloom.roles import PlatformOutput, is_patient
+from navloom.messages import Message, Twist2D
+from navloom.roles import PlatformOutput, RobotSpec
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
@@ -31,6 +31,8 @@ __all__ = ["CHECKS"]
 
 PLAYS = 3
 """Plays of which the fastest time of each step counts: the machine may be busy."""
+COMMANDING = {"controller", "avoider", "recovery"}
+BEYOND = 1.5
 PATIENT = 1.0
 """Longest step of a role that no motor waits for, s."""
 LARGEST, LARGEST_OF_PATIENT = 4 * 2**20, 16 * 2**20
@@ -50,7 +52,7 @@ NATIVE_GROWTH = 8192.0
 )
 def step_time(bench: Bench) -> Iterator[Finding]:
     """The 99th percentile of the steps but the first, each at its fastest of several plays."""
-    limit = PATIENT if is_patient(bench.subject.kind) else PERIOD
+    limit = PATIENT if _is_patient(bench) else PERIOD
     scenes = bench.sound()
     for plays in (PLAYS, 2 * PLAYS):
         worst, scene = max(((_slowest(bench, scene, plays), scene) for scene in scenes), key=lambda pair: pair[0])
@@ -61,6 +63,10 @@ def step_time(bench: Bench) -> Iterator[Finding]:
         f"less than {1000.0 * limit:.0f} ms; compile in warm_up, and vectorise or lower the resolution",
         given=f"scene {scene.name!r}", scene=scene.name,
     )  # fmt: skip
+
+
+def _is_patient(bench: Bench) -> bool:
+    return bool(bench.subject.thing.is_patient)
 
 
 def _slowest(bench: Bench, scene: Scene, plays: int) -> float:
@@ -82,7 +88,7 @@ def _slowest(bench: Bench, scene: Scene, plays: int) -> float:
 @check("contract", PLAYED, "An answer is no larger than its stream carries in time: 4 MiB, a map or path 16 MiB.")
 def message_size(bench: Bench) -> Iterator[Finding]:
     """As encoded."""
-    limit = LARGEST_OF_PATIENT if is_patient(bench.subject.kind) else LARGEST
+    limit = LARGEST_OF_PATIENT if _is_patient(bench) else LARGEST
     for scene in bench.sound():
         with alike():
             player = bench.player(scene)
@@ -113,6 +119,36 @@ def _largest(answer: Any) -> str:
 
     look(answer, "")
     return f", most of it in {max(sizes)[1]}" if sizes else ""
+
+
+@check("contract", COMMANDING, "On an easy way no command is beyond 1.5 times the robot's limits.")
+def limits(bench: Bench) -> Iterator[Finding]:
+    """The gate limits commands, so that a little more does no harm; degrees for radians is far more."""
+    for scene in bench.sound():
+        if not scene.is_gentle:
+            continue
+        with alike():
+            player = bench.player(scene)
+            for step, given in enumerate(scene.inputs):
+                beyond = _beyond(player.step(given).twist, scene.context.robot)
+                if beyond is not None:
+                    yield Finding(*beyond, given=bench.at(scene, step), scene=scene.name)
+                    return
+
+
+def _beyond(twist: Twist2D, robot: RobotSpec) -> tuple[str, str] | None:
+    """What is far beyond the limits, and what was expected; None where nothing is."""
+    for name, value, limit, unit, of in (
+        ("vx", twist.vx, robot.max_linear, "m/s", "max_linear"),
+        ("wz", twist.wz, robot.max_angular, "rad/s", "max_angular"),
+    ):
+        if abs(value) > BEYOND * limit:
+            hint = "; are these degrees?" if name == "wz" and abs(value) > 5.0 * limit else ""
+            return (
+                f"commands {name} = {value:.3g} {unit}, {abs(value) / limit:.1f} times the limit{hint}",
+                f"at most {limit:.3g} {unit}, which is self.context.robot.{of}",
+            )
+    return None
 
 
 @check("contract", PLAYED, "Nothing is printed on standard output, which belongs to the command that runs.")
@@ -278,4 +314,4 @@ def _line_that_holds(bench: Bench, shot: tracemalloc.Snapshot) -> str:
     return f"{PurePath(lines[0].traceback[0].filename).name}:{lines[0].traceback[0].lineno}"
 
 
-CHECKS = (step_time, message_size, silent, no_threads, no_processes, no_files, memory)
+CHECKS = (limits, step_time, message_size, silent, no_threads, no_processes, no_files, memory)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import PurePath
 from threading import Thread
 from types import FrameType
@@ -12,55 +14,36 @@ from typing import Any
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
+from navloom.testing.contract.repeats import IN_SELF
 from navloom.testing.findings import Finding
 from navloom.testing.inputs import Scene
-from navloom.testing.player import Fault, Player, bytes_of, first_difference
+from navloom.testing.player import Fault, Player, digest, first_difference
 
 __all__ = ["CHECKS"]
 
-IN_SELF = "state in self alone: no module or class variable that a call changes"
 MOST_SWITCHES = 150
 """Lines of a plugin's code at most at which another instance steps in between."""
+TRACED_STEPS = 3
 LOCKED = 0.5
 """How long another instance may take for a step, s, before it counts as waiting for a lock."""
 SWITCH_INTERVAL = 1e-5
 """Between two switches of threads, s."""
 
-
-@check("contract", PLAYED, "An episode leaves nothing behind that a later object of the plugin sees.")
-def episodes(bench: Bench) -> Iterator[Finding]:
-    """The first scene is played again after all others, each of which ran twice."""
-    scenes = bench.sound()
-    for scene in scenes:
-        try:
-            with alike():
-                bench.player(scene).play(scene.inputs)
-        except Fault as fault:
-            yield bench.finding(fault, f"a second episode of scene {scene.name!r}", scene.name)
-            return
-    for scene in scenes:
-        try:
-            again = bench.play(scene)
-        except Fault as fault:
-            yield bench.finding(fault, f"scene {scene.name!r} after {2 * len(scenes)} other episodes", scene.name)
-            return
-        found = bench.differs(scene, again, "after other episodes in the same process", IN_SELF)
-        if found:
-            yield found
-            return
+_Line = tuple[str, int]
+"""File and number."""
 
 
 @check("contract", PLAYED, "Two instances that step in turn do not see each other.")
 def two_instances(bench: Bench) -> Iterator[Finding]:
     """As an active instance and a shadow do."""
-    scenes = bench.sound()
+    scenes = bench.steady()
     for one, other in zip(scenes, [*scenes[1:], scenes[0]], strict=True):
         mine: list[bytes] = []
         with alike():
             try:
                 first, second = bench.player(one), bench.player(other)
                 for step, given in enumerate(one.inputs):
-                    mine.append(bytes_of(first.step(given)))
+                    mine.append(digest(first.step(given)))
                     if step < len(other.inputs):
                         second.step(other.inputs[step])
             except Fault as fault:
@@ -75,7 +58,7 @@ def two_instances(bench: Bench) -> Iterator[Finding]:
 @check("contract", PLAYED, "Two instances can step at the same time, in two threads.")
 def threads(bench: Bench) -> Iterator[Finding]:
     """Another instance steps at each line of a step; then both run freely."""
-    scenes = bench.sound()
+    scenes = bench.steady()
     one, other = scenes[0], scenes[-1]
     yield from _switched(bench, one, other)
     yield from _free(bench, one, other)
@@ -83,36 +66,43 @@ def threads(bench: Bench) -> Iterator[Finding]:
 
 def _switched(bench: Bench, one: Scene, other: Scene) -> Iterator[Finding]:
     """Steps of one instance, at the lines of which another makes a step in a thread of its own."""
-    with alike():
-        first, second = bench.player(one), bench.player(other)
-    between = _Between(bench, second, other)
-    mine: list[bytes] = []
-    for given in one.inputs[:5]:
-        with alike():
-            try:
-                mine.append(bytes_of(between.traced(first, given)))
-            except Fault as fault:
-                yield bench.finding(fault, f"scene {one.name!r}, while another instance steps", one.name)
-                return
-    step = first_difference(bench.answers(one)[: len(mine)], mine)
-    if step is not None:
-        yield Finding(
-            "gives another answer when another instance steps in the middle of its step", IN_SELF,
-            between.last_place, bench.at(one, step), one.name,
-        )  # fmt: skip
+    between = _Between(bench, one, other)
+    found = between.differs(None)
+    if found is not None:
+        guilty = next((line for line in sorted(between.seen) if between.differs(line) is not None), None)
+        yield found if guilty is None else replace(found, place=f"{PurePath(guilty[0]).name}:{guilty[1]}")
 
 
 class _Between:
-    """Has an instance make a step at each new line that another runs through."""
+    """Has an instance make a step while another is at a line of its own: at one line, or at each new one."""
 
-    def __init__(self, bench: Bench, player: Player, scene: Scene) -> None:
-        self.bench, self.player, self.scene = bench, player, scene
-        self.seen: set[tuple[str, int]] = set()
-        self.stepped = 0
-        self.last_place = ""
+    def __init__(self, bench: Bench, one: Scene, other: Scene) -> None:
+        self.bench, self.one, self.other = bench, one, other
+        self.seen: set[_Line] = set()
+        self._at: _Line | None = None
+        self._passed: set[_Line] = set()
+        self._second: Player
+        self._stepped = 0
 
-    def traced(self, player: Player, given: Any) -> Any:
-        """A step of a player, with steps of the other between its lines."""
+    def differs(self, at: _Line | None) -> Finding | None:
+        """What to say of the first steps of an instance, with steps of another at one line; None: at each."""
+        self._at, self._passed, self._stepped = at, set(), 0
+        answers: list[bytes] = []
+        with alike():
+            try:
+                first, self._second = self.bench.player(self.one), self.bench.player(self.other)
+                for given in self.one.inputs[:TRACED_STEPS]:
+                    answers.append(digest(self._traced(first, given)))
+            except Fault as fault:
+                given = f"scene {self.one.name!r}, while another instance steps"
+                return self.bench.finding(fault, given, self.one.name)
+        step = first_difference(self.bench.answers(self.one)[: len(answers)], answers)
+        if step is None:
+            return None
+        problem = "gives another answer when another instance steps in the middle of its step"
+        return Finding(problem, IN_SELF, "", self.bench.at(self.one, step), self.one.name)
+
+    def _traced(self, player: Player, given: Any) -> Any:
         before = sys.gettrace()
         sys.settrace(self._trace)
         try:
@@ -123,22 +113,21 @@ class _Between:
     def _trace(self, frame: FrameType, event: str, given: Any) -> Callable[..., Any] | None:
         if not self.bench.subject.is_own(str(frame.f_globals.get("__name__", ""))):
             return None
-        place = (frame.f_code.co_filename, frame.f_lineno)
-        if event == "line" and place not in self.seen and len(self.seen) < MOST_SWITCHES:
-            self.seen.add(place)
-            self.last_place = f"{PurePath(place[0]).name}:{place[1]}"
+        line = (frame.f_code.co_filename, frame.f_lineno)
+        is_due = line == self._at if self._at is not None else len(self.seen) < MOST_SWITCHES
+        if event == "line" and is_due and line not in self._passed:
+            self._passed.add(line)
+            self.seen.add(line)
             thread = Thread(target=self._step, daemon=True)
             thread.start()
             thread.join(LOCKED)
         return self._trace
 
     def _step(self) -> None:
-        given = self.scene.inputs[self.stepped % len(self.scene.inputs)]
-        self.stepped += 1
-        try:
-            self.player.step(given)
-        except Fault:
-            return
+        given = self.other.inputs[self._stepped % len(self.other.inputs)]
+        self._stepped += 1
+        with suppress(Fault):
+            self._second.step(given)
 
 
 def _free(bench: Bench, one: Scene, other: Scene) -> Iterator[Finding]:
@@ -173,4 +162,4 @@ def _free(bench: Bench, one: Scene, other: Scene) -> Iterator[Finding]:
             return
 
 
-CHECKS = (episodes, two_instances, threads)
+CHECKS = (two_instances, threads)

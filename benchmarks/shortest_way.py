@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 from navloom.geometry.world import Box, Place
-from navloom.study import shortest
-from navloom.study.lazy_tangents import TangentSearch
-from navloom.study.shape_space import ShapeSpace
-from navloom.study.tangents import ShortestPath, shortest_among
+from navloom.study.optimal import shortest
+from navloom.study.optimal.lazy_tangents import TangentSearch
+from navloom.study.optimal.shape_space import ShapeSpace
+from navloom.study.optimal.tangents import ShortestPath, shortest_among
 
 __all__ = ["WORLDS", "measured"]
 

@@ -67,6 +67,12 @@ def test_every_field_is_there_with_its_type_and_a_meaning(cls: type[Message]) ->
     assert all(len(row) == 3 and row[2] for row in table)
 
 
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_every_docstring_names_every_field(cls: type[Message]) -> None:
+    """`navloom messages NAME` prints what it says of each."""
+    assert [name for name in cls.kinds if not re.search(rf"\b{name}\b", cls.__doc__ or "")] == []
+
+
 def test_the_page_names_no_message_that_does_not_exist() -> None:
     assert sorted(re.findall(r"^### (\w+)$", PAGE, re.MULTILINE)) == [cls.__name__ for cls in CLASSES]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -87,6 +88,47 @@ def test_a_robot_of_ones_own_is_listed_and_drives_to_its_goal(
     result = json.loads(navloom("run", str(EXAMPLES / "turtle" / "turtle.toml"), "--json"))
     assert (result["outcome"], result["recoveries"]) == ("succeeded", 0)
     assert 1.5 < result["path_length_m"] < 2.0  # the straight way is 1.80 m, less the goal's tolerance
+
+
+SERIAL = ("navloom_serial_base.py", "serial_protocol.py", "play_base.py", "serial_base.toml", "pyproject.toml")
+
+
+@runs(*(f"serial_base/{name}" for name in SERIAL))
+def test_a_base_on_a_serial_line_is_driven_live_to_its_goal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, port = EXAMPLES / "serial_base", tmp_path / "base"
+    put_on_path(folder, tmp_path / "site", monkeypatch)
+    command = [sys.executable, str(folder / "play_base.py"), str(port)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as base:
+        assert base.stdin is not None and base.stdout is not None
+        assert base.stdout.readline() == f"a base is at {port}\n"
+        with up(str(folder / "serial_base.toml"), "--set", f"platform.port={port}") as robot:
+            robot.wait_for("every node is there")
+            done = robot.run("goal", "0.8", "0.2")
+        assert "succeeded: the goal was reached" in done.stdout, done.stderr
+        base.stdin.write("press\n")
+        base.stdin.flush()
+        assert base.stdout.readline() == "press: wheels at 0.00 and 0.00 m/s\n"
+        base.stdin.close()
+
+
+LIDAR = ("navloom_udp_lidar.py", "lidar_packets.py", "play_lidar.py", "lidar_cart.toml", "pyproject.toml")
+
+
+@runs(*(f"udp_lidar/{name}" for name in LIDAR))
+def test_a_lidar_on_a_cart_becomes_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = EXAMPLES / "udp_lidar"
+    put_on_path(folder, tmp_path / "site", monkeypatch)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with subprocess.Popen([sys.executable, str(folder / "play_lidar.py"), str(port), "60"]) as lidar:
+        config = tmp_path / "cart.toml"
+        config.write_text((folder / "lidar_cart.toml").read_text("utf-8").replace("port = 2368", f"port = {port}"))
+        with up(str(config)) as robot:
+            robot.wait_for("every node is there")
+            done = robot.run("echo", "mapper/map", "--count", "1")
+        lidar.kill()
+    assert done.returncode == 0 and "grid" in done.stdout, done.stderr
 
 
 @runs("mission.py")

@@ -14,7 +14,7 @@ BAR = 300.0
 @pytest.mark.benchmark
 @pytest.mark.xfail(
     reason="about 120 on two slow shared cores, where Python and the ray kernel take two to three times as long as in "
-    "the measurements the bar comes from; see docs/architecture.md, Speed",
+    "the measurements the bar comes from; see docs/measurements.md",
     strict=False,
 )
 def test_the_papers_loop_is_300_times_as_fast_as_real_time(benchmark) -> None:

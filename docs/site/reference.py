@@ -110,7 +110,7 @@ def plugins_page() -> str:
         "Plugins and their context",
         "A plugin is made as `cls(params, context)`. `params` is an instance of its `Params`, checked against the "
         "config; `context` is a `Context`.",
-        public("Context", "RobotSpec", "SensorSpec", "Params", "Role", "Extra", "Extras", "InputError"),
+        public("Context", "RobotSpec", "SensorSpec", "Params", "Role", "Extra", "Extras", "Claim", "InputError"),
     )
 
 
@@ -210,9 +210,30 @@ def avoidance_page() -> str:
     )
 
 
+def drivers_page() -> str:
+    """What drivers share."""
+    return page(
+        "Drivers",
+        "What drivers of real robots share. Import from the module that is named. See "
+        "[Write a driver](../writing-a-driver.md).",
+        *(module(f"navloom.drivers.{name}") for name in ("link", "ports", "clocks")),
+    )
+
+
 def module(name: str) -> str:
     """A module with all that it exports."""
     return f"## {name}\n\n" + shown(name, options="\n    options: { show_root_heading: false, heading_level: 2 }")
+
+
+def testing_page() -> str:
+    """Builders and scenes."""
+    return page(
+        "Testing",
+        "Import from `navloom.testing`.",
+        shown("navloom.testing.builders", options="\n    options: { show_root_heading: false }"),
+        "## Scenes",
+        shown("navloom.testing.scenes", options="\n    options: { show_root_heading: false }"),
+    )
 
 
 def hooks_page() -> str:
@@ -260,6 +281,8 @@ PAGES: dict[str, Callable[[], str]] = {
     "metrics.md": metrics_page,
     "geometry.md": geometry_page,
     "avoidance.md": avoidance_page,
+    "drivers.md": drivers_page,
+    "testing.md": testing_page,
     "hooks.md": hooks_page,
     "config.md": lambda: page("Config", config_sections()),
     "commands.md": lambda: page("Command line", command_sections()),

@@ -1,6 +1,6 @@
 """Abuse of a viewer's certificate, some kinds of it on one driving robot: nothing starts again, no goal is lost.
 
-How often the robot stops meanwhile is the campaign's to say (`abuse.py`, docs/threats.md): here other tests share the
+How often the robot stops meanwhile is measured by `abuse.py` (docs/abuse-campaigns.md); here other tests share the
 processors.
 """
 
@@ -28,6 +28,14 @@ def test_what_a_viewer_does_ends_no_process_and_no_goal_and_costs_the_robots_pro
             found = trial(aim, kind, 3.0)
             assert found.is_harmless and not found.touched, found
             assert max(share for name, share in found.spent.items() if name != "router") < MOST, found
+
+
+@pytest.mark.slow
+def test_a_reader_that_takes_little_does_not_hold_up_what_the_processes_say_to_each_other() -> None:
+    with target() as aim:
+        trials = [trial(aim, "a slow reader", 2.0) for _ in range(5)]
+    assert all(found.is_harmless for found in trials), trials
+    assert max(found.stood for found in trials) < 0.2, trials  # up to 0.8 s in half of them, with one thread that sends
 
 
 def test_every_kind_of_abuse_is_told_with_its_certificate() -> None:

@@ -1,6 +1,6 @@
 """Faults at full speed, one of each kind that matters: it stops, comes back, reaches its goal and ends.
 
-How fast it stops is the campaign's to say (`campaign.py`, docs/faults.md): here other tests share the processors.
+How fast it stops is measured by `campaign.py` (docs/fault-campaigns.md); here other tests share the processors.
 """
 
 from __future__ import annotations

@@ -175,6 +175,7 @@ IMAGES: dict[str, tuple[Callable[[], bytes], str]] = {
     "claimed": (lambda: b"P5\n60000 60000\n255\n", "60000 x 60000 pixels, expected 1 to 64000000"),
     "claimed, plain": (lambda: b"P2\n8000 8000\n255\n1 2 3", "truncated: 3 pixels, expected 64000000"),
     "claimed png": (lambda: png(60000, 60000, b""), "60000 x 60000 pixels, expected 1 to 64000000"),
+    "short png": (lambda: png(8000, 8000, bytes(100)), "truncated: 69 bytes for 8000 x 8000 pixels"),
     "large": (lambda: b"P5\n2000 2500\n255\n" + bytes(5_000_000), "5.00002 MB, expected at most 4 MB"),
 }
 

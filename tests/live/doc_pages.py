@@ -24,26 +24,36 @@ NOT_RUN = {
     ("security.md", "navloom stop --connect"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
     ("security.md", "navloom node robot.toml"): "needs a third host, and an alternative `forces` in the config",
     ("certificates.md", "navloom status --connect"): "needs an expired certificate; framework/tests/cli makes one",
+    ("recording.md", "navloom replay run.mcap --only avoider --until 123 --pdb"): (
+        "a debugger waits for its user; framework/tests/recording/test_excerpt.py types into it"
+    ),
     ("command-line.md", "navloom man | man"): "shows a page in a pager",
     ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
     ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",
     ("installing.md", "pip "): "asks an index; tests/test_wheels.py installs the wheels alone",
     ("installing.md", "python3 -m pip wheel"): "tests/test_wheels.py builds the wheels",
     ("installing.md", "python3 uv.py build"): "tests/test_wheels.py builds the wheels",
+    ("publishing.md", "pip install"): "asks an index; tests/test_wheels.py installs plugins from a folder",
+    ("publishing.md", "navloom check"): "of a plugin that is installed; the tutorial checks the same as a file",
+    ("publishing.md", "navloom run building"): "of a plugin that is installed; the tutorial runs the same as a file",
     ("installing.md", "navloom run paper"): "in an environment of wheels; tests/test_wheels.py runs it there",
 }  # fmt: skip
 """Commands that no test types, by page and beginning, and why."""
 
 SHORT_STUDY = "navloom compare paper --vary avoider=improved_vfh,vff --worlds empty --seeds 0:1 --jobs 1 --out study"
 
-PROGRAMS = {"mkdir", "navloom"}
+PROGRAMS = {"mkdir", "navloom", "python"}
 """What a command may begin with without a reason here why it is not run."""
 
 STAND_INS = {
     ("README.md", "navloom paper"): "navloom paper --help",
     ("paper.md", "navloom paper"): "navloom paper --help",
     ("bench.md", "navloom bench"): "navloom bench --help",
+    ("performance.md", "navloom bench"): "navloom bench --help",
     ("README.md", "navloom compare"): SHORT_STUDY,
+    ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
+    ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",
+    ("tutorial.md", "navloom compare"): "navloom compare --help",
     ("comparing.md", "navloom compare paper --vary avoider=improved_vfh,vff"): SHORT_STUDY,
 }  # fmt: skip
 """Commands of more than some seconds, by page and beginning, and what is typed instead but with `-m slow`."""

@@ -248,10 +248,20 @@ def the_readmes_robot(reader: Reader) -> None:
             reader.take(step)
 
 
+def the_tutorials_avoider(reader: Reader) -> None:
+    """clear_way.py as the tutorial has it, in a folder of its own."""
+    folder = reader.folder / "navloom-clear-way"
+    folder.mkdir()
+    for step in steps(TOP / "docs" / "tutorial.md"):
+        if step.kind == "file" and step.name == "clear_way.py":
+            reader.take(dataclasses.replace(step, name="navloom-clear-way/navloom_clear_way.py"))
+
+
 SCENES: dict[str, Callable[[Reader], None]] = {
     "a sweep": a_sweep,
     "a bag": a_bag,
     "a CARMEN log": a_carmen_log,
+    "the tutorial's avoider": the_tutorials_avoider,
     "robot.toml of the README": the_readmes_robot,
     "think is stopped": lambda reader: reader.send(signal.SIGSTOP, "think"),
     "think goes on": lambda reader: reader.send(signal.SIGCONT, "think"),
@@ -266,6 +276,7 @@ def reader(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyte
     with runtime_folder() as folder:
         monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(folder))
         monkeypatch.chdir(tmp_path)
+        monkeypatch.syspath_prepend(tmp_path)  # Python blocks import the files of their page
         one = Reader(tmp_path, capsys, monkeypatch)
         try:
             yield one

@@ -150,25 +150,25 @@ def test_a_tracker_that_breaks_ends_the_goal_only_where_it_is_required(
 
 
 def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
-    people: Path, tmp_path: Path, typed: Typed
+    people: Path, tmp_path: Path, in_process: Typed
 ) -> None:
     recording = tmp_path / "run.mcap"
-    typed("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json")
-    code, out, err = typed("replay", str(recording), "--check")
+    in_process("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json")
+    code, out, err = in_process("replay", str(recording), "--check")
     assert code == 0 and "bit for bit" in out, out + err
     steps = next(line.split() for line in out.splitlines() if line.startswith("people people_tracker"))
     assert int(steps[2]) > 100
-    code, out, err = typed("replay", str(recording), "--node", "people=nearest_tracker")
+    code, out, err = in_process("replay", str(recording), "--node", "people=nearest_tracker")
     assert code == 0 and "people nearest_tracker on what people_tracker was given" in out, out + err
     assert {one.key.rsplit("/", 2)[0] for one in Recording(recording).messages(["people/*/tracks"])} == {
         "lab/r1/people"
     }
 
 
-def test_trackers_and_avoiders_are_compared(people: Path, typed: Typed) -> None:
-    vary = ("--vary", "avoider=polite,improved_vfh", "--vary", "node.people.plugin=people_tracker,nearest_tracker")
+def test_trackers_and_avoiders_are_compared(people: Path, in_process: Typed) -> None:
+    vary = ("--vary", "avoider=polite,improved_vfh", "--vary", "people=people_tracker,nearest_tracker")
     few = ("--set", "run.stop_after=3", "--seeds", "0:1", "--jobs", "1")
-    code, out, err = typed("compare", str(people), *vary, *few)
+    code, out, err = in_process("compare", str(people), *vary, *few)
     assert code == 0 and "4 methods x 1 worlds x 1 seeds: 4 episodes" in out, out + err
     assert "polite+nearest_tracker" in out and "improved_vfh+people_tracker" in out
 
@@ -184,8 +184,18 @@ def test_a_tracker_runs_in_shadow_of_the_one_that_is_compared_with_it(people: Pa
     )
 
 
-def test_the_kinds_of_sensors_are_listed_with_messages_and_settings(people: Path, typed: Typed) -> None:
-    code, out, _ = typed("plugins", "platform.beacon_robot")
+def test_a_tracker_is_named_by_its_plugin_or_by_an_alternative(people: Path) -> None:
+    shelf = 'alternative=[{ role = "people", plugin = "nearest_tracker", name = "near", latency = 0.1 }]'
+    methods = methods_of(str(people), ["people=people_tracker,near"], [shelf], Discovery())
+    assert [method.name for method in methods] == ["people_tracker", "near"]
+    table = methods[1].loaded.config.role_table("people")
+    assert (table.plugin, table.latency) == ("nearest_tracker", 0.1)
+    with pytest.raises(ConfigError, match=r"--vary people=nearest: neither a plugin .* did you mean 'nearest_tracker'"):
+        methods_of(str(people), ["people=people_tracker,nearest"], (), Discovery())
+
+
+def test_the_kinds_of_sensors_are_listed_with_messages_and_settings(people: Path, in_process: Typed) -> None:
+    code, out, _ = in_process("plugins", "platform.beacon_robot")
     assert code == 0 and "beacons" in out and "Beacons" in out and "reach" in out
 
 
@@ -280,13 +290,15 @@ def test_a_wrong_message_is_blamed_on_the_node(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_node_that_is_not_installed_is_not_checked_and_the_rest_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, typed: Typed
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: Typed
 ) -> None:
     recording = tmp_path / "run.mcap"
     with monkeypatch.context() as patch:
         watcher(tmp_path, patch, "ticks = True")
-        typed("run", "paper", *(word for change in WATCHED for word in ("--set", change)), "--record", str(recording))
-    code, out, err = typed("replay", str(recording), "--check")
+        in_process(
+            "run", "paper", *(word for change in WATCHED for word in ("--set", change)), "--record", str(recording)
+        )
+    code, out, err = in_process("replay", str(recording), "--check")
     assert code == 0 and "bit for bit" in out, out + err
     assert "eyes watcher: not checked: no plugin 'node.watcher' is installed" in out
 
@@ -316,7 +328,7 @@ def test_the_class_of_an_extra_input_is_known_to_mypy(tmp_path: Path) -> None:
     assert 'Item "None" of "GateStatus | None" has no attribute "reason"' in checked.stdout
 
 
-def test_what_holds_names_the_node_and_the_streams_it_reads(people: Path, typed: Typed) -> None:
-    rows = {line.split()[0]: line.split()[1] for line in typed("config", "show", str(people))[1].splitlines()}
+def test_what_holds_names_the_node_and_the_streams_it_reads(people: Path, in_process: Typed) -> None:
+    rows = {line.split()[0]: line.split()[1] for line in in_process("config", "show", str(people))[1].splitlines()}
     assert rows["node.0.name"] == '"people"' and rows["node.0.inputs.pose"] == '"localizer.pose"'
     assert rows["avoider.inputs.tracks"] == '"people.tracks"'

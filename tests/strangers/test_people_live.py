@@ -88,7 +88,7 @@ def test_a_tracker_that_is_not_required_may_die_and_the_avoider_is_swapped_meanw
         assert told["message"]["points"]["shape"][1] == 2
         since, said = len(heard.reasons), len(robot.said)
         kill(robot, "people")
-        assert "improved_vfh is in charge" in robot.run("swap", "avoider", "improved_vfh").stdout
+        assert "improved_vfh is active" in robot.run("swap", "avoider", "improved_vfh").stdout
         robot.wait_for("nodes", after=said)
         assert not [reason for reason in heard.reasons[since:] if reason.startswith(("gone", "waits"))]
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+import time
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -22,14 +24,25 @@ def bench(
     irsim: Annotated[
         str, typer.Option(metavar="PYTHON", help="Interpreter that has ir-sim; default: this one.", show_default=False)
     ] = sys.executable,
+    page_file: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="F.md", help="Write the figures as a page of the documentation too."),
+    ] = None,
+    date: Annotated[
+        str,
+        typer.Option(metavar="YYYY-MM-DD", help="Of the measurement, for --page; default: today.", show_default=False),
+    ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Measure this machine and, in turns with it, the peers installed. Exit 1: an entry asked for has no figures."""
-    from navloom.cli.output import print_json
+    from navloom.cli.output import log_of, print_json
 
     from navloom_benchmarks.measuring import bench as measure
+    from navloom_benchmarks.page import page
 
-    found = measure(only or (), quick, barn, irsim, lambda text: print(f"navloom: {text}", file=sys.stderr, flush=True))
+    found = measure(only or (), quick, barn, irsim, log_of("benchmarks").info)
+    if page_file is not None:
+        page_file.write_text(page(found, date or time.strftime("%Y-%m-%d")), "utf-8")
     if as_json:
         print_json(found)
     else:

@@ -19,9 +19,21 @@ def main() -> None:
 
         print_versions("--json" in given)
     else:
-        from navloom.cli import main as run
+        _run()
 
+
+def _run() -> None:
+    """The command line as a process of its own: it ends, and code in C that breaks it is shown by its Python lines."""
+    from navloom.cli import main as run
+    from navloom.cli.leaving import end_in_time
+    from navloom.crashes import dump_when_broken
+
+    dump_when_broken()
+    try:
         run()
+    except SystemExit as ended:
+        end_in_time(ended.code if isinstance(ended.code, int) else int(ended.code is not None))
+        raise
 
 
 if __name__ == "__main__":

@@ -10,13 +10,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from importlib.metadata import EntryPoints
 
-__all__ = ["GROUP", "OTHERS", "TRACE_HOOKS", "CommandPoint", "added_commands", "installed_points"]
+__all__ = ["GROUP", "OTHERS", "TRACEBACK", "TRACE_HOOKS", "CommandPoint", "added_commands", "installed_points"]
 
 GROUP = "navloom"
 """Group of the entry points; each is named KIND.NAME, and its kind is a role or one of OTHERS."""
 OTHERS = ("world", "scheme", "metric", "panel", "node", "message", "command", "observer")
 TRACE_HOOKS = "NAVLOOM_TRACE_HOOKS"
 """Environment variable: where it is not empty, every hook call is printed, in child processes too."""
+TRACEBACK = "NAVLOOM_TRACEBACK"
+"""Environment variable: where it is not empty, tracebacks of errors are kept and printed, in child processes too."""
 
 
 def installed_points() -> EntryPoints:
@@ -31,13 +33,13 @@ class CommandPoint(NamedTuple):
 
     Attributes:
         name: As it is typed after `navloom`.
-        target: Module that registers it.
+        value: Module that registers it.
         distribution: Name of its distribution.
         summary: What that distribution is for, in a line.
     """
 
     name: str
-    target: str
+    value: str
     distribution: str
     summary: str
 

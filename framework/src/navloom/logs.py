@@ -25,14 +25,15 @@ class Level(enum.StrEnum):
 
 
 class TextFormatter(logging.Formatter):
-    """The message, with `navloom: ` before each line."""
+    """The message, with `navloom: ` before each line; the traceback that a record carries follows as it is."""
 
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
         told = record.getMessage()
         if record.exc_info:
             told = f"{told}\n{self.formatException(record.exc_info)}"
-        return "\n".join(f"navloom: {line}" for line in told.splitlines() or [""])
+        lines = [f"navloom: {line}" for line in told.splitlines() or [""]]
+        return "\n".join([*lines, *getattr(record, "traceback", "").splitlines()])
 
 
 class JsonFormatter(logging.Formatter):
@@ -51,6 +52,8 @@ class JsonFormatter(logging.Formatter):
         }
         if record.exc_info:
             line["traceback"] = self.formatException(record.exc_info)
+        if traceback := getattr(record, "traceback", ""):
+            line["traceback"] = traceback
         return json.dumps(line, ensure_ascii=False)
 
 

@@ -124,7 +124,7 @@ def test_list_has_every_node_with_its_process(robot: Up, look: Look) -> None:
     assert lines[0].split() == ["role", "instance", "plugin", "process", "pid", "host", "tick", "state"]
     rows = {" ".join(line.split()[:2]): line for line in lines[1:]}
     assert rows["avoider shy"].endswith("shadow") and rows["controller spare"].endswith("-     waiting")
-    assert rows["gate main"].endswith("in charge")
+    assert rows["gate main"].endswith("active")
 
 
 def test_status_says_who_is_in_charge_and_why_it_stands(robot: Up, look: Look) -> None:
@@ -139,7 +139,7 @@ def test_status_says_who_is_in_charge_and_why_it_stands(robot: Up, look: Look) -
     rows = {line[:11].rstrip(): line[11:] for line in out.splitlines()}
     assert (code, err) == (0, "")
     assert rows["robot"].startswith("lab/r1, run clock ") and rows["goal"] == "none"
-    assert "controller toy_chaser" in rows["in charge"] and "missing" not in rows
+    assert "controller toy_chaser" in rows["active"] and "missing" not in rows
 
 
 def test_echo_prints_as_many_messages_as_asked_for(robot: Up, look: Look) -> None:
@@ -227,7 +227,7 @@ def test_graph_has_everybody_and_what_was_heard(robot: Up, look: Look) -> None:
 
     code, out, err = look(robot, "graph")
     assert (code, err) == (0, "")
-    entry = out[out.index("mapper/toy_blank (in charge; process think on ") :].splitlines()
+    entry = out[out.index("mapper/toy_blank (active; process think on ") :].splitlines()
     assert entry[1] == "  hears platform/toy_robot/ear, localizer/odometry/pose"
     assert entry[2] == "  has not heard goal/main/clear"
 
@@ -321,12 +321,12 @@ def test_where_nobody_listens_that_is_said(look: Look, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({}, "in charge"),
+        ({}, "active"),
         ({"active": False}, "shadow"),
         ({"active": False, "enabled": False}, "waiting"),
         ({"answers": False}, "does not answer"),
-        ({"busy_s": 0.5}, "in charge"),
-        ({"busy_s": 0.75}, "in charge, 0.8 s in one step"),
+        ({"busy_s": 0.5}, "active"),
+        ({"busy_s": 0.75}, "active, 0.8 s in one step"),
         ({"faulted": 4, "active": False, "busy_s": 2.0}, "shadow, failed 4 times in a row, 2.0 s in one step"),
     ],
     ids=["active", "shadow", "spare", "mute", "quick", "slow", "failing"],

@@ -504,6 +504,11 @@ def turning(monkeypatch: pytest.MonkeyPatch) -> Callable[[float, float], None]:
     return turn
 
 
+def limited(episode: Episode) -> list[dict[str, Any]]:
+    """The warnings of commands beyond the limits."""
+    return [one for one in episode.summary()["warnings"] if one["kind"] == "limits"]
+
+
 TURNS = ("avoider.case=turns", "robot.max_angular_deg=25.0", "run.stop_after=3.0")
 
 
@@ -512,10 +517,11 @@ def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
 ) -> None:
     turning(0.1, 20.0)
     episode = drive(tmp_path, *TURNS)
-    (note,) = episode.summary()["notes"]
+    (warning,) = limited(episode)
     line = inspect.getsourcelines(WrongAvoider.avoid)[1]
     # 20 rad/s of 25 degrees a second, which are 0.436 rad/s.
-    assert note == (
+    assert warning["plugin"] == "wrong_avoider"
+    assert warning["text"] == (
         "avoider wrong_avoider asked for 46 times the turn limit: degrees? "
         f"It gave 20 rad/s of 0.436 ({SOURCE}:{line}); the gate limits it"
     )
@@ -523,7 +529,7 @@ def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
 
 
 def test_run_says_what_was_noted(capsys: pytest.CaptureFixture[str]) -> None:
-    tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[])), {"notes": ["46 times"], "slow": []})
+    tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[], failed=[])), {"warnings": [{"text": "46 times"}]})
     assert "46 times" in capsys.readouterr().err
 
 
@@ -535,8 +541,8 @@ def test_a_command_is_noted_from_ten_times_a_limit_on(
     tmp_path: FilePath, turning: Callable[[float, float], None], speed: float, rate: float, notes: list[str]
 ) -> None:
     turning(speed, rate)
-    told = drive(tmp_path, *TURNS).summary()["notes"]
-    assert [wanted in note for wanted, note in zip(notes, told, strict=True)] == [True] * len(notes)
+    told = limited(drive(tmp_path, *TURNS))
+    assert [wanted in one["text"] for wanted, one in zip(notes, told, strict=True)] == [True] * len(notes)
 
 
 def test_a_plugin_that_keeps_no_context_drives_as_before(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:

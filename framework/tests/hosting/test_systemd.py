@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
 import socket
 import subprocess
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -141,9 +143,34 @@ def _runner(stepper: Any) -> Any:
     return SimpleNamespace(cell=SimpleNamespace(stepper=stepper))
 
 
+class Stuck:
+    """A plugin that waits in its verb."""
+
+    def __init__(self) -> None:
+        self.ends = threading.Event()
+
+    def control(self) -> None:
+        self.ends.wait()
+
+
+def test_of_a_node_that_hangs_the_line_of_its_plugin_is_named() -> None:
+    process = NodeProcess(assemble(load_config("paper", ["live.hang_timeout=0.1"])), Share("x", (), Link("peer")))
+    plugin = Stuck()
+    thread = threading.Thread(target=plugin.control, name="controller lyapunov_tracker")
+    thread.start()
+    stepper = SimpleNamespace(active=True, busy_since_ns=time.monotonic_ns(), node=SimpleNamespace(plugin=plugin))
+    process.runners = {("controller", "lyapunov_tracker"): _runner(stepper)}
+    process._watch([], lambda: None)
+    plugin.ends.set()
+    thread.join()
+    line = inspect.getsourcelines(Stuck.control)[1] + 1
+    place = f"it is at {Path(__file__).name}:{line}, in control"
+    assert process.hung == f"controller lyapunov_tracker has been in one step for 0.1 s: {place}"
+
+
 def test_the_watchdog_is_fed_until_a_node_in_charge_hangs() -> None:
     process = NodeProcess(assemble(load_config("paper", ["live.hang_timeout=0.3"])), Share("x", (), Link("peer")))
-    stepper = SimpleNamespace(active=True, busy_since_ns=None)
+    stepper = SimpleNamespace(active=True, busy_since_ns=None, node=None)
     process.runners = {("controller", "lyapunov_tracker"): _runner(stepper)}
     fed: list[float] = []
 

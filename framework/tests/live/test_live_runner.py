@@ -37,7 +37,7 @@ PERIOD = 0.05
 KEYS = KeySpace("lab", "r1")
 SYSTEM = assemble(load_config("paper"))
 NAMES = dict(reversed(all_sources(SYSTEM)))
-"""The instance in charge of each role."""
+"""The active instance of each role."""
 STILL = Twist2D(0.0, 0.0, 0.0)
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
 SWEEP = Sweep(

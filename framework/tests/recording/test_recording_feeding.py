@@ -1,4 +1,4 @@
-"""What a recorded step was given is found again: by number, instance in charge, and what the executor told."""
+"""What a recorded step was given is found again: by number, active instance, and what the executor told."""
 
 from __future__ import annotations
 

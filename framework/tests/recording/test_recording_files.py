@@ -75,9 +75,11 @@ def test_other_tools_read_the_file_and_the_file_explains_itself(tmp_path: Path) 
     schema, channel, first = found[0]
     assert len(found) == 100 and channel.message_encoding == "navloom" and schema is not None
     assert (first.log_time, first.publish_time, first.sequence) == (1000, 0, 1)
-    text = schema.data.decode()
-    assert schema.name == "navloom.Odometry/1" and "pose: navloom.Pose2D" in text
-    assert "Run clock at which it holds" in text and "MessagePack" in text
+    assert schema.name == "navloom.Odometry/1" and schema.encoding == "jsonschema"
+    described = json.loads(schema.data)
+    assert described["$defs"]["navloom.Odometry"]["properties"]["pose"]["$ref"] == "#/$defs/navloom.Pose2D"
+    assert "Run clock at which it holds" in described["$defs"]["navloom.Odometry"]["description"]
+    assert "MessagePack" in described["description"]
 
 
 @pytest.mark.parametrize("left", [0.999, 0.9, 0.61, 0.37, 0.2])

@@ -124,7 +124,7 @@ def test_ticks_in_which_the_avoider_drove_are_told_apart() -> None:
 def test_a_shadow_avoider_is_compared_in_a_run_and_changes_nothing(tmp_path: Path) -> None:
     episode = drive(tmp_path)
     (found,) = episode.summary()["shadows"]
-    # It asks for a tenth of what the controller does, the one in charge for half of it: 0.4 of at most 0.4 m/s less.
+    # It asks for a tenth of what the controller does, the active one for half of it: 0.4 of at most 0.4 m/s less.
     assert (found["role"], found["instance"], found["against"]) == ("avoider", "slow", ["toy_bystander"])
     assert 0.08 - 1e-9 <= found["differences"]["vx"]["rms"] <= 0.16 + 1e-9
     assert found["differences"]["vx"]["max"] == pytest.approx(0.16) and found["differences"]["wz"]["max"] == 0.0

@@ -9,7 +9,7 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import polygon
 from navloom.geometry.grid import world_to_grid
 from navloom.geometry.world import Box, Cylinder, Place, Raster, World
-from navloom.study import (
+from navloom.study.optimal import (
     field_space,
     free_space,
     lazy_tangents,
@@ -19,7 +19,7 @@ from navloom.study import (
     tangents,
     visible,
 )
-from navloom.study.shortest import length_to_reach, optimal_length, optimal_path, warm_up
+from navloom.study.optimal.shortest import length_to_reach, optimal_length, optimal_path, warm_up
 from navloom.worlds.paper import paper_gates, paper_gates_blocked_b, paper_gates_blocked_bc, paper_gates_open_a
 
 START, GOAL = Place(0.0, 0.0), Place(10.0, 0.0)

@@ -128,7 +128,7 @@ def test_a_stop_by_the_gate_is_seen_from_the_tick_it_holds(tmp_path: Path) -> No
 
 
 def test_the_shortest_way_is_searched_for_once_a_world(toy: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
-    from navloom.study import shortest
+    from navloom.study.optimal import shortest
 
     calls: list[object] = []
     original = shortest.optimal_path

@@ -8,7 +8,7 @@ import pytest
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Place
-from navloom.study.shortest import optimal_length
+from navloom.study.optimal.shortest import optimal_length
 from navloom.worlds import SCHEMES
 from navloom.worlds.movingai import scenario_place
 from navloom.worlds.rosmap import read_rosmap, save_rosmap

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from navloom.geometry.world import Box, Cylinder, World, position_at
-from navloom.study.shortest import optimal_length
+from navloom.study.optimal.shortest import optimal_length
 from navloom.worlds import SCHEMES, WORLDS, WorldError
 
 HERE = Path()

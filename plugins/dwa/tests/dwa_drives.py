@@ -1,4 +1,4 @@
-"""Drives in lockstep with the avoider in charge from start to goal.
+"""Drives in lockstep with the avoider driving from start to goal.
 
 Without a map: the reference is the straight line of an empty map, its look-ahead point the goal itself, and only the
 sensors see obstacles. With one: a planner's path on the true map, and a look-ahead point on it. The gate's limits hold.

@@ -1,4 +1,4 @@
-"""Drives in lockstep with the avoider in charge from start to goal: the map is empty, only the sensors see obstacles.
+"""Drives in lockstep with the avoider driving from start to goal: the map is empty, only the sensors see obstacles.
 
 The reference is the straight line of the empty map and its look-ahead point the goal itself; the gate's limits hold.
 """

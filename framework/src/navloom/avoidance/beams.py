@@ -20,8 +20,11 @@ class Beams(NamedTuple):
     """Readings of all range sensors in one tick, base frame.
 
     Attributes:
-        origins: (n, 2), m. bearings: (n,), rad. half_angles: (n,), rad; 0 for a laser.
-        ranges: (n,), m, +inf for no echo. limits: (n, 2), range_min and range_max of each, m.
+        origins: (n, 2), m: where each beam starts.
+        bearings: (n,), rad: direction of each beam's axis.
+        half_angles: (n,), rad; 0 for a laser.
+        ranges: (n,), m, +inf for no echo.
+        limits: (n, 2), range_min and range_max of each, m.
         sensors: (n,) int64, number of the sensor of each beam.
     """
 

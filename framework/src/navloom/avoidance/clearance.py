@@ -178,44 +178,18 @@ def free_command(
     if count == 0:
         return v, w
     near = near[:count]
-    for turn in (1.0, 0.5, 0.25, 0.0):
-        for pace in (1.0, 0.5, 0.25, 0.0):
-            if (pace < 1.0 and v == 0.0) or (turn < 1.0 and w == 0.0) or (v * pace == 0.0 and turn == 0.0):
-                continue
-            trial = (v * pace, w * turn)
-            if is_free(
-                near,
-                edges,
-                twist,
-                trial,
-                period,
-                acceleration,
-                deceleration,
-                turn_horizon,
-                margin,
-                floor,
-                in_flight,
-                lag,
-                dead_time,
-            ):
-                return trial
+    trials = [
+        (v * pace, w * turn)
+        for turn in (1.0, 0.5, 0.25, 0.0)
+        for pace in (1.0, 0.5, 0.25, 0.0)
+        if not ((pace < 1.0 and v == 0.0) or (turn < 1.0 and w == 0.0) or (v * pace == 0.0 and turn == 0.0))
+    ]
     if creep > 0.0 and w != 0.0:
-        for turn in (1.0, 0.5, 0.0, -0.5):
-            trial = (creep, w * turn)
-            if is_free(
-                near,
-                edges,
-                twist,
-                trial,
-                period,
-                acceleration,
-                deceleration,
-                turn_horizon,
-                margin,
-                floor,
-                in_flight,
-                lag,
-                dead_time,
-            ):
-                return trial
+        trials += [(creep, w * turn) for turn in (1.0, 0.5, 0.0, -0.5)]
+    for trial in trials:
+        if is_free(
+            near, edges, twist, trial, period, acceleration, deceleration, turn_horizon, margin, floor, in_flight, lag,
+            dead_time,
+        ):  # fmt: skip
+            return trial
     return 0.0, 0.0

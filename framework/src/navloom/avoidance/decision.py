@@ -11,7 +11,9 @@ class Decision(NamedTuple):
     """Answer of one tick; directions in the pose frame, rad.
 
     Attributes:
-        speed: m/s. turn: rad/s. status: As the Avoider role names it.
+        speed: m/s.
+        turn: rad/s.
+        status: As the Avoider role names it.
         direction: Steered to, or None while rotating or trapped.
         why: One phrase.
     """

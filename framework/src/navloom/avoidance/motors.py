@@ -22,7 +22,8 @@ class Motors:
     A command acts `dead_time` after it was given; the wheels then approach it with the time constant `lag`.
 
     Args:
-        lag, dead_time: s. period: Of the commands, s.
+        lag, dead_time: s.
+        period: Of the commands, s.
         acceleration, deceleration: Of the command gate, m/s^2.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -16,7 +17,15 @@ __all__ = ["Robot"]
 
 @dataclass(frozen=True)
 class Robot:
-    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
+    """What has to be known of the robot.
+
+    Attributes:
+        footprint: (k, 2) corners of a convex polygon, m, base frame.
+        max_linear, max_angular: Speed limits, m/s and rad/s.
+        max_acceleration, max_deceleration: m/s².
+        motor_lag: Time constant with which the wheels follow a command, s.
+        dead_time: From a command to the wheels, s.
+    """
 
     footprint: NDArray[np.float64]
     max_linear: float
@@ -25,11 +34,13 @@ class Robot:
     max_deceleration: float
     motor_lag: float = 0.0
     dead_time: float = 0.0
+    half_track: float = 0.0
+    max_angular_acceleration: float = math.inf
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Self:
         """From what every plugin is told about the robot."""
         return cls(
             spec.footprint, spec.max_linear, spec.max_angular, spec.max_acceleration, spec.max_deceleration,
-            spec.motor_lag, spec.dead_time,
+            spec.motor_lag, spec.dead_time, spec.half_track, spec.max_angular_acceleration,
         )  # fmt: skip

@@ -87,5 +87,6 @@ def blamed(error: Exception) -> str:
     if point is None:
         return ""
     from navloom.plugins.blame import raised_in
+    from navloom.plugins.loading import module_of
 
-    return f"command.{point.name} of {point.distribution} failed: {raised_in(error, point.target.partition(':')[0])}"
+    return f"command.{point.name} of {point.distribution} failed: {raised_in(error, module_of(point))}"

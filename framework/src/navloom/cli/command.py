@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -11,6 +12,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 from typer.core import TyperCommand
 
+from navloom.entry_kinds import TRACEBACK
 from navloom.logs import Level, set_up_logging
 
 __all__ = ["App", "Command", "EveryCommand", "with_groups", "with_groups_within"]
@@ -39,8 +41,17 @@ class EveryCommand:
         ),
     ] = False
 
+    traceback: Annotated[
+        bool,
+        typer.Option(
+            "--traceback", help="Print the whole traceback below the message of an error.", rich_help_panel=SECTION
+        ),
+    ] = False
+
     def begin(self) -> None:
         """What is done before the command."""
+        if self.traceback:
+            os.environ[TRACEBACK] = "1"  # what the command starts inherits it
         set_up_logging(self.log_level, self.log_json)
 
 

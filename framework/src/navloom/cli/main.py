@@ -15,6 +15,7 @@ from navloom.cli.live import doctor, echo, export, hz, keys, listing, nodes, ope
 from navloom.cli.recordings import import_log, record, replay, view
 from navloom.cli.shells import completion, manual
 from navloom.cli.study import check, compare, map, plan, report, run
+from navloom.cli.tracebacks import with_traceback
 from navloom.errors import NavloomError
 from navloom.logs import Level, set_up_logging
 
@@ -76,18 +77,18 @@ def main() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     try:
         _run()
-    except KeyboardInterrupt:
-        _say("interrupted")
+    except KeyboardInterrupt as error:
+        _say("interrupted", error)
         sys.exit(1)
     except BrokenPipeError:
         sys.exit(1)
     except Exception as error:
         code = _exit_code(error)
         if code is not None:
-            _say(_words(error))
+            _say(_words(error), error)
             sys.exit(code)
         internal = f"internal error, please report it: {type(error).__name__}: {error} ({_place(error)})"
-        _say(added.blamed(error) or internal)
+        _say(added.blamed(error) or internal, error)
         sys.exit(1)
 
 
@@ -130,7 +131,7 @@ def _place(error: Exception) -> str:
     return "unknown place" if trace is None else f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
 
 
-def _say(text: str) -> None:
+def _say(text: str, error: BaseException) -> None:
     if not logging.getLogger("navloom").handlers:  # the command did not begin
         set_up_logging(Level.INFO, as_json=False)
-    logging.getLogger("navloom.cli").error(text)
+    logging.getLogger("navloom.cli").error(text, extra=with_traceback(error))

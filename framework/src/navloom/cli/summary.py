@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
 
 from navloom.cli.output import LOG, print_table
+from navloom.cli.tracebacks import with_traceback_of
 
 __all__ = ["is_reached", "print_summary", "tell_faults"]
 
@@ -33,18 +35,18 @@ def is_reached(summary: Mapping[str, Any]) -> bool:
     return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
 
 
-def tell_faults(episode: Any, summary: Mapping[str, Any]) -> None:
-    """What plugins broke, and which are slower than the robot that they drive."""
-    for fault in episode.log.faults:
-        LOG.warning(fault)
-    for note in summary["notes"]:
-        LOG.warning(note)
-    for one in summary["slow"]:
-        LOG.warning(
-            f"{one['role']} {one['instance']} is slow: {one['late']} of its {one['steps']} steps took longer than the "
-            f"{one['limit_ms']:g} ms to the next one, p99 {one['p99_ms']:.3g} ms; a live robot would stop for it: give "
-            "it a lower rate_hz, or run.period more time"
-        )
+def tell_faults(episode: Any, summary: Mapping[str, Any], recording: Path | None = None) -> None:
+    """What plugins broke, with the command that repeats the step where it was recorded, and what else is wrong."""
+    from navloom.recording.excerpt import repeating
+
+    for fault, (role, name, tick) in zip(episode.log.faults, episode.log.failed, strict=True):
+        text = fault
+        if recording is not None:
+            is_only = sum(owner == role for owner, _ in episode.system.parts) == 1
+            text += f"\nrepeat that step: {repeating(recording, role, name, tick, is_only)}"
+        LOG.warning(text, extra=with_traceback_of(fault))
+    for warning in summary["warnings"]:
+        LOG.warning(f"warning: {warning['text']}")
 
 
 def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:

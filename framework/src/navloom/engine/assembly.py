@@ -54,7 +54,7 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
 
 
 def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
-    """The inputs of each stepper, led to the instances in charge.
+    """The inputs of each stepper, led to the active instances.
 
     A `~` input is a plain read where all who may publish it step later in a tick, and none of them with latency.
     """

@@ -48,7 +48,7 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
 
     Args:
         role: Of both, for the error.
-        ours: Of the instance in charge.
+        ours: Of the active instance.
         theirs: Of the other one.
 
     Returns:

@@ -243,17 +243,16 @@ class TwistDoor(_Door, Generic[A]):
         kind: What its verb gives.
 
     Attributes:
-        notes: What was noted, for the operator.
+        notes: What was noted, for the operator, to be read after the plugin's name.
     """
 
     def __init__(self, plugin: Role, kind: type[A]) -> None:
         super().__init__(plugin)
         self.notes: list[str] = []
         self._kind: type[A] = kind
-        self._who, self._speed, self._turn = f"{plugin.role} {plugin.name}", math.inf, math.inf
+        self._speed = self._turn = math.inf
         context = getattr(plugin, "context", None)  # a plugin's own __init__ may not keep it
         if context is not None:
-            self._who = f"{plugin.role} {context.instance}"
             self._speed, self._turn = context.robot.max_linear, context.robot.max_angular
         self._far_speed, self._far_turn = FAR * self._speed, FAR * self._turn
 
@@ -272,7 +271,7 @@ class TwistDoor(_Door, Generic[A]):
             said = f"{turns:.0f} times the turn limit: degrees? It gave {twist.wz:.3g} rad/s of {self._turn:.3g}"
         else:
             said = f"{speeds:.0f} times the speed limit. It gave {twist.vx:.3g} m/s of {self._speed:.3g}"
-        self.notes.append(f"{self._who} asked for {said} ({self.place}); the gate limits it")
+        self.notes.append(f"asked for {said} ({self.place}); the gate limits it")
 
 
 def notes_of(node: object) -> list[str]:

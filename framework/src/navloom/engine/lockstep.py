@@ -10,6 +10,7 @@ from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
 from navloom.engine.catalogue import Catalogue
+from navloom.engine.inspecting import StepInspector
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.engine.ports import When
@@ -59,6 +60,7 @@ class RunLog:
         gate_stops: How often the gate stopped a driving robot.
         gate_limits: How often its monitor began to slow or stop the robot.
         faults: "role instance: what happened" of plugins that broke.
+        failed: Role, instance and tick of each of them.
         trace_sha256: Hash of the trace.
     """
 
@@ -73,6 +75,7 @@ class RunLog:
     gate_stops: int = 0
     gate_limits: int = 0
     faults: list[str] = field(default_factory=list)
+    failed: list[tuple[str, str, int]] = field(default_factory=list)
     trace_sha256: str = ""
     _stopped_for: str = ""
     _limited_by: str = ""
@@ -97,6 +100,9 @@ class Lockstep:
         configure: Changes parameters for `set`: (role, instance, assignments).
         observers: Who looks on.
         trace: Where the active nodes' messages go.
+
+    Attributes:
+        inspector: Makes the steps of the ticks that it looks at; None for nobody.
     """
 
     def __init__(
@@ -125,6 +131,7 @@ class Lockstep:
         self._versions: dict[tuple[str, str], int] = {}
         self._selection: Selection | None = None
         self._step_observers = [o for o in observers if o.wants_steps]
+        self.inspector: StepInspector | None = None
         self._operator = self._node("operator", OperatorNode)
         self._goal = self._node("goal", GoalNode)
         self.gate = self._node("gate", GateNode)
@@ -188,6 +195,7 @@ class Lockstep:
         for stepper in self._delayed:
             for outputs, made, cause_ns in stepper.due(number):
                 self._publish(stepper, outputs, number, (made.number, made.time_ns, cause_ns, made.epoch))
+        inspector = self.inspector if self.inspector is not None and self.inspector.looks_at(number) else None
         for stepper, stride, keeps in self._plan:
             if stride != 1 and number % stride != 0:
                 continue
@@ -196,7 +204,7 @@ class Lockstep:
                 continue
             since = number - stride
             read = stepper.read_marks(number, since) if self._step_observers else ()
-            outputs = stepper.step(tick, since)
+            outputs = stepper.step(tick, since) if inspector is None else inspector.step(stepper, tick, since)
             for keep in keeps:
                 keep(stepper.spent_ns)
             if stepper.fault:
@@ -225,6 +233,7 @@ class Lockstep:
         """A plugin broke: it steps no more; the goal ends where it was the active one."""
         text = f"{stepper.role} {stepper.name} failed: {fault}"
         self.log.faults.append(text)
+        self.log.failed.append((stepper.role, stepper.name, stepper.stepped))
         stepper.enabled = False
         self._make_plan()
         if stepper.active and stepper.role not in self._goal.optional:
@@ -252,7 +261,7 @@ class Lockstep:
             self._make_plan()
 
     def _select(self, selection: Selection) -> None:
-        """Lead every wire to the instances now in charge."""
+        """Lead every wire to the instances that are now active."""
         self._selection = None
         self._epoch = selection.epoch
         for entry in selection.instances:
@@ -268,6 +277,10 @@ class Lockstep:
                         wire.lead_to(new.slots[wire.input.port])
         self._make_plan()
         self.log.swaps = selection.epoch
+
+    def active(self, role: str) -> Stepper:
+        """The active instance of a role."""
+        return self._active[role]
 
     def _node(self, role: str, kind: type[T]) -> T:
         node = self._active[role].node

@@ -16,7 +16,14 @@ PATIENCE = 0.005
 
 
 class Tick(NamedTuple):
-    """The step's place in time: number, run clock in s and ns, and the selection in force."""
+    """The step's place in time.
+
+    Attributes:
+        number: Of the tick, from 0.
+        time: Run clock, s.
+        time_ns: Run clock, ns.
+        epoch: Counts the selections of active instances.
+    """
 
     number: int
     time: float

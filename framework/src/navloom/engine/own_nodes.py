@@ -160,7 +160,7 @@ class GoalNode(Node):
 
 
 def _instances(selection: Selection | None) -> tuple[str, str]:
-    """Instances of mapper and planner in charge."""
+    """Active instances of mapper and planner."""
     if selection is None:
         return "", ""
     chosen = selection.chosen
@@ -172,7 +172,7 @@ class GateNode(Node):
 
     Args:
         gate: The decision.
-        selected: Instance in charge, by role, at the start.
+        selected: Active instance, by role, at the start.
         is_warm: Whether an instance has published what its role is for, so that it can take over.
 
     Attributes:

@@ -59,7 +59,7 @@ class Port(Generic[M]):
         carries: The message class.
         quality: How it travels between processes.
         retained: Who joins later is given the last message.
-        required: The robot does not drive where the role's instance in charge is gone.
+        required: The robot does not drive where the role's active instance is gone.
         answers: What the role is for: compared with an alternative's, and a sign that an instance can take over.
     """
 

@@ -127,7 +127,7 @@ class RecoveryPorts(Ports, role="recovery"):
 
 
 class GatePorts(Ports, role="gate"):
-    """The command to the wheels, its reason, and the instances in charge."""
+    """The command to the wheels, its reason, and the active instances."""
 
     command = Port(Command, URGENT)
     status = Port(GateStatus, WORD, retained=True)

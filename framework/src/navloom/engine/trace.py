@@ -46,12 +46,14 @@ class _Line:
         label, lead: Bytes that all its entries have: the label, and what the message's header begins with.
         pack: Packs tick, length of the label, length of the bytes, label, length of the header, and lead.
         write: The writer of its messages.
+        largest, total: Bytes of its largest message and of all.
     """
 
-    __slots__ = ("label", "lead", "pack", "write")
+    __slots__ = ("label", "largest", "lead", "pack", "total", "write")
 
     def __init__(self, label: bytes, kind: type[Message], key: str) -> None:
         self.label, self.lead, self.write = label, lead_of(key), writer_of(kind)
+        self.largest = self.total = 0
         self.pack = struct.Struct(f"{_ENTRY.format}{len(label)}sI{len(self.lead)}s").pack
 
 
@@ -99,8 +101,11 @@ class TraceWriter:
                     line = lines[label] = _Line(label, type(message), key)
                 rest, arrays, pads, size = line.write(message)
                 header = len(line.lead) + len(time) + len(rest)
-                blocks = -(4 + header) % ALIGNMENT + size if size else 0
-                parts += (line.pack(tick, len(label), 4 + header + blocks, label, header, line.lead), time, rest)
+                length = 4 + header + (-(4 + header) % ALIGNMENT + size if size else 0)
+                line.total += length
+                if length > line.largest:
+                    line.largest = length
+                parts += (line.pack(tick, len(label), length, label, header, line.lead), time, rest)
                 if size:
                     add_blocks(parts, 4 + header, arrays, pads, size)
         self._ticks.clear()
@@ -109,6 +114,12 @@ class TraceWriter:
         if self._file is not None:
             self._file.write(block)
             self._file.flush()
+
+    def volumes(self) -> Iterator[tuple[str, int, int]]:
+        """By label, bytes of the largest message so far and of all."""
+        self.flush()
+        for label, line in self._lines.items():
+            yield label.decode(), line.largest, line.total
 
     def sha256(self) -> str:
         """Hash of all that was said so far: that of the file."""

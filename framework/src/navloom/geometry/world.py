@@ -70,7 +70,13 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A vertical cylinder: centre x, y and radius, m, in the map frame. The other attributes are those of `Box`."""
+    """A vertical cylinder. Attributes that are not listed are those of `Box`.
+
+    Attributes:
+        name: How messages and errors call it.
+        x, y: Centre, m, in the map frame.
+        radius: m.
+    """
 
     name: str
     x: float

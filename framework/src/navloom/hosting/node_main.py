@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from navloom.config.loader import Loaded
+from navloom.crashes import dump_when_broken
 from navloom.engine.build import assemble
 from navloom.hosting.heartbeat import Heart
 from navloom.hosting.node_process import NodeProcess, Share, leave, longest_seizure
@@ -36,6 +37,7 @@ def main() -> int:
     where it sleeps, its supervisor does.
     """
     write_heedlessly()
+    dump_when_broken()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
     sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes

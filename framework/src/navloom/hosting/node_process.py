@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import threading
 import time
 import uuid
@@ -33,6 +34,7 @@ from navloom.live.presence import Presence
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
 from navloom.messages import Parameters
+from navloom.plugins.owners import home_of, place_in
 from navloom.transport.keyspace import ATTENDANT, LINKED, KeySpace
 from navloom.transport.links import Link
 from navloom.transport.zenoh_bus import Bus, BusError
@@ -100,12 +102,12 @@ class NodeProcess:
         ready: Callable[[], None] = lambda: None,
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """Join, step, leave. Returns when `ending` is set, or a node in charge hangs.
+        """Join, step, leave. Returns when `ending` is set, or an active node hangs.
 
         Args:
             say: Told what is being prepared.
             ready: Called once every node is there.
-            alive: Called again and again while no node in charge hangs: what feeds a service manager's watchdog.
+            alive: Called again and again while no active node hangs: what feeds a service manager's watchdog.
 
         Raises:
             ConfigError, LinkError, BusError: Nothing ran.
@@ -149,7 +151,7 @@ class NodeProcess:
         hosted = {source: make_cell(self.system, source, node, board) for source, node in nodes.items()}
         if self.share.barrier:
             self.runners = {source: self._barrier_runner(cell) for source, cell in hosted.items()}
-            runs: list[Callable[[], None]] = [runner.run for runner in self.runners.values()]
+            runs: dict[str, Callable[[], None]] = {}
             live: dict[Source, LiveRunner] = {}
         else:
             memory.learn(self.known)
@@ -165,7 +167,7 @@ class NodeProcess:
                 if source in self.system.parts:
                     runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
             self._restore(live, memory)
-            runs = [monitor.run, *(runner.run for runner in live.values())]
+            runs = {"memory": monitor.run}
         services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board)
         board.connect()
         services.offer()
@@ -174,7 +176,8 @@ class NodeProcess:
         else:
             bus.watch(keys.alive("*", "*", "*"), lambda key, alive: self._change(presence, key, alive))
             fetching.start()
-        threads = [threading.Thread(target=run, daemon=True) for run in runs]
+        runs |= {" ".join(source): runner.run for source, runner in self.runners.items()}
+        threads = [threading.Thread(target=run, name=name, daemon=True) for name, run in runs.items()]
         for thread in threads:
             thread.start()
         for source in nodes:
@@ -294,7 +297,7 @@ class NodeProcess:
                 runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
 
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
-        """Wait for the end; give up where a node in charge hangs in its step or its thread died."""
+        """Wait for the end; give up where an active node hangs in its step or its thread died."""
         limit = self.system.config.live.hang_timeout
         stops = StopDetector()
         while not self.ending.wait(0.1):
@@ -306,12 +309,20 @@ class NodeProcess:
                 if not stepper.active or since_ns is None or isinstance(runner, BarrierRunner):
                     continue
                 if time.monotonic_ns() - max(since_ns, went_on_ns) > allowed * 1e9:
-                    self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s"
+                    self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s{_at(source, stepper.node)}"
                     return
             if not all(thread.is_alive() for thread in threads):
                 self.hung = "a node's thread ended by itself"
                 return
             alive()
+
+
+def _at(source: Source, node: Node) -> str:
+    """The line of its plugin that a node is at, to follow a message; empty where it is at none."""
+    idents = [thread.ident for thread in threading.enumerate() if thread.name == " ".join(source)]
+    frame = sys._current_frames().get(idents[0] or 0) if idents else None
+    place = place_in(frame, home_of(type(getattr(node, "plugin", node))))
+    return f": it is at {place}" if place else ""
 
 
 def longest_step(role: str, hang_timeout: float, catalogue: Catalogue = FRAMEWORK) -> float:

@@ -22,6 +22,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
+from navloom.crashes import dump_when_broken
 from navloom.hosting.descendants import MARK, PROCESS, Descendant, descendants, end_all
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.shared_memory import remove_orphans
@@ -162,6 +163,7 @@ class Nursery:
 
 def main() -> None:
     """Bear a process for each line that comes, until the supervisor is gone; then what it bore has to end, too."""
+    dump_when_broken()
     supervisor = int(sys.argv[2])
     borne: list[int] = []
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from navloom.crashes import dump_on
 from navloom.hosting.process_log import LARGEST_LOG
 from navloom.transport.links import Link, Mesh
 
@@ -68,6 +69,7 @@ def end_unless_called(seconds: float) -> Callable[[], None]:
         signal.setitimer(signal.ITIMER_PROF, seconds)
 
     signal.signal(SEIZED, signal.SIG_DFL)
+    dump_on(SEIZED)
     return alive
 
 

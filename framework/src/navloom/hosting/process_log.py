@@ -8,7 +8,9 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["LARGEST_LOG", "ProcessLog", "last_lines", "older_log"]
+from navloom.crashes import crashed_at, is_of_dump
+
+__all__ = ["LARGEST_LOG", "ProcessLog", "last_crash", "last_lines", "older_log"]
 
 LARGEST_LOG = 2 * 2**20
 """Size of a log at which it begins again, and of what is kept of it beside, bytes."""
@@ -95,9 +97,15 @@ def older_log(path: Path) -> Path:
 
 
 def last_lines(path: Path, lines: int) -> list[str]:
-    """The last lines of a log; empty where there is none."""
+    """The last lines of a log but for those of a dump; empty where there is none."""
     text = (_tail(older_log(path)) + _tail(path)).decode("utf-8", "replace")
-    return [line.strip() for line in text.splitlines() if not line.startswith(CUT)][-lines:]
+    said = [line.strip() for line in text.splitlines() if not line.startswith(CUT) and not is_of_dump(line)]
+    return said[-lines:]
+
+
+def last_crash(path: Path) -> str:
+    """The plugin's line at which the process of a log ended, where its log ends with a dump; else empty."""
+    return crashed_at((_tail(older_log(path)) + _tail(path)).decode("utf-8", "replace"))
 
 
 def _tail(path: Path) -> bytes:

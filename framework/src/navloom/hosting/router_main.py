@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+from navloom.crashes import dump_when_broken
 from navloom.hosting.process import die_with_parent, end_on_signal, link_from_json
 from navloom.hosting.succession import Router
 from navloom.transport.links import Link
@@ -36,6 +37,7 @@ def route(
 
 def main() -> int:
     """Route with the link of a file until told to end."""
+    dump_when_broken()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
     ending = threading.Event()

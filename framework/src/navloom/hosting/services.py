@@ -170,7 +170,7 @@ class Services:
             "busy_s": None if since_ns is None else max(0.0, now - since_ns * 1e-9),
             "faulted": runner.faulted if runner is not None else 0,
             "fault": runner.fault if runner is not None else "",
-            "notes": notes_of(cell.node),
+            "notes": [f"{' '.join(source)} {note}" for note in notes_of(cell.node)],
             "shares_memory": self._system.config.live.shared_memory,
             "waits_for": list(cell.stepper.lacks),
             "is_patient": self._system.catalogue.is_patient(source[0]),

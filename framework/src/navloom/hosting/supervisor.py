@@ -26,7 +26,7 @@ from navloom.hosting.node_main import share_to_json
 from navloom.hosting.node_process import HUNG, Share, longest_seizure
 from navloom.hosting.nursery import READY, Born, Nursery
 from navloom.hosting.process import SEIZED, link_to_json
-from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, older_log
+from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
 from navloom.hosting.shared_memory import remove_orphans
 from navloom.transport.links import Link
 
@@ -39,6 +39,8 @@ HEALTHY = 5.0
 """s a process must run for its next crash to count as a first one."""
 STOP_WAIT = 1.0
 """s each group of processes may take to end in order, before it is killed."""
+DUMPING = 0.5
+"""How long a process that is ended may take to print where it is, before it is killed, s."""
 CHORES = 0.5
 """Time between two looks at what has no haste, the folder and orphans, s."""
 WRITE_AGAIN = 1.0
@@ -163,7 +165,7 @@ class Supervisor:
             self._bound(child)
             if child.process is not None and child.process.poll() is not None:
                 self._repair_folder()  # where others read what became of it, and the next one listens
-                self._bury(child, now)
+                self._reap(child, now)
                 fallen.append(child)
             elif child.state == "waiting" and restarts and now >= child.again_at:
                 child.restarts += 1
@@ -250,11 +252,16 @@ class Supervisor:
         return path
 
     def _watch(self, child: Worker) -> None:
-        """Kill a process in which a node holds the GIL for too long, sleeping or not."""
+        """End a process in which a node holds the GIL for too long, sleeping or not. It prints where that is."""
         patience, process = child.task.patience, child.process
-        if patience is not None and process is not None and child.heart.silence(process.pid) > patience:
-            child.verdict = f"was ended: a node held the GIL for {patience:g} s"
+        if patience is None or process is None:
+            return
+        silence = child.heart.silence(process.pid)
+        if silence > patience + DUMPING:
             process.kill()
+        elif silence > patience and not child.verdict:
+            child.verdict = f"was ended: a node held the GIL for {patience:g} s"
+            process.send_signal(SEIZED)
 
     def _bound(self, child: Worker) -> None:
         """Keep a process's log within its bounds, and say so the first time that something of it is lost."""
@@ -288,7 +295,7 @@ class Supervisor:
         if ended:
             self._say(f"ended what process {name} left: {_listed(ended)}")
 
-    def _bury(self, child: Worker, now: float) -> None:
+    def _reap(self, child: Worker, now: float) -> None:
         assert child.process is not None
         code, pid, name = child.process.poll(), child.process.pid, child.task.name
         assert code is not None
@@ -296,6 +303,8 @@ class Supervisor:
         self._end_descendants(name, pid)
         remove_orphans()
         child.why = child.verdict or _why(code)
+        if place := last_crash(child.log.path) if code < 0 else "":
+            child.why += f" at {place}"
         child.crashes.append(now)
         while child.crashes and now - child.crashes[0] > self._live.restart_window:
             child.crashes.popleft()

@@ -77,7 +77,7 @@ class BarrierRunner:
         self._step(number)
 
     def _let_in(self, feeds: Sequence[Feed], tick: int, others: int) -> None:
-        """Let in what those in charge published up to a tick, and what is here of the others up to another."""
+        """Let in what the active ones published up to a tick, and what is here of the others up to another."""
         for feed in feeds:
             if not self.cell.in_charge(feed.source):
                 self._apply(feed, others, waits=False)

@@ -49,7 +49,7 @@ class Cell:
         outlets: By port; that of the step reports is under "step".
         fault: Where this node's reports of faults leave; None under a barrier, where everybody hears all reports.
         epoch: Of the selection in force.
-        chosen: Instance in charge, by role.
+        chosen: Active instance, by role.
         versions: Changes of its parameters so far.
     """
 
@@ -87,7 +87,7 @@ class Cell:
         return self.stepper.node
 
     def select(self, selection: Selection) -> None:
-        """Read the instances now in charge."""
+        """Read the instances that are now active."""
         self.recall(selection.chosen, selection.epoch)
 
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:

@@ -39,7 +39,7 @@ class Hosted:
 
 
 def all_sources(system: System) -> list[Source]:
-    """Every instance of the robot in the order of the graph, of a role the one in charge first; the operator's too."""
+    """Every instance of the robot in the order of the graph, of a role the active one first; the operator's too."""
     found: list[Source] = []
     for spec in system.specs:
         names = [name for role, name in system.parts if role == spec.role] or ["main"]
@@ -111,7 +111,7 @@ def _answers(system: System, feed: Feed) -> bool:
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:
-    """A feed of each instance into one input; the wire leads to the first, which is in charge."""
+    """A feed of each instance into one input; the wire leads to the first, which is active."""
     limit = MANY if given.reading in ("new", "track") else FEW
     feeds: list[Feed] = []
     wire: Wire | None = None

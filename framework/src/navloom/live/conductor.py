@@ -38,7 +38,7 @@ class Conductor:
         system: The robot; no plugin of it is made here.
         board: Streams of this process.
         requests: Operators' requests by tick.
-        observers: Who looks on; they are shown the messages of those in charge, in the order of lockstep.
+        observers: Who looks on; they are shown the messages of the active ones, in the order of lockstep.
         trace: Where their messages go.
         check: Called while waiting; raises what should end the run.
     """
@@ -132,6 +132,7 @@ class Conductor:
                 self.log.step_ns[role].append(report.duration_ns)
             if report.fault is not None and report.fault[0] == number:
                 self.log.faults.append(f"{role} {name} failed: {report.fault[1]}")
+                self.log.failed.append((role, name, number))
             for port, inlet in ports.items():
                 for message, envelope, tick in self._barrier.read(inlet, number):
                     if tick == number:

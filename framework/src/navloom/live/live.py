@@ -114,7 +114,7 @@ class LiveRunner:
                 self._hear(source, message, envelope)
 
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
-        """Read these instances from now on; one that is itself in charge steps, woken in this life or in one before."""
+        """Read these instances from now on; one that is itself active steps, woken in this life or in one before."""
         self.cell.recall(chosen, epoch)
         self.stepper.enabled = self.stepper.enabled or self.stepper.active
 

@@ -43,7 +43,14 @@ class AvoiderDiagnostics(Message):
 
 @message()
 class Avoidance(Message):
-    """An avoider's answer: a velocity, how things stand, and why, which may be left out."""
+    """An avoider's answer.
+
+    Attributes:
+        twist: Velocity asked for, base frame; the gate limits it to what the robot can do.
+        status: clear: nothing is in the way; steering: it drives round something; trapped: there is no way on, which
+            asks for a recovery.
+        diagnostics: Why; None where it is left out, see `Avoider.is_to_explain`.
+    """
 
     twist: Twist2D
     status: Literal["clear", "steering", "trapped"]
@@ -52,7 +59,12 @@ class Avoidance(Message):
 
 @message()
 class AvoiderStatus(Message):
-    """How things stand, published beside the command; why is left out of most ticks."""
+    """How things stand, published beside the command.
+
+    Attributes:
+        status: Of the avoider's answer.
+        diagnostics: Why; None in most ticks.
+    """
 
     status: Literal["clear", "steering", "trapped"]
     diagnostics: AvoiderDiagnostics | None = None
@@ -73,7 +85,13 @@ class HandOver(Message):
 
 @message()
 class RecoveryRequest(Message):
-    """Asks the recovery for help; `active` False ends it. `reason` is why the goal is stuck."""
+    """Asks the recovery for help.
+
+    Attributes:
+        active: False ends it.
+        attempt: 1 for the first attempt at this goal.
+        reason: Why the goal is stuck.
+    """
 
     active: bool
     attempt: int
@@ -82,7 +100,13 @@ class RecoveryRequest(Message):
 
 @message()
 class RecoveryStep(Message):
-    """A recovery's answer: a velocity, how far it is, and whether the map should be cleared first."""
+    """A recovery's answer.
+
+    Attributes:
+        twist: Velocity for this tick, base frame.
+        state: running: it goes on; done: the goal may plan again; failed: the next attempt begins, if there is one.
+        clear_map: The map should be cleared before the next plan.
+    """
 
     twist: Twist2D
     state: Literal["running", "done", "failed"]

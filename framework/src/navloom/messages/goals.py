@@ -95,7 +95,14 @@ class Feedback(Message):
 
 @message()
 class GoalResult(Message):
-    """How a goal ended: the outcome, one phrase why, and where the robot was, map frame."""
+    """How a goal ended.
+
+    Attributes:
+        goal_id: Number of the goal.
+        outcome: One of `OUTCOMES`.
+        reason: One phrase.
+        place: Where the robot was, map frame.
+    """
 
     goal_id: int
     outcome: Outcome

@@ -32,7 +32,12 @@ class OccupancyGrid(Message):
 
 @message()
 class Count(Message):
-    """One named number of a diagnosis."""
+    """One named number of a diagnosis.
+
+    Attributes:
+        name: What is counted.
+        value: How many.
+    """
 
     name: Name
     value: int

@@ -19,7 +19,11 @@ Instances = Annotated[tuple[Name, ...], Most(64)]
 
 @message()
 class Point2D(Message):
-    """A point in the map frame, m."""
+    """A point.
+
+    Attributes:
+        x, y: m, map frame.
+    """
 
     x: float
     y: float
@@ -60,7 +64,11 @@ class Odometry(Message):
 
 @message()
 class Contact(Message):
-    """Whether the robot touches something (a bumper; in simulation the true footprint)."""
+    """A bumper; in simulation the true footprint.
+
+    Attributes:
+        touching: The robot touches something.
+    """
 
     touching: bool
 
@@ -164,7 +172,11 @@ class Reference(Message):
 
 @message()
 class Command(Message):
-    """A velocity asked for: what avoiders, recoveries, operators and the gate publish."""
+    """A velocity asked for: what avoiders, recoveries, operators and the gate publish.
+
+    Attributes:
+        twist: The velocity, base frame.
+    """
 
     twist: Twist2D
 
@@ -217,7 +229,7 @@ class GateStatus(Message):
 
 @message()
 class Selection(Message):
-    """Which instance of each role is in charge.
+    """Which instance of each role is active.
 
     Attributes:
         epoch: Rises with each swap; commands of an older epoch are refused.
@@ -231,5 +243,5 @@ class Selection(Message):
 
     @property
     def chosen(self) -> dict[str, str]:
-        """Instance in charge, by role."""
+        """Active instance, by role."""
         return dict(entry.split(" ", 1) for entry in self.instances)

@@ -62,7 +62,12 @@ class StepReport(Message):
 
 @message()
 class Parameters(Message):
-    """Parameters of an instance that were changed while it ran: TOML assignments `name = value`, one a string."""
+    """Parameters of an instance that were changed while it ran.
+
+    Attributes:
+        version: Counts the changes.
+        values: TOML assignments `name = value`, one a string.
+    """
 
     version: int
     values: Annotated[tuple[str, ...], Most(256)]

@@ -9,7 +9,7 @@ import numpy as np
 from navloom.messages import Pose2D, PoseEstimate
 from navloom.plugins.hooks import hookimpl
 from navloom.plugins.registry import Registry
-from navloom.roles import Context, Localizer, LocalizerInput, Params
+from navloom.roles import Claim, Context, Localizer, LocalizerInput, Params
 
 __all__ = ["OdometryLocalizer"]
 
@@ -21,6 +21,7 @@ class OdometryLocalizer(Localizer[Params]):
     """Takes the odometry frame to stand at the start pose; its drift is not corrected and its covariance is zero."""
 
     name = "odometry"
+    claims = {Claim.TRANSLATION, Claim.ROTATION}
     accepts = ()
 
     def __init__(self, params: Params, context: Context) -> None:

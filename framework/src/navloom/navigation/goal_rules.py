@@ -67,5 +67,5 @@ class GoalView:
     gate: GateStatus | None = None
     reference: Reference | None = None
     selected: tuple[str, str] = ("", "")
-    """Instances of mapper and planner in charge."""
+    """Active instances of mapper and planner."""
     trajectory: Trajectory | None = None

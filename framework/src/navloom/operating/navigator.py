@@ -14,6 +14,7 @@ from navloom.live.mailbox import Inlet, Mailbox, Packet
 from navloom.messages import Feedback, GateStatus, GoalResult, Odometry, Point2D
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.operating.joining import join
+from navloom.operating.listening import Listening
 from navloom.transport.quality import kind_of, most_of
 
 __all__ = ["GoalHandle", "Navigator"]
@@ -90,7 +91,15 @@ class GoalHandle:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
     def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
-        """Wait for the result. Raises TimeoutError where it does not come within s, ClientError with the robot gone."""
+        """Wait for the result.
+
+        Args:
+            timeout: Longest wait, s; None for any.
+            on_feedback: Called with each feedback.
+
+        Raises:
+            TimeoutError: The result did not come in time; ClientError: the robot is gone.
+        """
         for feedback in self.updates(timeout):
             if on_feedback is not None:
                 on_feedback(feedback)
@@ -186,7 +195,12 @@ class Navigator:
     def go(
         self, x: float, y: float, heading: float | None = None, via: Sequence[tuple[float, float]] = ()
     ) -> GoalHandle:
-        """Send the robot to a place, m and rad, map frame, over some points. A goal on its way is pre-empted.
+        """Send the robot to a place. A goal on its way is pre-empted.
+
+        Args:
+            x, y: m, map frame.
+            heading: rad, map frame; None for any.
+            via: Points to pass on the way, m, map frame.
 
         Raises:
             Refused: Rejected at once, with the reason; ClientError: the goal's node does not answer.
@@ -199,7 +213,13 @@ class Navigator:
         return GoalHandle(self.client, self._mailbox, self._streams, int(answer["goal_id"]))
 
     def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
-        """Send the robot to a place and wait for the result; a rejected goal is a result too."""
+        """Send the robot to a place and wait for the result; a rejected goal is a result too.
+
+        Args:
+            x, y: m, map frame.
+            heading: rad, map frame; None for any.
+            timeout: Longest wait, s; None for any.
+        """
         try:
             handle = self.go(x, y, heading)
         except Refused as refusal:
@@ -219,7 +239,12 @@ class Navigator:
         self.client.call("gate", "main", "resume", {})
 
     def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
-        """Put another instance in charge once it has warmed up; gives the selection's epoch.
+        """Make another instance active once it has warmed up; gives the selection's epoch.
+
+        Args:
+            role: As avoider.
+            instance: Its name in the config.
+            timeout: Longest wait for it to warm up, s.
 
         Raises:
             Refused: There is no such instance; TimeoutError: it did not warm up within s.
@@ -230,19 +255,31 @@ class Navigator:
             if time.monotonic() > limit:
                 raise TimeoutError(
                     f"{role} {instance} has not taken over within {timeout:g} s: it has published nothing yet; "
-                    f"{answer['selected']} stays in charge until it has"
+                    f"{answer['selected']} stays active until it has"
                 )
             time.sleep(0.05)
             answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
         return int(answer["epoch"])
 
+    def listen(self, streams: Sequence[str]) -> Listening:
+        """What the robot publishes on some streams, each given as role/port; `take` gives what has come."""
+        return Listening(self.client, streams)
+
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
-        """Parameters of an instance."""
+        """Parameters of an instance, as role avoider and instance vff."""
         values: dict[str, Any] = self.client.call(role, instance, "params/get", {})["values"]
         return values
 
     def set_parameters(self, role: str, instance: str, assignments: Sequence[str]) -> dict[str, Any]:
-        """Change parameters between two ticks, all or none; TOML assignments `name = value`. Raises Refused."""
+        """Change parameters between two ticks, all or none.
+
+        Args:
+            role, instance: As avoider and vff.
+            assignments: TOML, as `reach = 2.0`.
+
+        Raises:
+            Refused: One of them does not fit.
+        """
         values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
         return values
 

@@ -1,11 +1,18 @@
-"""Which line of a plugin's own code an error came from."""
+"""Which line of a plugin's own code an error came from, and the whole traceback for who asks for it."""
 
 from __future__ import annotations
 
+import os
 import traceback
 from pathlib import PurePath
 
-__all__ = ["raised_in"]
+from navloom.entry_kinds import TRACEBACK
+
+__all__ = ["raised_in", "traceback_of", "whole_traceback"]
+
+MOST = 64
+"""Tracebacks that are kept."""
+_KEPT: dict[str, str] = {}
 
 
 def raised_in(error: BaseException, source: object) -> str:
@@ -20,4 +27,31 @@ def raised_in(error: BaseException, source: object) -> str:
     for frame, line in traceback.walk_tb(error.__traceback__):
         if frame.f_globals.get("__name__", "").partition(".")[0] == home:
             place = f" ({PurePath(frame.f_code.co_filename).name}:{line})"
-    return f"{type(error).__name__}: {error}{place}"
+    text = f"{type(error).__name__}: {error}{place}"
+    if os.environ.get(TRACEBACK):
+        _keep(text, error)
+    return text
+
+
+def _keep(text: str, error: BaseException) -> None:
+    _KEPT.pop(text, None)
+    _KEPT[text] = whole_traceback(error)
+    if len(_KEPT) > MOST:
+        del _KEPT[next(iter(_KEPT))]
+
+
+def traceback_of(message: str) -> str:
+    """The traceback behind a message that holds an error's line; empty where none was kept."""
+    flat = " ".join(message.split())
+    return next((kept for text, kept in reversed(_KEPT.items()) if " ".join(text.split()) in flat), "")
+
+
+def whole_traceback(error: BaseException) -> str:
+    """A traceback with all that led to it, also what a clearer error hides."""
+    seen: set[int] = set()
+    one: BaseException | None = error
+    while one is not None and id(one) not in seen:
+        seen.add(id(one))
+        one.__suppress_context__ = one.__cause__ is not None
+        one = one.__cause__ or one.__context__
+    return "".join(traceback.format_exception(error))

@@ -52,7 +52,14 @@ class MessageObserver(Protocol):
         """See above."""
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """A message was published; `active` says whether its instance is the active one of its role."""
+        """A message was published.
+
+        Args:
+            role, instance, port: Where.
+            active: Its instance is the active one of its role.
+            message: The message.
+            at: Its envelope: sequence, tick and stamps.
+        """
 
 
 class HookSpecs:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pluggy
 
-from navloom.entry_kinds import GROUP, TRACE_HOOKS
+from navloom.entry_kinds import GROUP, TRACE_HOOKS, CommandPoint
 from navloom.plugins.blame import raised_in
 from navloom.plugins.hooks import HookSpecs
 from navloom.plugins.registry import PluginError, Registry
@@ -94,7 +94,7 @@ def owner_of(point: EntryPoint) -> str:
     return str(point.dist.name) if point.dist else point.value
 
 
-def module_of(point: EntryPoint) -> str:
+def module_of(point: EntryPoint | CommandPoint) -> str:
     """Name of the module that an entry point leads to, whatever its text is."""
     return point.value.partition(":")[0].strip()
 

@@ -82,7 +82,7 @@ class Registry:
         self.roles[key] = plugin
 
     def world(self, name: str, make: Callable[[], World]) -> None:
-        """Add a named world."""
+        """Add a named world: a function without arguments makes it."""
         if name in self.worlds:
             raise PluginError(f"world {name!r} is registered twice: rename one of them")
         self.worlds[name] = make

@@ -16,7 +16,22 @@ from navloom.recording.outcomes import Outcomes
 from navloom.recording.replaying import Replayer, ReplayNode, Stepped
 from navloom.recording.shelf import Entry, Shelf
 
-__all__ = ["NodeCheck", "check", "installed_part"]
+__all__ = ["NodeCheck", "StepFault", "check", "installed_part"]
+
+
+@dataclass(frozen=True)
+class StepFault:
+    """What a step raised when it was made again.
+
+    Attributes:
+        tick: Of the step.
+        text: The error, with the plugin's line.
+        is_recorded: The recorded step raised the same.
+    """
+
+    tick: int
+    text: str
+    is_recorded: bool
 
 
 @dataclass
@@ -32,6 +47,8 @@ class NodeCheck:
         not_fed: Steps that lacked an input.
         first_not_fed: The first of them, and what it lacked.
         unrecorded: Messages that its step records count and the recording lacks.
+        faults: Steps that raised something.
+        first_fault, last_fault: What the first and the last of them raised, and in which tick; None for nothing.
         notes: What else a reader must know.
     """
 
@@ -43,6 +60,9 @@ class NodeCheck:
     not_fed: int = 0
     first_not_fed: str = ""
     unrecorded: int = 0
+    faults: int = 0
+    first_fault: StepFault | None = None
+    last_fault: StepFault | None = None
     notes: list[str] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
@@ -78,6 +98,10 @@ class _Checker:
         if stepped.fed.missing:
             found.not_fed += 1
             found.first_not_fed = found.first_not_fed or f"tick {step.at.tick} lacks {'; '.join(stepped.fed.missing)}"
+        if stepped.fault:
+            found.faults += 1
+            found.last_fault = StepFault(step.at.tick, stepped.fault, stepped.fault == step.report.fault)
+            found.first_fault = found.first_fault or found.last_fault
         if stepped.fault != step.report.fault:
             recorded, replayed = step.report.fault or "no fault", stepped.fault or "no fault"
             self._differs(found, ReplayDifference(step.at.tick, found.node, "fault", "", recorded, replayed))

@@ -37,7 +37,7 @@ class Step:
 
 
 class Chosen:
-    """Which instance of each role was in charge, as the recorded selections say."""
+    """Which instance of each role was active, as the recorded selections say."""
 
     def __init__(self, config: Config) -> None:
         first = {role: config.role_table(role).instance for role in config.roles}
@@ -52,12 +52,12 @@ class Chosen:
             self._from.append((selection.from_tick, chosen))
 
     def under(self, role: str, epoch: int) -> str:
-        """The instance in charge under a selection; the framework's own nodes are called main."""
+        """The active instance under a selection; the framework's own nodes are called main."""
         known = self._by_epoch.get(epoch) or self._from[-1][1]
         return known.get(role, "main")
 
     def at(self, role: str, tick: int) -> str:
-        """The instance in charge in a tick."""
+        """The active instance in a tick."""
         place = bisect_right([first for first, _ in self._from], tick) - 1
         return self._from[max(0, place)][1].get(role, "main")
 
@@ -76,7 +76,7 @@ class Feeder:
     Args:
         prefix: REALM/ROBOT.
         shelf: Messages at hand.
-        chosen: Who was in charge.
+        chosen: Who was active.
         instances: Of each role with several.
     """
 

@@ -15,15 +15,15 @@ from navloom.engine.own_nodes import GateNode, GoalNode
 from navloom.engine.told import GateTold, GoalTold
 from navloom.messages import Command, Envelope, Message, OperatorRequest, Parameters, Selection, StepReport
 from navloom.messages.codec import encode, schema_label
+from navloom.recording.excerpt import SOURCES, Excerpt, stop_inside
 from navloom.recording.feeding import Chosen, Fed, Feeder, Step
 from navloom.recording.reader import RawRecorded, Recording
 from navloom.recording.shelf import Entry, Shelf
 from navloom.transport.keyspace import STEP
 
-__all__ = ["SOURCES", "Again", "ReplayNode", "Replayer", "Stepped"]
+__all__ = ["Again", "ReplayNode", "Replayer", "Stepped"]
 
-SOURCES = frozenset({"operator", "platform"})
-"""Roles that are not stepped again: what they said is what all others are given."""
+WHOLE = Excerpt()
 AHEAD_NS = 2_000_000_000
 """Receive time that is read ahead of a step, ns: on a network its inputs may be received after its record."""
 
@@ -78,9 +78,10 @@ class Replayer:
     Args:
         recording: With step records.
         system: Whose nodes are stepped; its plugins are made here.
-        stand_ins: Of this system's instance, the role whose steps it makes, whoever was in charge: another plugin.
+        stand_ins: Of this system's instance, the role whose steps it makes, whoever was active: another plugin.
             None: every instance makes its own.
         say: Told what is being prepared.
+        excerpt: Which steps are made; default all.
     """
 
     def __init__(
@@ -89,9 +90,10 @@ class Replayer:
         system: System,
         stand_ins: Mapping[str, str] | None = None,
         say: Callable[[str], None] = lambda text: None,
+        excerpt: Excerpt = WHOLE,
     ) -> None:
         self.recording, self.system, self.header = recording, system, recording.header
-        self.stand_ins = dict(stand_ins or {})
+        self.stand_ins, self.excerpt = dict(stand_ins or {}), excerpt
         self.shelf = Shelf()
         self.chosen = Chosen(recording.header.loaded().config)
         self.is_live = self.header.kind == "live"
@@ -100,6 +102,8 @@ class Replayer:
         wanted = {(role, name) for role, name in system.parts if role not in SOURCES}
         if self.stand_ins:
             wanted = {(role, name) for role, name in self.stand_ins.items()}
+        elif excerpt.only is not None:
+            wanted &= {excerpt.only}
         make_plugins(system, say, wanted)
         self._wanted = wanted
         names: dict[str, list[str]] = {}
@@ -137,7 +141,7 @@ class Replayer:
             entry = Entry(raw, place)
             self.shelf.put(entry)
             step = self._learn(entry)
-            if step is not None:
+            if step is not None and self.excerpt.has((step.role, step.instance), step.at.tick):
                 waiting.append(step)
             if waiting and raw.received_ns - waiting[0].received_ns > AHEAD_NS:
                 ready = [one for one in waiting if raw.received_ns - one.received_ns > AHEAD_NS // 2]
@@ -226,7 +230,10 @@ class Replayer:
         since = before.at.tick if before is not None else step.at.tick - 1
         fed = self.feeder.feed(node.fed.spec, step, since)
         tick = Tick(step.at.tick, step.at.stamp_ns * 1e-9, step.at.stamp_ns, step.at.epoch)
-        outputs = node.fed.step(tick, fed.given, self._tell(node.fed.node, step))
+        act = self._tell(node.fed.node, step)
+        if self.excerpt.debugs(step.at.tick):
+            act = stop_inside(node.fed.node, act)
+        outputs = node.fed.step(tick, fed.given, act)
         return Stepped(step, fed, outputs, node.fed.fault, follows)
 
     def _tell(self, node: Node, step: Step) -> Callable[[Tick], None]:

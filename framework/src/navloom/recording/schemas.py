@@ -1,43 +1,115 @@
-"""Message schemas as text, so that a recording explains itself to whoever has no navloom."""
+"""Message schemas as JSON schemas, so that a recording can be decoded without navloom."""
 
 from __future__ import annotations
 
 import inspect
+import json
+import math
+from dataclasses import MISSING, fields
+from typing import Any
+
+import numpy as np
 
 from navloom.messages import Message
 from navloom.messages.codec import schema_label
-from navloom.messages.kinds import Kind
+from navloom.messages.kinds import DTYPES, Kind
 
-__all__ = ["ENCODING", "schema_text", "typed"]
+__all__ = ["ENCODING", "SCHEMA_ENCODING", "schema_text", "typed"]
 
 ENCODING = "navloom"
-"""Name of the message encoding and of the encoding of schemas."""
+"""Name of the message encoding."""
 
+SCHEMA_ENCODING = "jsonschema"
+"""Name of the encoding of schemas."""
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _LAYOUT = """\
-Message encoding "navloom", little endian:
+The header of a message with encoding "navloom". The message is, little endian:
   u32 length of the header | header | zeros to a multiple of 64 bytes | array | zeros to a multiple of 64 | array ...
-The header is a MessagePack map:
-  envelope  [key, sequence, tick, stamp_ns, cause_ns, epoch]
-  fields    map of the fields below; an array is its place in `arrays`; a nested message is a map of its fields
-  arrays    list of [element type (numpy), shape, offset in bytes from the first array]
+The header is MessagePack. In its fields an array is its place in `arrays`, which has element type (numpy), shape, and
+offset in bytes from the first array. A number may be infinite where its description says so.
 All values are in SI units and radians unless their name says otherwise; x forward, y left, angles counter-clockwise.
 """
+_COUNT: dict[str, Any] = {"type": "integer", "minimum": 0}
+_ENVELOPE = {
+    "description": "key, sequence, tick, stamp_ns and cause_ns on the run clock, selection epoch",
+    "type": "array",
+    "prefixItems": [{"title": "key", "type": "string"}]
+    + [{"title": name, **_COUNT} for name in ("sequence", "tick", "stamp_ns", "cause_ns", "epoch")],
+    "minItems": 6,
+}
+_ARRAYS = {
+    "type": "array",
+    "items": {
+        "type": "array",
+        "prefixItems": [
+            {"title": "dtype", "enum": list(DTYPES)},
+            {"title": "shape", "type": "array", "items": _COUNT},
+            {"title": "offset", **_COUNT},
+        ],
+        "minItems": 3,
+    },
+}
+_TYPES = {"float": "number", "int": "integer", "bool": "boolean", "str": "string"}
+_RULES: dict[str, dict[str, Any]] = {
+    "positive": {"exclusiveMinimum": 0},
+    "not_negative": {"minimum": 0},
+    "stamp": {"minimum": 0},
+    "heading": {"minimum": -math.pi, "maximum": math.pi},
+}
 
 
 def schema_text(cls: type[Message]) -> str:
-    """What a message holds: name, version, fields with types and shapes, docstrings with units, layout of the bytes."""
-    parts = []
-    seen: list[type[Message]] = [cls]
-    for one in seen:
-        parts.append(_described(one))
-        seen += [inner for kind in one.kinds.values() for inner in _nested(kind) if inner not in seen]
-    return "\n".join([*parts, _LAYOUT])
+    """What a message holds, as a JSON schema of its header: fields with docstrings and units, and the arrays' shapes.
+
+    An array is a number in the header, its place in `arrays`; its schema says element type and shape under `array`.
+    """
+    nested: list[type[Message]] = [cls]
+    for one in nested:
+        nested += [inner for kind in one.kinds.values() for inner in _nested(kind) if inner not in nested]
+    schema = {
+        "$schema": DIALECT,
+        "title": schema_label(cls),
+        "description": _LAYOUT,
+        "type": "object",
+        "required": ["envelope", "fields", "arrays"],
+        "properties": {"envelope": _ENVELOPE, "fields": _reference(cls), "arrays": _ARRAYS},
+        "$defs": {one.schema_name: _class_schema(one) for one in nested},
+    }
+    return json.dumps(schema, ensure_ascii=False)
 
 
-def _described(cls: type[Message]) -> str:
-    lines = [schema_label(cls), *(f"  {name}: {typed(kind)}" for name, kind in cls.kinds.items())]
-    text = inspect.getdoc(cls) or ""
-    return "\n".join([*lines, *(f"  | {line}".rstrip() for line in text.splitlines()), ""])
+def _class_schema(cls: type[Message]) -> dict[str, Any]:
+    optional = {one.name for one in fields(cls) if one.default is not MISSING}  # type: ignore[arg-type]
+    return {
+        "description": inspect.getdoc(cls) or "",
+        "type": "object",
+        "required": [name for name in cls.kinds if name not in optional],
+        "properties": {name: _field_schema(kind) for name, kind in cls.kinds.items()},
+    }
+
+
+def _field_schema(kind: Kind) -> dict[str, Any]:
+    required = {"description": typed(kind), **_value_schema(kind)}
+    return {"anyOf": [required, {"type": "null"}]} if kind.optional else required
+
+
+def _value_schema(kind: Kind) -> dict[str, Any]:
+    if kind.array is not None:
+        array: dict[str, Any] = {"dtype": np.dtype(kind.array.dtype).str, "shape": list(kind.array.shape)}
+        bounds = {"minimum": kind.array.at_least, "maximum": kind.array.at_most}
+        array |= {name: bound for name, bound in bounds.items() if bound is not None}
+        return {"type": "integer", "minimum": 0, "array": array | {"infinite": kind.array.infinite}}
+    if kind.message is not None:
+        return _reference(kind.message)
+    if kind.item is not None:
+        return {"type": "array", "items": _field_schema(kind.item), "maxItems": kind.most}
+    if kind.choices:
+        return {"enum": list(kind.choices)}
+    return {"type": _TYPES[kind.form], **_RULES.get(kind.rule, {})}
+
+
+def _reference(cls: type[Message]) -> dict[str, Any]:
+    return {"$ref": f"#/$defs/{cls.schema_name}"}
 
 
 def typed(kind: Kind) -> str:

@@ -1,4 +1,4 @@
-"""What alternatives that run in shadow would have said, compared tick by tick with the instance in charge."""
+"""What alternatives that run in shadow would have said, compared tick by tick with the active instance."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = ["Disagreement", "ShadowWatch", "shadow_table"]
 
 @dataclass(eq=False)
 class Disagreement:
-    """One instance in shadow against whoever was in charge.
+    """One instance in shadow against whoever was active.
 
     Attributes:
         role, instance: Which.
-        against: Instances in charge, in the order they were.
+        against: Active instances, in the order they were.
         times: s, run clock, of each tick compared, by when the answers were made.
         ticks: Their numbers.
         values: By name, the difference of each tick (`engine.differences`); NaN where it is not defined.
         differing: Of each tick, whether any difference is beyond its tolerance.
-        driving: Of each tick of an avoider, whether the avoider in charge drove.
+        driving: Of each tick of an avoider, whether the active avoider drove.
         unanswered: Ticks in which only one of the two gave an answer.
     """
 
@@ -62,7 +62,7 @@ class Disagreement:
     def summary(self) -> dict[str, Any]:
         """For `run --json`: ticks compared, the share that differ, and the RMS and greatest of each difference.
 
-        `driving` says the same of the ticks in which the avoider in charge drove; None for other roles.
+        `driving` says the same of the ticks in which the active avoider drove; None for other roles.
         """
         drove = np.array(self.driving, dtype=np.bool_)
         first = self.differing.index(True) if True in self.differing else None
@@ -102,7 +102,7 @@ class ShadowWatch:
     """An observer that compares answers made in the same tick, whenever each of them is published.
 
     Args:
-        shadows: By role, the instances that run beside the one in charge.
+        shadows: By role, the instances that run beside the active one.
         horizon: Ticks after which an answer that has not come will not come: the longest `latency`.
         catalogue: What is known of the nodes.
     """

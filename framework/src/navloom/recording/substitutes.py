@@ -1,4 +1,4 @@
-"""What another plugin would have said in a recorded run: open loop, on the inputs that the one in charge was given."""
+"""What another plugin would have said in a recorded run: open loop, on the inputs that the active one was given."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def substitute(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Substitute:
-    """Step a plugin on what the recorded instances in charge of its role were given, and compare.
+    """Step a plugin on what the recorded active instances of its role were given, and compare.
 
     Args:
         recording: With step records.

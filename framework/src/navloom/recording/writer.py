@@ -15,7 +15,7 @@ from navloom.messages.schema import SCHEMAS
 from navloom.plugins.opening import OPENER
 from navloom.recording.header import HEADER, RecordingError, RecordingHeader
 from navloom.recording.reader import COUNTS
-from navloom.recording.schemas import ENCODING, schema_text
+from navloom.recording.schemas import ENCODING, SCHEMA_ENCODING, schema_text
 
 __all__ = ["RecordingWriter", "WriteError"]
 
@@ -132,7 +132,7 @@ class RecordingWriter:
                 OPENER.why_unknown(label)  # a distribution's class is loaded, so that the recording explains itself
                 cls = SCHEMAS.get(label.partition("/")[0])
                 text = schema_text(cls) if cls is not None and schema_label(cls) == label else ""
-                self._schemas[label] = self._writer.register_schema(label, ENCODING, text.encode())
+                self._schemas[label] = self._writer.register_schema(label, SCHEMA_ENCODING, text.encode())
             number: int = self._writer.register_channel(key, ENCODING, self._schemas[label])
         self._channels[key, label] = number
         return number

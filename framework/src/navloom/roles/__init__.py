@@ -2,6 +2,7 @@
 
 from navloom.roles.avoider import Avoider, AvoiderInput
 from navloom.roles.base import Context, InputError, Params, RobotSpec, Role, SensorSpec
+from navloom.roles.claims import Claim
 from navloom.roles.controller import Controller, ControllerInput
 from navloom.roles.extra import Extra, Extras
 from navloom.roles.localizer import Localizer, LocalizerInput
@@ -35,6 +36,7 @@ __all__ = [
     "ROLE_API",
     "Avoider",
     "AvoiderInput",
+    "Claim",
     "Context",
     "Controller",
     "ControllerInput",

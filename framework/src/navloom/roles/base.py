@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
 from navloom.errors import NavloomError
 from navloom.geometry.world import World, read_only
 from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
+from navloom.roles.claims import Claim
 
 if TYPE_CHECKING:  # the default keeps `class Mine(Avoider)` valid under mypy --strict
     import typing_extensions
@@ -164,6 +165,8 @@ class Role(ABC, Generic[P]):
         needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
         needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
         Params: Its parameters.
+        claims: What it says of its behaviour beyond the purpose of its role: `navloom check` demands it.
+        disclaims: What of its role's purpose it does not do, and why: `navloom check` shows it without judgement.
     """
 
     role: ClassVar[str]
@@ -174,6 +177,8 @@ class Role(ABC, Generic[P]):
     needs_map: ClassVar[bool] = False
     needs_sensor: ClassVar[bool] = False
     Params: ClassVar[type[Params]] = Params
+    claims: ClassVar[Collection[Claim]] = ()
+    disclaims: ClassVar[Mapping[Claim, str]] = MappingProxyType({})
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -11,15 +11,20 @@ from typing import IO, Any
 import numpy as np
 
 from navloom.config import Loaded
+from navloom.engine import run_warnings
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import System, assemble, make_plugins, stride_of
+from navloom.engine.build import System, assemble, make_plugins
 from navloom.engine.checks import check_task
-from navloom.engine.door import notes_of
-from navloom.engine.lockstep import Observer, RunLog
+from navloom.engine.inspecting import StepInspector, some_ticks
+from navloom.engine.lockstep import Lockstep, Observer, RunLog
+from navloom.engine.run_warnings import RunWarning, RunWarnings
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
 from navloom.plugins.observing import Onlookers
+from navloom.plugins.owners import Owned, Owners
+from navloom.plugins.printing import LARGEST_OUTPUT, bounded_output
+from navloom.plugins.threads import keeping_alive, started_by, watched_threads
 from navloom.recording.shadows import Disagreement, ShadowWatch
 from navloom.study import measures
 from navloom.study.observed import run_info
@@ -33,8 +38,6 @@ POSE_ERRORS = {
     "p95": measures.pose_error_p95,
     "max": measures.pose_error_max,
 }
-FEW = 20
-"""Steps below which a node is not judged: one that loads something in its first ones is not slow."""
 
 
 @dataclass(eq=False)
@@ -44,14 +47,14 @@ class Episode:
     Attributes:
         system, log, recorder: As their classes say.
         shadows: What alternatives in shadow said; empty for a live run, where nobody compares them.
-        notes: What operators should know of plugins that did not break, as commands far beyond the limits.
+        warnings: What is wrong with plugins that did not break.
     """
 
     system: System
     log: RunLog
     recorder: Recorder
     shadows: list[Disagreement] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    warnings: list[RunWarning] = field(default_factory=list)
 
     @property
     def result(self) -> GoalResult:
@@ -94,8 +97,7 @@ class Episode:
             "planner_ms": _median_ms(log.step_ns["planner"]),
             "mapper_ms": _median_ms(log.step_ns["mapper"]),
             "swaps": log.swaps,
-            "slow": self.slow(),
-            "notes": self.notes,
+            "warnings": [one.to_json() for one in self.warnings],
             "shadows": [one.summary() for one in self.shadows],
         }
 
@@ -103,26 +105,6 @@ class Episode:
     def trail(self) -> Trail:
         """The episode as the metrics see it."""
         return trail_of(self.system, self.recorder, self.log, self.result)
-
-    def slow(self) -> list[dict[str, Any]]:
-        """Nodes that need longer for a step than they have until the next one, by their 99th percentile.
-
-        A planner is left out: it answers requests, and nothing waits for it in a tick.
-        """
-        found = []
-        for (role, instance), spent_ns in self.log.spent_ns.items():
-            part = self.system.parts.get((role, instance))
-            if part is None or role == "planner" or len(spent_ns) < FEW:
-                continue
-            limit = stride_of(part.table, self.system.config.run.period) * self.system.config.run.period
-            spent = np.array(spent_ns) * 1e-9
-            p99 = float(np.percentile(spent, 99))
-            if p99 > limit:
-                found.append({
-                    "role": role, "instance": instance, "plugin": part.cls.name, "steps": spent.size,
-                    "late": int((spent > limit).sum()), "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3,
-                })  # fmt: skip
-        return found
 
 
 def run_episode(
@@ -134,6 +116,7 @@ def run_episode(
     trace: IO[bytes] | None = None,
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
+    looks_at: Callable[[int], bool] = some_ticks,
 ) -> Episode:
     """Run a config in lockstep until its last goal has ended.
 
@@ -145,24 +128,49 @@ def run_episode(
         trace: File for the trace.
         say: Told what is being prepared.
         progress: Told the run time reached and the longest possible, s.
+        looks_at: Ticks whose steps are looked at for what makes a run unrepeatable.
 
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
     """
     system = assemble(loaded, discovery)
     check_task(system)
-    make_plugins(system, say)
-    recorder, watch = Recorder(), ShadowWatch.of(system)
-    beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
-    if onlookers is not None:
-        beside += onlookers.begin(run_info(loaded, "lockstep"))
-    executor = lockstep_of(system, beside, TraceWriter(trace))
-    run = loaded.config.run
-    ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
-    tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
-    log = executor.run(ticks, tell)
-    notes = [note for stepper in executor.steppers for note in notes_of(stepper.node)]
-    return Episode(system, log, recorder, [] if watch is None else watch.finish(), notes)
+    owners, found = Owners({source: part.cls for source, part in system.parts.items()}), RunWarnings.of(system)
+
+    def flooded(owned: Owned) -> None:
+        limit = LARGEST_OUTPUT // 1024
+        found.add("output", owned.source, f"printed more than {limit} kB: the rest is left out ({owned.place})")
+
+    with bounded_output(owners, flooded), watched_threads(owners) as started:
+        make_plugins(system, say)
+        recorder, watch = Recorder(), ShadowWatch.of(system)
+        beside: list[Observer] = [recorder, *observers] if watch is None else [recorder, watch, *observers]
+        if onlookers is not None:
+            beside += onlookers.begin(run_info(loaded, "lockstep"))
+        executor = lockstep_of(system, beside, TraceWriter(trace))
+        run = loaded.config.run
+        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
+        executor.inspector = StepInspector(found, looks_at)
+        log = executor.run(ticks, tell)
+    _warn(found, system, executor)
+    for thread in keeping_alive(started):
+        owned = started_by(thread)
+        if owned is not None:
+            text = f"started the thread {thread.name!r}, which still runs and is no daemon ({owned.place})"
+            found.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=thread.name)
+    return Episode(system, log, recorder, [] if watch is None else watch.finish(), found.listed())
+
+
+def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:
+    """Look for what is wrong with plugins in a run that has ended."""
+    log, steppers, period = executor.log, executor.steppers, system.config.run.period
+    run_warnings.slow_steps(found, system, log.spent_ns)
+    run_warnings.far_commands(found, steppers)
+    run_warnings.large_messages(found, run_warnings.volumes_of(executor.trace, steppers), log.ticks * period)
+    asked = executor.active("goal").slots["sweep"].tick
+    run_warnings.silent_sensors(found, system, executor.active("platform"), log.ticks, asked)
+    run_warnings.waiting_nodes(found, steppers)
 
 
 def _median_ms(steps: Sequence[int]) -> float | None:

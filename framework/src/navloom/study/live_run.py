@@ -10,6 +10,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import IO, Any, Literal
 
 from navloom.config import ConfigError, Loaded
@@ -39,6 +40,7 @@ from navloom.messages import (
 )
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.plugins.observing import Onlookers
+from navloom.recording.excerpt import repeating
 from navloom.roles import Platform
 from navloom.study.episode import Episode
 from navloom.study.live_show import LiveShow
@@ -122,6 +124,7 @@ class LiveRun:
         say: Told what happens.
         beside: What attends it from when every node is there to its end: a recorder.
         onlookers: Observers of plugins, told when every node is there; who hands them in tells them the end.
+        recording: File that `beside` writes; None for none.
 
     Attributes:
         judges: The run is judged here, where the platform is: other hosts are spared all that is judged by.
@@ -142,6 +145,7 @@ class LiveRun:
     recorder: Recorder = field(default_factory=Recorder)
     beside: Beside | None = None
     onlookers: Onlookers | None = None
+    recording: Path | None = None
 
     def __post_init__(self) -> None:
         self.system: System = assemble(self.loaded)
@@ -335,7 +339,7 @@ class LiveRun:
         active = self._is_active(role, name)
         if isinstance(message, StepReport):
             if message.fault:
-                self._tell_fault(source, message.fault)
+                self._tell_fault(source, message.fault, at.tick)
         elif isinstance(message, PoseEstimate):
             self._place = Point2D(message.pose.x, message.pose.y) if active else self._place
         elif isinstance(message, GoalResult):
@@ -353,12 +357,15 @@ class LiveRun:
         else:
             self.recorder.on_message(role, name, active, port, message, at)
 
-    def _tell_fault(self, source: tuple[str, str], fault: str) -> None:
+    def _tell_fault(self, source: tuple[str, str], fault: str, tick: int) -> None:
         """Say what a node raised; one that raises each tick is not told of each time."""
         now = time.monotonic()
         if now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
             self._told_faults[source] = now
             self.say(f"{' '.join(source)} failed: {fault}")
+            if self.recording is not None:
+                is_only = sum(role == source[0] for role, _ in self.system.parts) == 1
+                self.say(f"repeat that step: {repeating(self.recording, *source, tick, is_only)}")
 
     def _is_active(self, role: str, name: str) -> bool:
         return self._chosen.get(role, self._default(role)) == name
@@ -367,7 +374,7 @@ class LiveRun:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
 
     def _learn_times(self, client: Client) -> None:
-        """Ask the nodes in charge how long their steps took since the goal began; those that are gone are left out."""
+        """Ask the active nodes how long their steps took since the goal began; those that are gone are left out."""
         spent: dict[int, int] = defaultdict(int)
         for answer in [] if not self.judges else client.bus.ask(client.keys.process("*", "steps"), timeout=1.0):
             for place, steps in json.loads(answer.data or b"{}").items():

@@ -13,6 +13,7 @@ from navloom.config.loader import leaves
 from navloom.config.schema import ROLE_TABLES, AlternativeTable
 from navloom.engine.build import System
 from navloom.plugins import Discovery
+from navloom.plugins.registry import NODE
 
 __all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
 
@@ -37,7 +38,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Variation:
-    """One `--vary`: a place of the config, or a role, and its values as text."""
+    """One `--vary`: a place of the config, or a role or node, and its values as text."""
 
     place: str
     values: tuple[str, ...]
@@ -82,7 +83,8 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
     """Every combination of the variations' values, in the order they are written, the last one changing fastest.
 
     A role's values are plugins, or the names of `[[alternative]]` tables of that role, which take the role's table's
-    place. Alternatives that no event names are left out: in a study nothing runs beside the method.
+    place; those of a `[[node]]`, under its name, likewise. Alternatives that no event names are left out: in a study
+    nothing runs beside the method.
 
     Args:
         reference: Path of a config, or a shipped name.
@@ -94,19 +96,26 @@ def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], disc
         ConfigError: A place or value that does not fit, with the nearest that does.
     """
     base = load_config(reference, changes)
+    exchanged = {*ROLE_TABLES, *(table.name for table in base.config.node)}
     variations = [variation_of(text) for text in vary]
     _check_places(variations)
     spare, common = _alternatives(base, changes)
     methods = []
     for values in product(*(variation.values for variation in variations)):
         chosen = list(zip(variations, values, strict=True))
-        roles = [_role_change(base, v.place, value, discovery) for v, value in chosen if v.place in ROLE_TABLES]
+        roles = [
+            change
+            for v, value in chosen
+            if v.place in exchanged
+            for change in _exchange(base, v.place, value, discovery)
+        ]
         taken = {(v.place, value) for v, value in chosen}
         kept = [table for table in spare if (table.role, table.instance) not in taken]
         shelf = [f"alternative={toml_value([_dump(table) for table in kept])}"] if base.config.alternative else []
-        settings = [f"{v.place}={value}" for v, value in chosen if v.place not in ROLE_TABLES]
-        name = "+".join(_label(v.place, value) for v, value in chosen) or "as_configured"
-        every = (*shelf, *(change for change in roles if change), *common, *settings)
+        settings = [f"{v.place}={value}" for v, value in chosen if v.place not in exchanged]
+        labels = (value if v.place in exchanged else _label(v.place, value) for v, value in chosen)
+        name = "+".join(labels) or "as_configured"
+        every = (*shelf, *roles, *common, *settings)
         methods.append(Method(name, every, _load(reference, every, name if chosen else "")))
     names = [method.name for method in methods]
     for name in names:
@@ -143,21 +152,26 @@ def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[Alternativ
     return spare, [change for change in changes if change.partition("=")[0].partition(".")[0].strip() != "alternative"]
 
 
-def _role_change(base: Loaded, role: str, value: str, discovery: Discovery) -> str:
-    """The change that makes a plugin or alternative the one in charge; empty where it is already."""
+def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list[str]:
+    """The changes that make a plugin or alternative the active one of a role or node; none where it is already."""
     active = base.config.role_table(role)
     if value == active.instance:
-        return ""
+        return []
+    is_node = role not in ROLE_TABLES
     spare = {table.instance: table for table in base.config.alternative if table.role == role}
     if value in spare:
-        table = {key: entry for key, entry in _dump(spare[value]).items() if key not in ("role", "shadow")}
-        return f"{role}={toml_value(table)}"
-    if value not in discovery.names(role):
+        left_out = ("role", "shadow", "name") if is_node else ("role", "shadow")
+        table = {key: entry for key, entry in _dump(spare[value]).items() if key not in left_out}
+        if not is_node:
+            return [f"{role}={toml_value(table)}"]
+        return [f"node.{role}.{key}={toml_value(entry)}" for key, entry in table.items()]
+    kind = NODE if is_node else role
+    if value not in discovery.names(kind):
         raise ConfigError(
             f"--vary {role}={value}: neither a plugin nor an [[alternative]] of that name is installed"
-            f"{discovery.instead_of(role, value, [*spare, active.instance])}"
+            f"{discovery.instead_of(kind, value, [*spare, active.instance])}"
         )
-    return f"{role}.plugin={toml_value(value)}"
+    return [f"node.{role}.plugin={toml_value(value)}" if is_node else f"{role}.plugin={toml_value(value)}"]
 
 
 def _dump(table: AlternativeTable) -> dict[str, Any]:
@@ -166,7 +180,7 @@ def _dump(table: AlternativeTable) -> dict[str, Any]:
 
 def _label(place: str, value: str) -> str:
     """A value as a method's name: itself for a plugin, `key=value` for a setting."""
-    return value if place in ROLE_TABLES or place.endswith(".plugin") else f"{place.rpartition('.')[2]}={value}"
+    return value if place.endswith(".plugin") else f"{place.rpartition('.')[2]}={value}"
 
 
 def toml_value(value: Any) -> str:
@@ -208,7 +222,7 @@ def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, d
 
 
 def _full(system: System) -> dict[str, Any]:
-    """Every value that holds by dotted place, parameters of the plugins in charge with their defaults."""
+    """Every value that holds by dotted place, parameters of the active plugins with their defaults."""
     tree = system.config.model_dump(mode="json")
     tree["node"] = {table["name"]: table for table in tree["node"]}
     for _, role, table in system.config.role_tables():

@@ -17,6 +17,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from navloom.crashes import dump_when_broken
 from navloom.study.rows import EpisodeTask, Row, episode_row, lost_row
 
 __all__ = ["Agenda", "PoolError", "Workers", "cores", "run_on_executor", "run_on_processes"]
@@ -183,7 +184,7 @@ class Workers:
             if worker.has_grown(resident):
                 self._retire(worker)
         elif kind == "dead":
-            self._bury(worker, "")
+            self._reap(worker, "")
 
     def _patience(self, worker: Worker) -> float:
         """s without a sign of life that a worker is allowed: what bounds episodes does not bound imports."""
@@ -191,9 +192,9 @@ class Workers:
 
     def _give_up(self, worker: Worker) -> None:
         worker.process.kill()
-        self._bury(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
+        self._reap(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
 
-    def _bury(self, worker: Worker, reason: str) -> None:
+    def _reap(self, worker: Worker, reason: str) -> None:
         """Take a dead worker out; what it was at is lost."""
         worker.process.join()
         worker.connection.close()
@@ -256,6 +257,7 @@ def serve(connection: Connection) -> None:
     # Ctrl-C reaches the whole group: it is for the one who keeps the journal. Plugins that print must not spoil --json.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
+    dump_when_broken()
     said = 0.0
 
     def beat() -> None:

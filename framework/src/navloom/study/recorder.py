@@ -47,9 +47,9 @@ class Recorder:
         touches: How often a contact began.
         contacts: (row of the truth, name of the obstacle) of each tick in contact.
         engaged: (time s, avoider drives) at each change.
-        plans: Every path of the planner in charge.
+        plans: Every path of the active planner.
         trajectories: Every trajectory.
-        map: The newest map of the mapper in charge.
+        map: The newest map of the active mapper.
         recoveries: Attempts.
         estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
         goals: (x m, y m) of each goal by its number.
@@ -97,7 +97,7 @@ class Recorder:
     _least: float = math.inf
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Keep what counts of the instances in charge."""
+        """Keep what counts of the active instances."""
         if active:
             keep = _KEPT.get(message.__class__)
             if keep is not None:

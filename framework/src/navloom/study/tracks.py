@@ -46,7 +46,7 @@ class StoredWay:
         goal: (2,) m, map frame, or None.
         tolerance: m, of the goal.
         shadow_time: By "instance quantity" of an alternative in shadow, (k,) s.
-        shadow: By the same name, (k,) difference from the instance in charge.
+        shadow: By the same name, (k,) difference from the active instance.
     """
 
     time: Floats

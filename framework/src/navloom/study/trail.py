@@ -247,7 +247,7 @@ def ways_of(system: System) -> WayLengths:
 
 def _leg(system: System, world: World, start: Place, goal: Place) -> tuple[float, float] | None:
     """Length of the shortest way, m, and of its part outside the goal's tolerance; None where there is no way."""
-    from navloom.study.shortest import length_to_reach, optimal_path
+    from navloom.study.optimal.shortest import length_to_reach, optimal_path
 
     radius, height, reach = inscribed_radius(system.robot.footprint), system.robot.height, system.goal_tolerance
     key = (start.x, start.y, goal.x, goal.y, radius, height, reach)

@@ -6,14 +6,17 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from navloom.testing import contract
+from navloom.testing.behaviour import tier as behaviour
 from navloom.testing.checks import Check
 
-__all__ = ["CONTRACT", "TIERS", "checks_of", "find_check"]
+__all__ = ["BEHAVIOUR", "CONTRACT", "TIERS", "checks_of", "find_check"]
 
 CONTRACT = "contract"
 """What every plugin must pass."""
+BEHAVIOUR = behaviour.BEHAVIOUR
+"""What a plugin claims is demanded, the rest is shown."""
 
-TIERS: Mapping[str, Sequence[Check]] = MappingProxyType({CONTRACT: contract.CHECKS})
+TIERS: Mapping[str, Sequence[Check]] = MappingProxyType({CONTRACT: contract.CHECKS, BEHAVIOUR: behaviour.CHECKS})
 """Checks by tier. A further tier is one more entry here: its package's `CHECKS`."""
 
 

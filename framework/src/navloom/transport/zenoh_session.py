@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,10 @@ import zenoh
 
 __all__ = ["TIMED_OUT", "Answer", "Publisher", "Question", "Receive", "Replies", "Session", "SessionError"]
 
+RUNTIME = "(tx: (worker_threads: 3), rx: (worker_threads: 4))"
+"""Zenoh's threads, which all sessions of a process share. By default one thread sends: closing a link whose other end
+takes nothing can block it for over 1 s, and with it the links of the process to all others."""
+os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # Zenoh reads it when it is first used
 MEDIA = "application/x-navloom;"
 TIMED_OUT = "Timeout"
 """What Zenoh says in the place of an answer that does not come."""

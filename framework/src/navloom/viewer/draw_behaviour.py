@@ -202,5 +202,5 @@ def selection(message: Selection, seen: Seen) -> Drawn:
     import rerun as rr
 
     if message.epoch:
-        text = f"{seen.actor.name}: in charge from tick {message.from_tick}: {', '.join(message.instances)}"
+        text = f"{seen.actor.name}: active from tick {message.from_tick}: {', '.join(message.instances)}"
         yield f"/log/{seen.actor.name}/selection", Change(text, rr.TextLog(text, level="INFO"))

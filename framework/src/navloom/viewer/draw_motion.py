@@ -107,7 +107,7 @@ def command(message: Command, seen: Seen) -> Drawn:
 
 
 def tracking_command(message: TrackingCommand, seen: Seen) -> Drawn:
-    """A controller's answer, drawn for shadows only: of the one in charge the gate's command says it."""
+    """A controller's answer, drawn for shadows only: of the active one the gate's command says it."""
     return _command(message.twist.vx, message.twist.wz, seen)
 
 

@@ -33,7 +33,7 @@ class Shown(NamedTuple):
 
     Attributes:
         variant: Name of the robot in the picture.
-        role, instance, port: Where it was published. active: By the instance in charge.
+        role, instance, port: Where it was published. active: By the active instance.
         tick, stamp_ns: Of its envelope.
     """
 

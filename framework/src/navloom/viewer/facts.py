@@ -49,7 +49,7 @@ class Variant:
     Attributes:
         name: Of the method, or of the robot where there is only one.
         plugins: What fills each role, by role, for the legend.
-        instances: Instance in charge of each role at the start.
+        instances: Active instance of each role at the start.
         shadows: (role, instance) of alternatives.
         footprint: (n, 2) m, base frame. height: m.
         start: Pose in the map. goal: x, y, m, or None. goal_tolerance: m.

@@ -1,4 +1,4 @@
-"""Whose messages are shown: recordings and live robots, and which instance is in charge when."""
+"""Whose messages are shown: recordings and live robots, and which instance is active when."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["InCharge", "facts_of_header", "facts_of_recording", "live_messages",
 
 
 class InCharge:
-    """Tells of each message of a robot whether its instance was in charge.
+    """Tells of each message of a robot whether its instance was active.
 
     Args:
         variant: Name of the robot in the picture.

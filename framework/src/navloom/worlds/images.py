@@ -21,6 +21,10 @@ __all__ = ["Shades", "read_image"]
 
 _HEADER = 65536
 """Bytes that the header of a PGM with its comments may take."""
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+"""Of a PNG, by its colour type: grey, RGB, palette, grey and alpha, RGB and alpha."""
+_INFLATED = 1032
+"""Most bytes that one byte of deflate can stand for."""
 _STRIP = 1 << 20
 """Pixels that are converted at once."""
 _PGM = re.compile(
@@ -117,8 +121,8 @@ def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) ->
 def _png(content: bytes, path: Path) -> Shades:
     from PIL import Image
 
-    if len(content) >= 24:  # before Pillow, which has a bound of its own
-        _check_size(path, *struct.unpack_from(">II", content, 16))
+    if len(content) >= 26:  # before Pillow, which has a bound of its own, and room for all pixels before it reads one
+        _check_png_head(content, path)
     try:
         with warnings.catch_warnings():
             # Pillow's own warning of large images: the check below is the stricter one.
@@ -134,6 +138,18 @@ def _png(content: bytes, path: Path) -> Shades:
     except Exception as error:
         # Pillow gives no list of what it raises on damaged files: OSError, SyntaxError, ValueError, struct.error, ...
         raise WorldError(f"{path}: damaged PNG: {error}; copy the file again") from error
+
+
+def _check_png_head(content: bytes, path: Path) -> None:
+    """Refuse a PNG by its header: of a wrong size, or of more pixels than its bytes can hold."""
+    width, height, depth, kind = struct.unpack_from(">IIBB", content, 16)
+    _check_size(path, width, height)
+    size = width * height * depth * _CHANNELS.get(kind, 1) // 8
+    if size > _INFLATED * len(content):
+        raise WorldError(
+            f"{path}: truncated: {len(content)} bytes for {width} x {height} pixels, expected at least"
+            f" {size // _INFLATED}; copy the file again"
+        )
 
 
 def _colours(image: Any) -> Shades:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from navloom import Context, OccupancyGrid, Path, PlanFailure, Planner, PlannerInput, Point2D, Pose2D
+from navloom import Claim, Context, OccupancyGrid, Path, PlanFailure, Planner, PlannerInput, Point2D, Pose2D
 
 from navloom_astar import planning
 from navloom_astar.grids import RasterMap
@@ -19,6 +19,8 @@ __all__ = ["AStar", "Dijkstra", "JumpPoint", "PlannerOnGrid"]
 
 class PlannerOnGrid(Planner[AstarParams]):
     """A planner on the grid; which search it uses is all that one has of its own."""
+
+    claims = {Claim.FOOTPRINT, Claim.OPTIMAL, Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
     search: ClassVar[type[Search]]
     """Makes the search for grids of a shape (rows, columns)."""

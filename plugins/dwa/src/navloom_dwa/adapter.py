@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, RangeScan, Twist2D
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, RangeScan, Twist2D
 from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import THIN_BEAM
+from navloom.avoidance.robot import Robot
 from numpy.typing import NDArray
 
 from navloom_dwa import warming
-from navloom_dwa.avoidance import Decision, DynamicWindow, Given, Robot
+from navloom_dwa.avoidance import Decision, DynamicWindow, Given
 from navloom_dwa.params import DwaParams
 from navloom_dwa.view import arc_directions, cost_by_direction, free_directions, occupied_picture
 
@@ -24,15 +25,11 @@ class Dwa(Avoider[DwaParams]):
     """The best velocity that can be reached and stopped in time (Fox, Burgard & Thrun 1997; critics of Nav2's DWB)."""
 
     name = "dwa"
+    claims = {Claim.FOOTPRINT, Claim.MIRROR}
 
     def __init__(self, params: DwaParams, context: Context) -> None:
         super().__init__(params, context)
-        r = context.robot
-        robot = Robot(
-            r.footprint, r.half_track, r.max_linear, r.max_angular, r.max_acceleration, r.max_deceleration,
-            r.max_angular_acceleration, r.motor_lag, r.dead_time,
-        )  # fmt: skip
-        self._method = DynamicWindow(params, robot, context.period)
+        self._method = DynamicWindow(params, Robot.of(context.robot), context.period)
 
     def reset(self) -> None:
         self._method.reset()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import insert_beams, new_window, occupied_cells
 from navloom.avoidance.clearance import footprint_edges
 from navloom.avoidance.motors import Motors
+from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, Trap
 from navloom.avoidance.smoothing import smoothed
 from navloom.avoidance.support import new_record
@@ -36,21 +36,6 @@ SPEED_ERROR, TURN_ERROR = 0.1, 0.2  # m/s, rad/s: a robot this far off its comma
 STANDING = (0.01, 0.02)  # m/s, rad/s: slower is to stand
 HELD = 0.5  # less of a command than this passes the gate: it holds the robot back
 MOST_OBSTACLES, MOST_POINTS = 4096, 8192
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What has to be known of the robot: (k, 2) convex footprint, m, base frame, and limits in SI."""
-
-    footprint: Floats
-    half_track: float
-    max_linear: float
-    max_angular: float
-    max_acceleration: float
-    max_deceleration: float
-    max_angular_acceleration: float = math.inf
-    motor_lag: float = 0.0
-    dead_time: float = 0.0
 
 
 class Given(NamedTuple):

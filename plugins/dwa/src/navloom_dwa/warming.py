@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 from navloom.avoidance.beams import Beams
+from navloom.avoidance.robot import Robot
 
-from navloom_dwa.avoidance import DynamicWindow, Given, Robot
+from navloom_dwa.avoidance import DynamicWindow, Given
 from navloom_dwa.params import DwaParams, fox_1997
 
 
@@ -17,7 +18,7 @@ def warm_up() -> None:
     A wall all round is too near to drive on: so backing up is compiled too.
     """
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
-    robot = Robot(square, 0.3, 0.5, 0.4, 0.5, 1.0)
+    robot = Robot(square, 0.5, 0.4, 0.5, 1.0, half_track=0.3)
     bearings = np.linspace(-1.0, 1.0, 3)
     for params in (DwaParams(blocked_patience=0.01), DwaParams(**fox_1997())):
         for is_writeable in (True, False):

@@ -189,6 +189,6 @@ def _words(outcome: str) -> str:
 
 
 def _params(run: Drive, role: str) -> Any:
-    """Parameters of the plugin of a role that was in charge."""
+    """Parameters of the plugin of a role that was active."""
     system = run.episode.system
     return system.parts[(role, system.config.role_table(role).instance)].params

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from navloom import Avoidance as Answer
-from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
+from navloom import Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
 from navloom.avoidance.beams import Joiner
 from navloom.avoidance.decision import Decision
 from navloom.avoidance.robot import Robot
@@ -23,6 +23,7 @@ class ImprovedVfh(Avoider[ImprovedVfhParams]):
     """Steers round what range sensors see, towards the target (Hoang et al. 2013, III.C)."""
 
     name = "improved_vfh"
+    claims = {Claim.FOOTPRINT, Claim.MIRROR}
 
     def __init__(self, params: ImprovedVfhParams, context: Context) -> None:
         super().__init__(params, context)

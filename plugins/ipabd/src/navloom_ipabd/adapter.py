@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections import Counter
 from typing import TypeVar
 
-from navloom import Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, Sweep
+from navloom import Claim, Context, Count, InputError, Mapper, MapperInput, MapUpdate, OccupancyGrid, Pose2D, Sweep
 
 from navloom_ipabd import mapping
 from navloom_ipabd.errors import DataError
@@ -93,6 +93,7 @@ class Union(_OfSweeps[UnionParams]):
     """All pixels pressed to the plane (Hoang et al. 2013, Fig. 7): the map that IPaBD improves on, for comparison."""
 
     name = "union"
+    disclaims = {Claim.ACCURATE: "It presses the floor to the plane with all else, as Fig. 7 of the paper does."}
 
     def _outline_of(self, image: SweepImage, motion: FrameMotion) -> Outline:
         return union_outline(image, motion, self._settings, self.params.keeps_floor)

@@ -1,10 +1,11 @@
-"""`navloom ros`: look into a robot's ROS network, and write recordings for ROS tools."""
+"""`navloom ros`: look into a robot's ROS network, serve a robot of navloom there, write recordings for ROS tools."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from navloom_ros.message_types import DISTRIBUTIONS, Types
 from navloom_ros.names import full_name
 from navloom_ros.node import Node, Received
 from navloom_ros.qos import DEFAULT
+from navloom_ros.serving.outlets import PUBLISHED, STREAMS
 from navloom_ros.tokens import Entity
 from navloom_ros.wire import ROUTER
 
@@ -111,6 +113,45 @@ def export(
             typer.echo(f"no counterpart in ROS: {', '.join(sorted(done['left_out']))}")
         if done["note"]:
             typer.echo(f"navloom ros: {done['note']}", err=True)
+
+
+@app.command()
+def serve(
+    router: Router = ROUTER,
+    domain: Domain = 0,
+    namespace: Annotated[str, typer.Option(metavar="NAME", help="Of relative names, as /robot1.")] = "/",
+    publish: Annotated[str, typer.Option(metavar="LIST", help=f"What to publish, of {','.join(STREAMS)}.")] = ",".join(
+        PUBLISHED
+    ),
+    take: Annotated[
+        str, typer.Option(metavar="LIST", help="What to take from the network: goals; nothing by default.")
+    ] = "",
+    robot: Annotated[str | None, typer.Option(metavar="REALM/NAME", help="Default: the only one that is up.")] = None,
+    connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Robot on another host.")] = None,
+    keys: Annotated[str | None, typer.Option(metavar="DIR", help="Folder of certificates, see `navloom keys`.")] = None,
+    insecure: Annotated[bool, typer.Option("--insecure", help="Plain TCP to another host is wanted.")] = False,
+    distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="ROS 2 of the network.")] = "jazzy",
+) -> None:
+    """Show a live robot to ROS tools, and drive it to goals of theirs, until Ctrl-C.
+
+    Whoever reaches the router of a ROS network may send it anything: goals are only taken with --take goals.
+    """
+    from navloom_ros.serving.adapter import TAKEN, Serving
+    from navloom_ros.serving.adapter import serve as serve_robot
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with _refusals():
+        wanted, taken = _listed(publish, "--publish", tuple(STREAMS)), _listed(take, "--take", TAKEN)
+        served = Serving(robot, connect, keys, insecure, router, domain, namespace, Types(distribution), wanted, taken)
+        serve_robot(served, lambda: False, lambda text: typer.echo(f"navloom ros: {text}", err=True))
+
+
+def _listed(text: str, option: str, known: tuple[str, ...]) -> list[str]:
+    names = [name for name in text.split(",") if name]
+    for name in names:
+        if name not in known:
+            raise BadName(f"{option}: got {name!r}, expected some of {','.join(known)}")
+    return names
 
 
 @app.command("import")

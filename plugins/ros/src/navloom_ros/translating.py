@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom_ros.markers import avoider_markers
 from navloom_ros.message_types import Types
 
 __all__ = ["TOPICS", "Translated", "Translator"]
@@ -28,7 +29,8 @@ TOPICS = {
     "/SENSOR/points": "echoes of any other scanner, and sweeps, as PointCloud2 in base_link",
     "/pose": "localizer's pose with its covariance, with `/tf` map → odom",
     "/map": "mapper's raster; `/map/segments` its segments as a marker",
-    "/plan": "planner's path",
+    "/plan": "planner's path; `/plan/traversable` where it may go, if it says so",
+    "/avoider/markers": "costs, free slots, the direction chosen and why",
     "/local_plan": "the trajectory that is driven",
     "/cmd_vel": "the gate's command as TwistStamped; `/controller/cmd_vel` and `/avoider/cmd_vel` what they asked for",
     "/diagnostics": "the gate: who drives, and why it stopped",
@@ -68,6 +70,7 @@ class Translator:
     left_out: dict[str, int] = field(default_factory=dict)
     _active: dict[str, str] = field(default_factory=dict)
     _odometry: Pose = (0.0, 0.0, 0.0)
+    _base: Pose = (0.0, 0.0, 0.0)
     _mounted: dict[str, Any] = field(default_factory=dict)
 
     def translate(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> list[Translated]:
@@ -113,7 +116,7 @@ class Translator:
         yield self._transform(stamp, "odom", "base_link", self._odometry)
 
     def _pose(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
-        base = _pose_of(message.pose)
+        base = self._base = _pose_of(message.pose)
         covariance = np.zeros((6, 6))
         covariance[np.ix_((0, 1, 5), (0, 1, 5))] = message.covariance
         yield self._made(
@@ -194,16 +197,25 @@ class Translator:
         )
 
     def _map(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
-        grid, header = message.grid, {"stamp": stamp, "frame_id": "map"}
-        rows, columns = grid.cells.shape
-        info = {"map_load_time": stamp, "resolution": grid.resolution, "width": columns, "height": rows,
-                "origin": _pose(_pose_of(grid.origin))}  # fmt: skip
-        yield self._made("/map", "nav_msgs/msg/OccupancyGrid", header=header, info=info, data=grid.cells)
+        header = {"stamp": stamp, "frame_id": "map"}
+        yield self._grid("/map", stamp, message.grid)
         ends = message.segments.reshape(-1, 2)
         points = [{"x": x, "y": y} for x, y in ends.tolist()]
         look = {"scale": {"x": 0.03}, "color": {"r": 1.0, "g": 0.5, "a": 1.0}}
         marker = {"header": header, "ns": "segments", "type": _LINE_LIST, "points": points, **look}
         yield self._made("/map/segments", "visualization_msgs/msg/MarkerArray", markers=[marker])
+
+    def _grid(self, topic: str, stamp: Any, grid: Any) -> Translated:
+        header, (rows, columns) = {"stamp": stamp, "frame_id": "map"}, grid.cells.shape
+        info = {"map_load_time": stamp, "resolution": grid.resolution, "width": columns, "height": rows,
+                "origin": _pose(_pose_of(grid.origin))}  # fmt: skip
+        return self._made(topic, "nav_msgs/msg/OccupancyGrid", header=header, info=info, data=grid.cells)
+
+    def _avoider(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
+        if message.diagnostics is not None:
+            header = {"stamp": stamp, "frame_id": "map"}
+            markers = avoider_markers(header, message.diagnostics, message.status, self._base)
+            yield self._made("/avoider/markers", "visualization_msgs/msg/MarkerArray", markers=markers)
 
     def _plan(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
         if not hasattr(message, "points"):  # a failure
@@ -212,6 +224,8 @@ class Translator:
         headings = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.zeros(1)
         rows = np.column_stack([message.points, np.append(headings, headings[-1])[: len(message.points)]])
         yield self._path("/plan", stamp, rows)
+        if message.traversable is not None:
+            yield self._grid("/plan/traversable", stamp, message.traversable)
 
     def _trajectory(self, message: Any, port: str, stamp: Any) -> Iterator[Translated]:
         yield self._path("/local_plan", stamp, message.samples[:, 1:4])
@@ -257,6 +271,7 @@ _MAKERS: dict[tuple[str, str], Maker] = {
     ("controller", "command"): Translator._asked_by_controller,
     ("avoider", "command"): Translator._asked_by_avoider,
     ("gate", "status"): Translator._gate,
+    ("avoider", "status"): Translator._avoider,
 }
 """By role and port."""
 _BY_KIND: dict[str, Maker] = {"RangeScan": Translator._scan, "Sweep": Translator._sweep}

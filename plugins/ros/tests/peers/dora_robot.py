@@ -1,7 +1,8 @@
 """A ROS robot of dora-rs with physics of its own: a differential base of 0.4 m in a room with two boxes.
 
 `python dora_robot.py ROUTER SHAPES LOG PREFIX…`: SHAPES has Arrow's types of the messages, LOG gets a line for each
-command (monotonic time, speed, turn) and each 50 ms of truth. Its own command timeout is 0.5 s.
+command (monotonic time, speed, turn), each time-out and each 50 ms of truth. Its own command timeout is 0.5 s. One that
+starts again stands where it stood, and its odometry begins again.
 """
 
 import json
@@ -85,7 +86,7 @@ class Robot:
         self._scan = publisher("/scan", "sensor_msgs/LaserScan", flowing)
         self._static = publisher("/tf_static", "tf2_msgs/TFMessage", latched)
         self._templates = json.loads(Path(SHAPES + ".empty").read_text())
-        self.pose, self.odometry, self.speed, self.turn = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.0, 0.0
+        self.pose, self.odometry, self.speed, self.turn = last_pose(), [0.0, 0.0, 0.0], 0.0, 0.0
         self.heard_at, self.wanted = -math.inf, (0.0, 0.0)
 
     def send(self, publisher, name, message):
@@ -107,7 +108,10 @@ class Robot:
                 twist = message.to_pylist()[0]
                 self.wanted, self.heard_at = (twist["linear"]["x"], twist["angular"]["z"]), now
                 log.write(json.dumps(["command", now, *self.wanted]) + "\n")
-            self.move(self.wanted if now - self.heard_at < TIMEOUT else (0.0, 0.0))
+            if now - self.heard_at >= TIMEOUT and any(self.wanted):
+                self.wanted = (0.0, 0.0)
+                log.write(json.dumps(["timeout", now, 0.0, 0.0]) + "\n")
+            self.move(self.wanted)
             if number % 2 == 0:
                 self.publish_odometry()
             if number % 10 == 0:
@@ -159,6 +163,12 @@ class Robot:
         )
         message["ranges"] = ranges(x, y, bearings).tolist()
         self.send(self._scan, "sensor_msgs/msg/LaserScan", message)
+
+
+def last_pose():
+    """Where the log says that the robot stands."""
+    told = [json.loads(line) for line in Path(LOG).read_text().splitlines()] if Path(LOG).exists() else []
+    return next((one[2:5] for one in reversed(told) if one[0] == "truth"), [0.0, 0.0, 0.0])
 
 
 def stamp():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from navloom import Claim
 from navloom_astar.adapter import PlannerOnGrid
 
 from navloom_theta_star import search
@@ -14,6 +15,7 @@ class ThetaStar(PlannerOnGrid):
     """Any-angle paths on a grid (Nash, Daniel, Koenig & Felner 2007)."""
 
     name = "theta_star"
+    claims = {*PlannerOnGrid.claims, Claim.OPTIMAL_ANY_ANGLE}
     search = ThetaSearch
 
     @classmethod

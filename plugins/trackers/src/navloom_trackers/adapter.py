@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from typing import TypeVar
 
-from navloom import Context, Controller, ControllerInput, TrackingCommand, Twist2D
+from navloom import Claim, Context, Controller, ControllerInput, TrackingCommand, Twist2D
 from navloom_lyapunov_tracker.law import TrackingError, final_turn, tracking_error, turn_direction, wrap
 
 from navloom_trackers import fierro_lewis, kanayama, pure_pursuit, ramsete
@@ -27,6 +27,8 @@ P = TypeVar("P", bound=TrackerParams)
 
 class _Tracker(Controller[P]):
     """Turns in place where it must, follows its law else, and stays within the limits of the drive."""
+
+    claims = {Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
     def __init__(self, params: P, context: Context) -> None:
         super().__init__(params, context)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
 from navloom.avoidance.beams import Joiner
 from navloom.avoidance.decision import Decision
 from navloom.avoidance.robot import Robot
@@ -22,6 +22,7 @@ class Vff(Avoider[VffParams]):
     """Pulled by the target and pushed off by what range sensors see (Borenstein & Koren 1989)."""
 
     name = "vff"
+    claims = {Claim.STOPS_WHEN_CLOSED}
 
     def __init__(self, params: VffParams, context: Context) -> None:
         super().__init__(params, context)

@@ -6,7 +6,7 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Context, Twist2D
+from navloom import Avoidance, Avoider, AvoiderDiagnostics, AvoiderInput, Claim, Context, Twist2D
 from navloom.avoidance.beams import Beams, Joiner
 from navloom.avoidance.decision import Decision
 from navloom.avoidance.robot import Robot
@@ -68,6 +68,7 @@ class Vfh(_HistogramAvoider[VfhParams]):
     """Steers through the valley of the polar histogram nearest to the target (Borenstein & Koren 1991)."""
 
     name = "vfh"
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhAvoidance
 
 
@@ -75,6 +76,7 @@ class VfhPlus(_HistogramAvoider[VfhPlusParams]):
     """Steers to the cheapest opening that the robot's size and turning circle leave (Ulrich & Borenstein 1998)."""
 
     name = "vfh_plus"
+    claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhPlusAvoidance
 
 
@@ -82,6 +84,7 @@ class VfhStar(_HistogramAvoider[VfhStarParams]):
     """Steers to the opening from which the way goes on best, looked ahead by A* (Ulrich & Borenstein 2000)."""
 
     name = "vfh_star"
+    claims = {Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
     _make = VfhStarAvoidance
 
 

@@ -49,7 +49,7 @@ def state(node: Mapping[str, Any]) -> str:
     """What a node is at, in words."""
     if not node["answers"]:
         return "does not answer"
-    words = "in charge" if node["active"] else "shadow" if node["enabled"] else "waiting"
+    words = "active" if node["active"] else "shadow" if node["enabled"] else "waiting"
     if waits_for := node.get("waits_for"):
         words += f", waits for {' and '.join(waits_for)}"
     if node["faulted"]:

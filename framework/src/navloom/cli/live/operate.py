@@ -89,13 +89,13 @@ def resume(robot: RobotOptions) -> None:
 
 def swap(
     role: Annotated[str, typer.Argument(metavar="ROLE", help="As avoider.")],
-    instance: Annotated[str, typer.Argument(metavar="NAME", help="Instance of the config to put in charge.")],
+    instance: Annotated[str, typer.Argument(metavar="NAME", help="Instance of the config that becomes active.")],
     timeout: Annotated[float, typer.Option(metavar="S", help="s it may take to warm up.", callback=seconds)] = 10.0,
     *,
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Put another instance of a role in charge, in the middle of a drive, as soon as it has warmed up."""
+    """Make another instance of a role active, in the middle of a drive, as soon as it has warmed up."""
     from navloom.cli.output import print_json
 
     with robot.navigator() as navigator:
@@ -107,7 +107,7 @@ def swap(
     if as_json:
         print_json({"role": role, "instance": instance, "epoch": epoch})
     else:
-        typer.echo(f"{role}: {instance} is in charge (selection {epoch})")
+        typer.echo(f"{role}: {instance} is active (selection {epoch})")
 
 
 @params.command("get")
@@ -148,7 +148,7 @@ def set_params(
 
 
 def _target(navigator: Any, text: str) -> tuple[str, str]:
-    """Role and instance of a plugin; where none is named, the one in charge. Raises Refused where there is no such."""
+    """Role and instance of a plugin; where none is named, the active one. Raises Refused where there is no such."""
     from navloom.operating.client import ClientError, Refused
     from navloom.plugins.registry import nearest
 

@@ -67,7 +67,7 @@ def rows(
         ("localizer", _localizer(words["goal/feedback"])),
         _driver(words, nodes),
         ("platform", _platform(nodes)),
-        ("in charge", _selection(words["gate/selection"])),
+        ("active", _selection(words["gate/selection"])),
         ("waits to take over", ", ".join(getattr(words["gate/status"], "pending", ()))),
         ("missing", ", ".join(_place(one) for one in gone)),
         ("does not answer", ", ".join(silent)),

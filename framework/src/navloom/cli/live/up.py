@@ -157,7 +157,7 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
         onlookers.finish(summary)
         folder.keep(episode, summary)
     written = Written(folder)
-    tell_faults(episode, summary)
+    tell_faults(episode, summary, record)
     if as_json:
         print_json({**summary, "written": written.to_json()})
     else:
@@ -188,6 +188,7 @@ def _live(loaded: Any, host: str | None, insecure: bool, record: Path | None, cu
             raise ConfigError(f"--json: a run is judged on the host of the platform, and host {host} has none")
         with StatusTable(run, sys.stderr, log_of("hosting").info) as table:
             run.beside = _beside(record, log_of("recording").info, cut)
+            run.recording = record
             run.onlookers = observed.enter_context(
                 Onlookers(Discovery(loaded.config.plugins.blocked), log_of("plugins").warning)
             )

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navloom.cli.options import AsJson, PluginFiles, a_number
 from navloom.cli.output import LOG, log_of
+from navloom.cli.tracebacks import with_traceback_of
+
+if TYPE_CHECKING:
+    from navloom.recording.check import NodeCheck
+    from navloom.recording.excerpt import Excerpt
 
 __all__ = ["replay"]
+
+DEBUGGING = "One node or one step"
 
 Plugin = Annotated[
     str | None, typer.Option(metavar="NAME", help="Another plugin, or an [[alternative]] of the config.")
@@ -48,6 +55,18 @@ def replay(
     speed: Annotated[
         float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.", callback=a_number)
     ] = 1.0,
+    only: Annotated[
+        str | None, typer.Option(metavar="ROLE[.NAME]", help="Step this node alone.", rich_help_panel=DEBUGGING)
+    ] = None,
+    until: Annotated[
+        int | None, typer.Option(metavar="TICK", min=0, help="Step up to this tick.", rich_help_panel=DEBUGGING)
+    ] = None,
+    pdb: Annotated[
+        bool,
+        typer.Option(
+            "--pdb", help="Stop inside the step of that tick, in Python's debugger.", rich_help_panel=DEBUGGING
+        ),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for result.json, the ticks as CSV, and a picture.")
     ] = None,
@@ -58,6 +77,7 @@ def replay(
 
     from navloom.cli.recordings.import_log import replay_imported
     from navloom.config import ConfigError
+    from navloom.recording.excerpt import excerpt_of
     from navloom.recording.reader import Recording
     from navloom.recording.worldfiles import with_world
 
@@ -70,6 +90,9 @@ def replay(
         stand_ins[owner] = name
     if sum((bool(stand_ins), live, check)) > 1:
         raise ConfigError("--check, --live and another plugin are three ways to replay: choose one")
+    is_part = only is not None or until is not None or pdb
+    if is_part and (live or stand_ins):
+        raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
     for change in set_ or ():
         if change.partition(".")[0] not in stand_ins:
             tried = ", ".join(stand_ins) or "none is tried"
@@ -80,6 +103,9 @@ def replay(
         _publish(recording, speed)
         return
     is_imported = recording.header.kind == "imported"
+    if is_part and is_imported:
+        raise ConfigError("--only, --until and --pdb: an imported log holds no steps of nodes")
+    excerpt = excerpt_of(recording, only, until, pdb)
     if not is_imported and (map_ is not None or start is not None):
         raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
     with TemporaryDirectory() as folder:
@@ -89,7 +115,7 @@ def replay(
         elif stand_ins:
             _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
         else:
-            _check(recording, loaded, check, out, as_json)
+            _check(recording, loaded, excerpt, check, out, as_json)
 
 
 def tell_reading(recording: Any) -> None:
@@ -102,17 +128,21 @@ def tell_reading(recording: Any) -> None:
         LOG.info(note)
 
 
-def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_json: bool) -> None:
+def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: Path | None, as_json: bool) -> None:
     from navloom.cli.output import json_bytes, print_json, stage
     from navloom.cli.written import tell_out
     from navloom.recording.check import check, installed_part
+    from navloom.recording.excerpt import DebuggerLeft
     from navloom.recording.replaying import Replayer
     from navloom.report.results import OutFolder
 
     with OutFolder(out, ("result.json",)) as folder:
-        with stage(as_json) as (say, progress):
+        with stage(as_json or excerpt.is_debugged) as (say, progress):
             system, missing = installed_part(loaded)
-            found = [*check(Replayer(recording, system, None, say), progress), *missing]
+            try:
+                found = [*check(Replayer(recording, system, None, say, excerpt), progress), *missing]
+            except DebuggerLeft:
+                raise typer.Exit(0) from None
         differing = [one.first for one in found if one.differing and one.first is not None]
         first = min(differing, key=lambda one: one.tick, default=None)
         compared = sum(one.messages for one in found)
@@ -126,12 +156,30 @@ def _check(recording: Any, loaded: Any, is_check: bool, out: Path | None, as_jso
             "recorder": recording.counts(),
         }
         folder.write({"result.json": json_bytes(result)})
+    for one in found:
+        _tell_fault(recording.path, one, excerpt)
     if as_json:
         print_json(result)
     else:
         _tell_check(found, first, compared)
     is_whole = tell_out(folder, as_json)
     raise typer.Exit(0 if is_whole and (result["same"] or not is_check) else 1)
+
+
+def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
+    """What a node raised, and the command that repeats that step; of the step that was asked for its traceback."""
+    from navloom.recording.excerpt import repeating
+
+    fault = found.first_fault if excerpt.until is None else found.last_fault
+    if fault is None:
+        return
+    role, name = found.node.split(" ", 1)
+    more = f", and in {found.faults - 1} more steps" if found.faults > 1 else ""
+    same = "as recorded" if fault.is_recorded else "which is not what was recorded"
+    text = f"{found.node} failed in tick {fault.tick}{more}, {same}: {fault.text}"
+    if fault.tick != excerpt.until or excerpt.only is None:
+        text += f"\nrepeat that step: {repeating(path, role, name, fault.tick, is_only=False)}"
+    LOG.warning(text, extra=with_traceback_of(fault.text))
 
 
 def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:

@@ -22,6 +22,7 @@ ENVIRONMENT = (
     ("NAVLOOM_RUNTIME_DIR", "Folder where robots that are up are found; default: navloom in XDG_RUNTIME_DIR."),
     ("NAVLOOM_MAX_INPUT_MB", "Bound of every file that is read, MB; default: one for each kind, 0.25 to 1024."),
     ("NAVLOOM_TRACE_HOOKS", "Not empty: as the option --trace-hooks."),
+    ("NAVLOOM_TRACEBACK", "Not empty: as the option --traceback."),
     ("NUMBA_CACHE_DIR", "Folder of compiled kernels; default: beside the modules."),
 )
 

@@ -27,6 +27,7 @@ from navloom_ros.base.params import LaserSettings, Mount, RangeSettings, Ros2Bas
 from navloom_ros.base.readings import Anchor, Beams
 from navloom_ros.base.sources import CLOCK, CONTACT, ODOMETRY, STATIC, TF, Laser, Ranges, Robot
 from navloom_ros.errors import RosError
+from navloom_ros.params import network_of
 from navloom_ros.qos import DEFAULT
 
 __all__ = ["Ros2Base"]
@@ -158,11 +159,8 @@ def _mount(mount: Mount) -> Any:
 
 
 def _settings(params: Ros2BaseParams, period: float) -> Settings:
-    return Settings(
-        params.router, params.domain, params.namespace, params.distribution, params.node, params.command_topic,
-        params.stamped, params.base_frame, max(params.guard_silence, 2.0 * period), tuple(params.interfaces),
-        params.remap,
-    )  # fmt: skip
+    silence = max(params.guard_silence, 2.0 * period)
+    return Settings(network_of(params), params.command_topic, params.stamped, params.base_frame, silence)
 
 
 def _scan(beams: Beams, stamp_ns: int) -> RangeScan:

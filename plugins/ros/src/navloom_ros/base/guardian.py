@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from navloom_ros.errors import RosError
+from navloom_ros.joining import Network
 from navloom_ros.message_types import Types
-from navloom_ros.node import Node
 from navloom_ros.qos import DEFAULT
 
 __all__ = ["Guard", "velocity"]
@@ -28,6 +28,8 @@ BETWEEN = 0.02
 """s between two zeros."""
 AFTER = 1.0
 """s for which zero is published once the platform's process has ended."""
+AGAIN = 1.0
+"""s between two tries to join the network."""
 UNHEARD = 1.0
 """s without a sign of the guardian after which it counts as frozen."""
 READY, BEAT = b"r", b"b"
@@ -101,20 +103,19 @@ class Guard:
 def main() -> None:
     """Run in the guardian's process, with what `Guard` was given as JSON in the first argument."""
     given = json.loads(sys.argv[1])
-    types = Types(given["distribution"], [Path(folder) for folder in given["folders"]])
+    given_network = given["network"]
+    network = Network(**{**given_network, "folders": tuple(map(Path, given_network["folders"]))})
+    types = network.types()
     kind = "geometry_msgs/msg/TwistStamped" if given["stamped"] else "geometry_msgs/msg/Twist"
     while True:
         try:
-            node = Node(
-                given["node"], namespace=given["namespace"], router=given["router"], domain=given["domain"],
-                types=types, remap=given["remap"],
-            )  # fmt: skip
+            node = network.join(types)
             break
         except RosError:
-            if _is_over(1.0):
+            if _is_over(AGAIN):
                 return
     with node:
-        publisher = node.publisher(given["topic"], kind, DEFAULT)
+        publisher = node.publisher(given["command"], kind, DEFAULT)
 
         def stop(stamp_ns: int) -> None:
             publisher.publish(velocity(types, given["stamped"], 0.0, 0.0, 0.0, given["frame"], stamp_ns or None))

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 
 from navloom_ros.base.guardian import Guard, velocity
-from navloom_ros.errors import RosError
-from navloom_ros.message_types import Types
+from navloom_ros.joining import Joining, Network
 from navloom_ros.node import Node, Publisher, Received, Subscription
 from navloom_ros.qos import DEFAULT, Qos
 
 __all__ = ["TRANSFORMS", "Link", "Settings", "Topic", "now_ns"]
 
-AGAIN = 1.0
-"""s between two tries to join the network."""
 READINGS = Qos(reliable=False, depth=20)
 """Of sensor data: what comes between two ticks."""
 TRANSFORMS = Qos(transient_local=True, depth=100)
@@ -46,25 +41,18 @@ class Settings:
     """Where the robot is and how it takes commands.
 
     Attributes:
-        router, domain, namespace, distribution, folders, remap: See `Node` and `Types`.
-        node: Name of the node.
+        network: Of the robot.
         command: Topic of velocities.
         stamped: They are TwistStamped.
         frame: Frame of a TwistStamped.
         silence: s without a tick after which the guardian stops the base.
     """
 
-    router: str
-    domain: int
-    namespace: str
-    distribution: str
-    node: str
+    network: Network
     command: str
     stamped: bool
     frame: str
     silence: float
-    folders: tuple[Path, ...] = ()
-    remap: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -73,12 +61,9 @@ class Settings:
 
     def for_guardian(self) -> dict[str, object]:
         """What the guardian has to know, as JSON has it."""
-        return {
-            "router": self.router, "domain": self.domain, "namespace": self.namespace, "remap": dict(self.remap),
-            "distribution": self.distribution, "folders": [str(folder) for folder in self.folders],
-            "node": f"{self.node}_guardian", "topic": self.command, "stamped": self.stamped, "frame": self.frame,
-            "silence": self.silence,
-        }  # fmt: skip
+        network = {**vars(self.network), "folders": [str(folder) for folder in self.network.folders]}
+        network["node"] = f"{self.network.node}_guardian"
+        return {**vars(self), "network": network}
 
 
 class Link:
@@ -94,19 +79,13 @@ class Link:
 
     def __init__(self, settings: Settings, topics: Mapping[str, Topic]) -> None:
         self._settings, self._topics = settings, dict(topics)
-        self._types = Types(settings.distribution, settings.folders)
-        for topic in topics.values():
-            self._types.hash_of(topic.kind)
-            self._types.fields(topic.kind)
-        self._node: Node | None = None
         self._publisher: Publisher | None = None
         self._subscriptions: dict[str, Subscription] = {}
-        self._why = f"no link to {settings.router} yet"
-        self._closing = threading.Event()
-        self._lock = threading.Lock()
+        types = self._types = settings.network.types()
+        for topic in topics.values():
+            types.fields(topic.kind)
+        self._joining = Joining(settings.network, self._set_up)
         self._guard = Guard(settings.for_guardian())
-        self._joining = threading.Thread(target=self._join, name="ros link", daemon=True)
-        self._joining.start()
 
     def problem(self) -> str:
         """Why the base cannot be driven now; empty where it can."""
@@ -114,13 +93,14 @@ class Link:
             self._guard.close(is_frozen=True)
             self._guard = Guard(self._settings.for_guardian())
             return "the guardian's process has ended or hangs; another one starts"
-        if self._node is None:
-            return self._why
-        if not self._node.wire.joined:
-            return f"the link to the router {self._settings.router} is down"
+        node = self._joining.node
+        if node is None:
+            return self._joining.why
+        if not node.wire.joined:
+            return f"the link to the router {self._settings.network.router} is down"
         if not self._guard.is_ready:
             return "the guardian's process starts"
-        return self._nobody_listens(self._node)
+        return self._nobody_listens(node)
 
     def take(self, name: str) -> Iterator[Received]:
         """What a topic has brought since the last call, oldest first."""
@@ -130,15 +110,15 @@ class Link:
 
     def why_silent(self, name: str) -> str:
         """What is known of a topic that brings nothing."""
-        topic, subscription = self._topics[name].name, self._subscriptions.get(name)
-        if self._node is None or subscription is None:
-            return self._why
+        node, topic, subscription = self._joining.node, self._topics[name].name, self._subscriptions.get(name)
+        if node is None or subscription is None:
+            return self._joining.why
         if subscription.refused:
             return f"{subscription.refused} messages could not be read, the last one because {subscription.reason}"
-        if others := self._node.mismatches(topic):
+        if others := node.mismatches(topic):
             ours = f"{subscription.entity.type_name} of {self._types.distribution}"
             return f"it is published as {others[0].type_name}, {others[0].type_hash}; expected {ours}"
-        if not self._node.graph.find(subscription.entity.name, ("MP",)):
+        if not node.graph.find(subscription.entity.name, ("MP",)):
             return "nobody publishes it"
         return ""
 
@@ -151,33 +131,13 @@ class Link:
 
     def close(self) -> None:
         """Leave the network; the guardian stops the base once more and ends."""
-        self._closing.set()
         self._guard.close()
-        with self._lock:
-            if self._node is not None:
-                self._node.close()
+        self._joining.close()
 
-    def _join(self) -> None:
-        settings = self._settings
-        while not self._closing.is_set():
-            try:
-                node = Node(
-                    settings.node, namespace=settings.namespace, router=settings.router, domain=settings.domain,
-                    types=self._types, remap=settings.remap,
-                )  # fmt: skip
-            except RosError as error:
-                self._why = str(error)
-                self._closing.wait(AGAIN)
-                continue
-            with self._lock:
-                if self._closing.is_set():
-                    node.close()
-                    return
-                for name, topic in self._topics.items():
-                    self._subscriptions[name] = node.subscription(topic.name, topic.kind, topic.qos)
-                self._publisher = node.publisher(settings.command, settings.kind, DEFAULT)
-                self._node = node
-            return
+    def _set_up(self, node: Node) -> None:
+        for name, topic in self._topics.items():
+            self._subscriptions[name] = node.subscription(topic.name, topic.kind, topic.qos)
+        self._publisher = node.publisher(self._settings.command, self._settings.kind, DEFAULT)
 
     def _nobody_listens(self, node: Node) -> str:
         assert self._publisher is not None

@@ -3,27 +3,14 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Literal
 
 from navloom import Params
 from pydantic import ConfigDict, Field, model_validator
 
-__all__ = ["LaserSettings", "Mount", "RangeSettings", "Ros2BaseParams", "Ros2Network"]
+from navloom_ros.params import Ros2Network
 
-Distribution = Literal["humble", "jazzy", "kilted", "lyrical"]
-
-
-class Ros2Network(Params):
-    """How a robot's ROS network is joined."""
-
-    router: str = Field("tcp/127.0.0.1:7447", description="Endpoint of the robot's Zenoh router.")
-    domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID.")
-    namespace: str = Field("/", description="Of relative topic names, as /robot1.")
-    distribution: Distribution = Field("jazzy", description="ROS 2 of the robot, whose types and hashes count.")
-    interfaces: list[Path] = Field([], description="Folders with definitions of your own, as package/msg/Name.msg.")
-    remap: dict[str, str] = Field({}, description="Topic names given instead of others.")
-    node: str = Field("navloom", description="Name of the ROS node.")
+__all__ = ["LaserSettings", "Mount", "RangeSettings", "Ros2BaseParams"]
 
 
 class Ros2BaseParams(Ros2Network):

@@ -1,0 +1,147 @@
+"""Plays a base on a pseudo-terminal, with wheels that take time: python examples/serial_base/play_base.py [PORT].
+
+PORT is the name that the driver opens, /tmp/navloom-base by default. Type a fault and Enter: unplug, plug, mute (it
+says nothing), stuck (its firmware hangs), garbage, half (frames cut short), press, release (its emergency stop), bump,
+fine.
+"""
+
+import math
+import os
+import pty
+import random
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from serial_protocol import BUMPER, EMERGENCY_STOP, STOPPED_ITSELF, WATCHDOG, Frames, Status, speeds_of, status
+
+STEP = 0.005
+PERIOD = 0.02
+ACCELERATION = 3.0
+TICKS_PER_METRE = 1024 / (math.tau * 0.05)
+
+
+class PlayedBase:
+    """A base with physics of its own: its wheels accelerate by at most `ACCELERATION`, and it stops without commands.
+
+    Attributes:
+        fault: "", "mute", "stuck", "garbage" or "half".
+        flags: Those of its status that a person or a wall sets.
+        wanted: Speeds that its wheels turn to, m/s.
+        wheels: Speeds of its wheels, m/s.
+        stopped_at: When it began to hold its wheels still, s, monotonic; infinite while they turn.
+    """
+
+    def __init__(self, port: Path) -> None:
+        self.port, self.fault, self.flags = port, "", 0
+        self.wanted = self.wheels = (0.0, 0.0)
+        self.stopped_at = time.monotonic()
+        self._way = [0.0, 0.0]
+        self._frames, self._random = Frames(), random.Random(1)
+        self._lock, self._ends = threading.Lock(), threading.Event()
+        self._master = -1
+        self._switched_on = self._fed = time.monotonic()
+        self.plug()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def plug(self) -> None:
+        """Appear at the port."""
+        with self._lock:
+            self._master, other = pty.openpty()
+            os.set_blocking(self._master, False)
+            self.port.unlink(missing_ok=True)
+            self.port.symlink_to(os.ttyname(other))
+            os.close(other)
+
+    def unplug(self) -> None:
+        """Pull the cable: the port is gone, and the base goes on alone."""
+        with self._lock:
+            self.port.unlink(missing_ok=True)
+            os.close(self._master)
+            self._master = -1
+
+    def reboot(self) -> None:
+        """Begin to count time and ticks at zero."""
+        with self._lock:
+            self._switched_on, self._way = time.monotonic(), [0.0, 0.0]
+
+    def close(self) -> None:
+        """End it."""
+        self._ends.set()
+        self._thread.join()
+        if self._master >= 0:
+            self.unplug()
+
+    def _run(self) -> None:
+        told = last = time.monotonic()
+        while not self._ends.wait(STEP):
+            with self._lock:
+                now = time.monotonic()
+                self._obey(now)
+                self._move(now - last)
+                last = now
+                if now - told >= PERIOD:
+                    told = now
+                    self._tell(now)
+
+    def _obey(self, now: float) -> None:
+        data = b""
+        if self._master >= 0 and self.fault != "stuck":
+            with suppress(OSError):  # nobody has the port open
+                data = os.read(self._master, 65536)
+        for body in self._frames.take(data):
+            speeds = speeds_of(body)
+            if speeds is not None:
+                self._fed, self.wanted = now, speeds
+        if now - self._fed > WATCHDOG or self.flags & EMERGENCY_STOP:
+            self.wanted = (0.0, 0.0)
+        if self.wanted != (0.0, 0.0):
+            self.stopped_at = math.inf
+        elif self.stopped_at == math.inf:
+            self.stopped_at = now
+
+    def _move(self, seconds: float) -> None:
+        most = ACCELERATION * seconds
+        self.wheels = tuple(
+            speed + max(-most, min(most, wanted - speed))
+            for speed, wanted in zip(self.wheels, self.wanted, strict=True)
+        )
+        for side, speed in enumerate(self.wheels):
+            self._way[side] += speed * seconds
+
+    def _tell(self, now: float) -> None:
+        if self._master < 0 or self.fault in ("mute", "stuck"):
+            return
+        uptime_ms = round(1000.0 * (now - self._switched_on))
+        stopped_itself = STOPPED_ITSELF if now - self._fed > WATCHDOG else 0
+        left, right = (round(way * TICKS_PER_METRE) for way in self._way)
+        data = status(Status(uptime_ms, left, right, self.flags | stopped_itself, 24_000))
+        if self.fault == "garbage":
+            data = self._random.randbytes(len(data))
+        elif self.fault == "half":
+            data = data[: self._random.randrange(1, len(data))]
+        with suppress(OSError):  # nobody reads, or nobody has it open
+            os.write(self._master, data)
+
+
+def main() -> None:
+    """Play a base until the input ends, with the faults that are typed."""
+    base = PlayedBase(Path(sys.argv[1] if len(sys.argv) > 1 else "/tmp/navloom-base"))
+    print(f"a base is at {base.port}", flush=True)
+    for line in sys.stdin:
+        word = line.strip()
+        if word in ("plug", "unplug"):
+            (base.plug if word == "plug" else base.unplug)()
+        elif word in ("press", "release", "bump"):
+            base.flags = {"press": EMERGENCY_STOP, "release": 0, "bump": BUMPER}[word]
+        else:
+            base.fault = "" if word == "fine" else word
+        print(f"{word}: wheels at {base.wheels[0]:.2f} and {base.wheels[1]:.2f} m/s", flush=True)
+    base.close()
+
+
+if __name__ == "__main__":
+    main()

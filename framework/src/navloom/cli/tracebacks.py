@@ -1,0 +1,28 @@
+"""`--traceback`: the whole traceback below the one message of an error."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from navloom.entry_kinds import TRACEBACK
+
+__all__ = ["with_traceback", "with_traceback_of"]
+
+
+def with_traceback(error: BaseException) -> Mapping[str, str]:
+    """What a log record of an error carries beside its message: the traceback, if it was asked for."""
+    if not os.environ.get(TRACEBACK):
+        return {}
+    from navloom.plugins.blame import traceback_of, whole_traceback
+
+    return {"traceback": traceback_of(str(error)) or whole_traceback(error)}
+
+
+def with_traceback_of(message: str) -> Mapping[str, str]:
+    """The same, of an error that became a part of a message."""
+    if not os.environ.get(TRACEBACK):
+        return {}
+    from navloom.plugins.blame import traceback_of
+
+    return {"traceback": traceback_of(message)}

@@ -1,0 +1,1 @@
+"""What drivers of real robots share: ports, a reader thread that reconnects, and clocks of devices. No robot in it."""

@@ -1,0 +1,75 @@
+"""Clocks of devices against clocks of this host: by the message that was quickest on its way."""
+
+from __future__ import annotations
+
+from collections import deque
+
+__all__ = ["ClockOffset"]
+
+DRIFT = 200e-6
+"""How much faster or slower a device's clock may run, s/s: what a quartz is allowed, twice."""
+BACK_NS = 100_000_000
+"""A stamp this far before the last one, ns, is of a device that has started again: datagrams overtake by less."""
+
+
+class ClockOffset:
+    """Turns times of another clock into times of this host's monotonic clock.
+
+    A message takes some time on its way, never less than none. So the smallest difference between its arrival and its
+    stamp is the offset of the clocks, plus the shortest way. It is taken over a window, as clocks drift.
+
+    Args:
+        window: s that a difference counts.
+        modulus_ns: Where the device's clock wraps, ns, as 2**32 * 1000 for 32 bits of µs; 0 for never.
+
+    Attributes:
+        restarts: How often the device's clock ran back, as when it was switched off.
+    """
+
+    def __init__(self, window: float = 10.0, modulus_ns: int = 0) -> None:
+        self._window_ns, self._modulus_ns = round(window * 1e9), modulus_ns
+        self.restarts = 0
+        self._least: deque[tuple[int, int]] = deque()
+        self._last: tuple[int, int] | None = None
+        self._wraps_ns = self._newest_ns = 0
+
+    def local(self, device_ns: int, received_ns: int) -> int:
+        """When a stamp of the device was, on this host's clock: not after it was received, and never running back.
+
+        Args:
+            device_ns: The stamp, ns.
+            received_ns: When its message came, monotonic clock, ns.
+        """
+        if self._last is not None:
+            self._follow(device_ns, received_ns)
+        device_ns += self._wraps_ns
+        self._last = device_ns, received_ns
+        difference = received_ns - device_ns
+        while self._least and self._least[-1][1] >= difference:
+            self._least.pop()
+        self._least.append((received_ns, difference))
+        while self._least[0][0] < received_ns - self._window_ns:
+            self._least.popleft()
+        at_ns, least = self._least[0]
+        drifted = round(DRIFT * (received_ns - at_ns))
+        stamp_ns = min(received_ns, device_ns + min(difference, least + drifted))
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        return self._newest_ns
+
+    @property
+    def offset_ns(self) -> int:
+        """Local time less the device's, ns; 0 before the first stamp."""
+        return self._least[0][1] if self._least else 0
+
+    def _follow(self, device_ns: int, received_ns: int) -> None:
+        """See a wrap, or a restart, in the next stamp."""
+        assert self._last is not None
+        before_ns, then_ns = self._last
+        if self._modulus_ns:
+            expected_ns = before_ns + received_ns - then_ns
+            turns = round((expected_ns - device_ns) / self._modulus_ns)
+            self._wraps_ns = turns * self._modulus_ns
+        if device_ns + self._wraps_ns < before_ns - BACK_NS:
+            self.restarts += 1
+            self._least.clear()
+            self._wraps_ns = 0

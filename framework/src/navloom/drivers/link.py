@@ -1,0 +1,149 @@
+"""A device behind a port: one thread reads it, keeps it alive, and opens it again whenever it is gone."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from navloom.drivers.ports import Port
+from navloom.errors import NavloomError
+
+__all__ = ["DriverError", "Link"]
+
+Pauses = tuple[float, float]
+FIRST, MOST = 0.05, 1.0
+"""Pauses between two tries to open, s: the first, which doubles up to the most."""
+SLICE = 0.05
+"""Longest wait of one read, s: so soon the thread sees that it is to end."""
+WRITE = 0.02
+"""Longest wait for a device to take what is written, s: a command must not hold up the platform's loop."""
+JOIN = 1.0
+"""Longest wait for the thread to end, s."""
+
+
+class DriverError(NavloomError, RuntimeError):
+    """The device cannot be used now; the text says why, and the gate's reason has it."""
+
+    exit_code = 1
+
+
+class Link:
+    """Reads a device in a thread of its own. Whatever fails, the port is closed, and opened again after a pause.
+
+    Args:
+        name: What to call the device in errors, as "base at /dev/ttyUSB0".
+        open_port: Opens the port; OSError where it cannot.
+        received: Called in the thread with what was read and the monotonic time, ns. What it raises is a fault of the
+            driver: the port is opened again, and `fault` says so.
+        opened: Called in the thread when the port was opened, to forget what was half read.
+        beat: Called in the thread every `beat_period` while the port is open, as to repeat a command.
+        beat_period: s; at least 0.001.
+        silence: Time without a byte after which the port is opened again, s: some adapters fail without an error.
+
+    Attributes:
+        openings: How often the port was opened.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        open_port: Callable[[], Port],
+        received: Callable[[bytes, int], None],
+        *,
+        opened: Callable[[], None] = lambda: None,
+        beat: Callable[[], None] = lambda: None,
+        beat_period: float = SLICE,
+        silence: float = 1.0,
+    ) -> None:
+        self.name, self.openings = name, 0
+        self._open_port, self._received, self._opened, self._beat = open_port, received, opened, beat
+        self._beat_period, self._silence = max(0.001, beat_period), silence
+        self._port: Port | None = None
+        self._fault = "not opened yet"
+        self._lock = threading.Lock()
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin to open and read; once."""
+        self._thread.start()
+
+    @property
+    def is_started(self) -> bool:
+        """Whether `start` was called."""
+        return self._thread.ident is not None
+
+    @property
+    def fault(self) -> str:
+        """Why the device cannot be reached; empty while its port is open."""
+        return f"{self.name}: {self._fault}" if self._fault else ""
+
+    def write(self, data: bytes) -> None:
+        """Send all of the data, from any thread. Raises DriverError where the device is gone or does not take it."""
+        with self._lock:
+            if self._port is None:
+                raise DriverError(self.fault)
+            try:
+                self._port.write(data, WRITE)
+            except OSError as error:
+                raise DriverError(f"{self.name}: {_words(error)}") from None
+
+    def close(self) -> None:
+        """End the thread and give up the port. Takes at most a second."""
+        self._ends.set()
+        if self.is_started:
+            self._thread.join(JOIN)
+        self._leave("closed")
+
+    def _run(self) -> None:
+        pause = FIRST
+        while not self._ends.is_set():
+            try:
+                port = self._open_port()
+            except (OSError, ValueError) as error:
+                self._fault = f"cannot be opened: {_words(error)}"
+            else:
+                began = time.monotonic()
+                why = self._serve(port)
+                self._leave(why)
+                pause = FIRST if time.monotonic() - began > self._silence else pause
+            self._ends.wait(pause)
+            pause = min(2.0 * pause, MOST)
+
+    def _serve(self, port: Port) -> str:
+        """Read until it fails. Gives the reason."""
+        with self._lock:
+            self._port, self._fault, self.openings = port, "", self.openings + 1
+        try:
+            self._opened()
+            heard = due = time.monotonic()
+            while not self._ends.is_set():
+                now = time.monotonic()
+                if now >= due:
+                    due = max(due + self._beat_period, now)
+                    self._beat()
+                data = port.read(min(SLICE, max(0.0, due - time.monotonic())))
+                now_ns = time.monotonic_ns()
+                if data:
+                    heard = now_ns * 1e-9
+                    self._received(data, now_ns)
+                elif now_ns * 1e-9 - heard > self._silence:
+                    return f"nothing came for {self._silence:g} s"
+        except OSError as error:
+            return f"lost: {_words(error)}"
+        except DriverError as error:  # of a beat that could not be written
+            return str(error).removeprefix(f"{self.name}: ")
+        except Exception as error:  # a bug of the driver must not end its only reader
+            return f"the driver failed: {type(error).__name__}: {error}"
+        return "closed"
+
+    def _leave(self, why: str) -> None:
+        with self._lock:
+            port, self._port, self._fault = self._port, None, why
+        if port is not None:
+            port.close()
+
+
+def _words(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__

@@ -1,0 +1,224 @@
+"""What a run should warn its people of, though nothing failed: each once, with the plugin whose it is.
+
+Nothing here is in the trace: a run is the same with and without it.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from navloom.engine.build import System, stride_of
+from navloom.engine.door import notes_of
+from navloom.engine.stepper import Stepper
+from navloom.engine.trace import TraceWriter
+from navloom.messages import Message, RangeScan, Sweep
+from navloom.messages.packing import writer_of
+from navloom.roles import Platform
+
+__all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Kind", "RunWarning", "RunWarnings", "Volume", "far_commands",
+           "large_messages", "silent_sensors", "slow_steps", "volumes_of", "waiting_nodes", "who"]  # fmt: skip
+
+Kind = Literal["slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "repeat"]
+Source = tuple[str, str]
+
+LARGEST_MESSAGE = 16 * 2**20
+"""Size of one message that a live robot can still carry, bytes: as much as a process has of shared memory."""
+MOST_PER_SECOND = 100e6
+"""What one stream can still carry on one host, bytes/s."""
+FEW = 20
+"""Steps below which a node is not judged: one that loads something in its first ones is not slow."""
+SILENT = 1.0
+"""Silence of a range sensor from which it is reported, s, or three of its own intervals where these are longer."""
+
+
+@dataclass(frozen=True)
+class RunWarning:
+    """Something about a plugin that its author or the people who run it should know.
+
+    Attributes:
+        kind: What it is about.
+        role, instance, plugin: Whose it is; plugin is empty for a node of the framework.
+        text: What there is and what helps, to be read after the plugin's name.
+        figures: Its numbers, by name.
+        about: Tells apart warnings of one kind about one plugin: a port, a sensor.
+    """
+
+    kind: Kind
+    role: str
+    instance: str
+    plugin: str
+    text: str
+    figures: Mapping[str, float] = field(default_factory=dict)
+    about: str = ""
+
+    def __str__(self) -> str:
+        return f"{who(self.role, self.instance, self.plugin)} {self.text}"
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        told = {"kind": self.kind, "role": self.role, "instance": self.instance, "plugin": self.plugin or None}
+        return {**told, "about": self.about or None, "text": str(self), "figures": dict(self.figures)}
+
+
+def who(role: str, instance: str, plugin: str) -> str:
+    """A node in words: role and instance, and the plugin where the instance is called otherwise."""
+    return f"{role} {instance}" if plugin in ("", instance) else f"{role} {instance} (plugin {plugin})"
+
+
+class RunWarnings:
+    """The warnings of one run, each once. Any thread may add.
+
+    Args:
+        plugins: Name of the plugin of each instance.
+    """
+
+    def __init__(self, plugins: Mapping[Source, str]) -> None:
+        self._plugins = dict(plugins)
+        self._found: dict[tuple[Kind, Source, str], RunWarning] = {}
+
+    @classmethod
+    def of(cls, system: System) -> RunWarnings:
+        """Of a robot's plugins."""
+        return cls({source: part.cls.name for source, part in system.parts.items()})
+
+    def add(
+        self, kind: Kind, source: Source, text: str, figures: Mapping[str, float] | None = None, about: str = ""
+    ) -> None:
+        """Warn of something, unless that was done."""
+        made = RunWarning(kind, *source, self._plugins.get(source, ""), text, figures or {}, about)
+        self._found.setdefault((kind, source, about), made)
+
+    def listed(self) -> list[RunWarning]:
+        """All of them, by node."""
+        return sorted(self._found.values(), key=lambda one: (one.role, one.instance, one.kind, one.about))
+
+
+def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Sequence[int] | array[int]]) -> None:
+    """Plugins that need longer for a step than they have until the next one, by their 99th percentile.
+
+    A planner is left out: it answers requests, and nothing waits for it in a tick.
+    """
+    for source, steps in spent_ns.items():
+        part = system.parts.get(source)
+        if part is None or source[0] == "planner" or len(steps) < FEW:
+            continue
+        limit = stride_of(part.table, system.config.run.period) * system.config.run.period
+        spent = np.array(steps) * 1e-9
+        p99, late = float(np.percentile(spent, 99)), int((spent > limit).sum())
+        if p99 > limit:
+            found.add(
+                "slow",
+                source,
+                f"is slow: {late} of its {spent.size} steps took longer than the {limit * 1e3:g} ms to the next one, "
+                f"p99 {p99 * 1e3:.3g} ms; a live robot would stop for it: give it a lower rate_hz, or run.period more "
+                "time",
+                {"steps": spent.size, "late": late, "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3},
+            )
+
+
+def far_commands(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
+    """Commands far beyond the robot's limits, which the gate limited."""
+    for stepper in steppers:
+        for note in notes_of(stepper.node):
+            found.add("limits", (stepper.role, stepper.name), note)
+
+
+@dataclass(frozen=True)
+class Volume:
+    """What one stream carried.
+
+    Attributes:
+        source, port: The stream.
+        largest, total: Bytes of its largest message and of all.
+    """
+
+    source: Source
+    port: str
+    largest: int
+    total: int
+
+
+def volumes_of(trace: TraceWriter, steppers: Sequence[Stepper]) -> Iterator[Volume]:
+    """What the streams of a run carried: those in the trace; of a shadow as much as its last message tells."""
+    traced = set()
+    for label, largest, total in trace.volumes():
+        role, name, port, _ = label.split(" ")
+        traced.add((role, name, port))
+        yield Volume((role, name), port, largest, total)
+    for stepper in steppers:
+        for port, slot in stepper.slots.items():
+            if slot.message is not None and (stepper.role, stepper.name, port) not in traced:
+                size = _size(slot.message)
+                yield Volume((stepper.role, stepper.name), port, size, size * slot.sequence)
+
+
+def large_messages(found: RunWarnings, volumes: Iterable[Volume], seconds: float) -> None:
+    """Streams that carry more than the network of a live robot can, in a run of this many seconds."""
+    for one in volumes:
+        rate = one.total / max(seconds, 1.0)
+        if one.largest <= LARGEST_MESSAGE and rate <= MOST_PER_SECOND:
+            continue
+        if one.largest > LARGEST_MESSAGE:
+            said = f"a message of {one.largest / 1e6:.3g} MB on {one.port}, of at most {LARGEST_MESSAGE / 1e6:.3g} MB"
+        else:
+            said = f"{rate / 1e6:.3g} MB a second on {one.port}, of at most {MOST_PER_SECOND / 1e6:.3g} MB"
+        found.add(
+            "large",
+            one.source,
+            f"published {said}; a live robot would lose messages and stop: publish less often, or a part",
+            {"largest_bytes": one.largest, "bytes_per_s": rate},
+            one.port,
+        )
+
+
+def _size(message: Message) -> int:
+    """Bytes of a message's fields and arrays."""
+    rest, _, _, size = writer_of(type(message))(message)
+    return len(rest) + size
+
+
+def silent_sensors(found: RunWarnings, system: System, platform: Stepper, ticks: int, asked: int) -> None:
+    """Range sensors that never gave anything, or that stopped.
+
+    Args:
+        found: Where to add them.
+        system: The robot.
+        platform: Of the run that has ended.
+        ticks: How long it was.
+        asked: Tick of the last request for a sweep; -1 for none.
+    """
+    source, period = (platform.role, platform.name), system.config.run.period
+    cls = system.parts[source].cls
+    assert issubclass(cls, Platform)
+    for sensor in system.sensors:
+        slot, kind = platform.slots[sensor.name], cls.sensor_kinds[sensor.kind]
+        if not issubclass(kind, (RangeScan, Sweep)):
+            continue  # one of another kind may speak only when there is something to say
+        if cls.scans_on_request(sensor):
+            since, allowed = (asked if slot.sequence == 0 else ticks), system.config.navigation.map_timeout
+            since = ticks if asked < 0 else since
+        else:
+            since = slot.tick
+            allowed = max(SILENT, 3.0 * period * (slot.tick + 1) / max(1, slot.sequence))
+        silence = (ticks - 1 - since) * period
+        if silence <= allowed:
+            continue
+        if slot.sequence:
+            text = f"gave no scan of the sensor {sensor.name!r} after {max(0, slot.tick) * period:.2f} s"
+        else:
+            text = f"gave no scan of the sensor {sensor.name!r} in {ticks * period:.2f} s"
+        figures = {"scans": slot.sequence, "silence_s": silence}
+        found.add("silent", source, f"{text}: check its cable, its driver and its settings", figures, sensor.name)
+
+
+def waiting_nodes(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
+    """Plugins that never stepped since a stream that they need had no message."""
+    for stepper in steppers:
+        if stepper.enabled and stepper.lacks:
+            streams = " and ".join(stepper.lacks)
+            found.add("waiting", (stepper.role, stepper.name), f"never stepped: nothing came on {streams}")

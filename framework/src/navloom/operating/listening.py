@@ -1,0 +1,71 @@
+"""What a live robot publishes, for programs outside of it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from navloom.live.mailbox import Mailbox
+from navloom.messages import Message
+from navloom.messages.codec import CodecError
+from navloom.operating.client import Client
+from navloom.operating.looking import tap
+from navloom.plugins.opening import OPENER
+from navloom.transport.quality import is_retained
+
+__all__ = ["Listening", "Told"]
+
+
+class Told(NamedTuple):
+    """A message of a robot.
+
+    Attributes:
+        role, instance, port: Where it comes from.
+        message: What it says.
+        stamp_ns: Run clock of its step.
+    """
+
+    role: str
+    instance: str
+    port: str
+    message: Message
+    stamp_ns: int
+
+
+class Listening:
+    """Some streams of a live robot.
+
+    Args:
+        client: What is joined to the robot.
+        streams: Each as role/port, of every instance; what publishers have kept for late joiners comes first.
+    """
+
+    def __init__(self, client: Client, streams: Sequence[str]) -> None:
+        self._client = client
+        self._mailbox = Mailbox()
+        self._seen = 0
+        keys = ["/".join((role, "*", port)) for role, _, port in (stream.partition("/") for stream in streams)]
+        self._inlets = tap(client, keys, self._mailbox)
+        self._first = [told for key in keys for told in self._kept(*key.split("/"))]
+
+    def take(self, timeout: float) -> list[Told]:
+        """What has come since the last call, by stream, oldest first; waits for it at most some s."""
+        found, self._first = self._first, []
+        if not found:
+            self._seen = self._mailbox.wait(self._seen, timeout)
+        for inlet in self._inlets.values():
+            for message, envelope in inlet.take():
+                found.append(Told(*self._client.keys.split(envelope.key), message, envelope.stamp_ns))
+        return found
+
+    def _kept(self, role: str, instance: str, port: str) -> list[Told]:
+        if not is_retained(role, port):
+            return []
+        found = []
+        for answer in self._client.bus.ask(self._client.keys.port(role, instance, port), timeout=1.0):
+            with contextlib.suppress(CodecError):
+                if not answer.refusal:
+                    message, envelope = OPENER.open(answer.data, answer.label)
+                    found.append(Told(*self._client.keys.split(answer.key), message, envelope.stamp_ns))
+        return found

@@ -1,0 +1,1 @@
+"""The behaviour tier: scenes in which plugins are measured against what they claim."""

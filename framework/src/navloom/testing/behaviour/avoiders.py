@@ -1,0 +1,224 @@
+"""Avoiders in scenes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from navloom.geometry.world import Place
+from navloom.messages import Point2D, RangeScan, Twist2D
+from navloom.roles import AvoiderInput
+from navloom.roles.claims import Claim
+from navloom.testing.behaviour.driving import Drive, Pose, drive, estimate_at, towards
+from navloom.testing.behaviour.measured import PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan, robot_of
+from navloom.testing.behaviour.scene import Post, Scene, Wall
+
+__all__ = ["AVOIDERS"]
+
+NEAR = 0.3
+"""How near to its target an avoider must come, m."""
+SAME = 0.02
+"""How far two answers may differ that should be alike, of the robot's limits."""
+TRAPPED = 40
+"""Ticks of being trapped after which a drive is over: a recovery would take its turn."""
+LOOKS = 30
+"""Ticks for which a standing robot is shown a scene before its answers are compared."""
+MOST_STILL = 0.02
+"""Speed at which a robot counts as stopped, m/s."""
+
+
+def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> AvoiderInput:
+    wanted = towards(pose, scene.target)
+    return AvoiderInput(
+        stamp_ns, (full_scan(scene, pose, stamp_ns),), estimate_at(stamp_ns, pose, twist),
+        Point2D(*scene.target), 0.5 * scene.width + 0.1, Twist2D(wanted[0], 0.0, wanted[1]), 0.0,
+        sensors=("laser",), extra=make.extra,
+    )  # fmt: skip
+
+
+def drive_avoider(make: Maker, scene: Scene, seconds: float) -> Drive:
+    """Drive to the scene's target, until it is reached, touched, trapped for 2 s, or the time is up."""
+    if not make.sees(RangeScan) and (scene.posts or scene.walls):
+        raise Unfit("it takes no RangeScan: it sees nothing of the scenes")
+    avoider = make(scene)
+    trapped = 0
+
+    def step(stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> tuple[float, float] | str:
+        nonlocal trapped
+        if math.hypot(pose[0] - scene.target[0], pose[1] - scene.target[1]) < NEAR:
+            return "reached"
+        answer = avoider.avoid(_given(make, scene, stamp_ns, pose, twist))
+        trapped = trapped + 1 if answer.status == "trapped" else 0
+        return "trapped" if trapped > TRAPPED else (answer.twist.vx, answer.twist.wz)
+
+    return drive(scene, seconds, step)
+
+
+def _ended(done: Drive) -> str:
+    return done.ended or f"still driving after {0.05 * (len(done.poses) - 1):.0f} s"
+
+
+# --- scenes -----------------------------------------------------------------------------------------------------------
+
+
+def open_scene(seed: int) -> Scene:
+    """Nothing but a target, 3 m away, in one direction after the other all round."""
+    bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 8]
+    place = _place(seed)
+    return Scene(Place(0.0, 0.0), (3.0 * math.cos(bearing), 3.0 * math.sin(bearing))).moved(place)
+
+
+def blocked_scene(seed: int) -> Scene:
+    """Something between the robot and its target: a wall, a post, posts, a corridor with an end, a slanted wall."""
+    stream = np.random.default_rng([seed, 1])
+    side, off = float(stream.choice([-1.0, 1.0])), float(stream.uniform(-0.25, 0.25))
+    plain = Scene(Place(0.0, 0.0), (5.0, 0.0))
+    kinds = (
+        replace(plain, walls=(Wall(2.0, -3.0, 2.0, 3.0),)),
+        replace(plain, posts=(Post(1.8, off, 0.2),)),
+        replace(plain, walls=(Wall(1.2, -1.5 + off, 3.0, 1.5 + off),)).moved(Place(0.0, 0.0)),
+        replace(plain, posts=_posts(stream)),
+        replace(plain, walls=(Wall(-0.5, 0.8, 3.5, 0.8), Wall(-0.5, -0.8, 3.5, -0.8), Wall(3.5, -0.8, 3.5, 0.8))),
+        replace(plain, walls=(Wall(1.5, side * -0.3, 1.5, side * 3.0),), posts=(Post(3.0, side * -1.0, 0.3),)),
+    )
+    return kinds[seed % len(kinds)].moved(_place(seed))
+
+
+def tight_scene(seed: int) -> Scene:
+    """The same for robots that are long or wide, and gaps that they fit through or not."""
+    stream = np.random.default_rng([seed, 2])
+    length, width = ((1.2, 0.4), (0.5, 1.0), (1.0, 0.8))[seed % 3]
+    if seed % 2:
+        return replace(blocked_scene(seed // 2), length=length, width=width)
+    half = 0.5 * width + float(stream.choice([-0.15, -0.05]))
+    walls = (Wall(1.8, half, 1.8, 3.0), Wall(1.8, -3.0, 1.8, -half))
+    return Scene(Place(0.0, 0.0), (4.0, 0.0), walls=walls, length=length, width=width).moved(_place(seed))
+
+
+def closed_scene(seed: int) -> Scene:
+    """Closed in all round by posts that touch each other, or by a box: nowhere can the robot go."""
+    reach = 0.36 + 0.02 * (seed % 4)
+    target = (4.0 * math.cos(seed), 4.0 * math.sin(seed))
+    if seed % 2:
+        box = (Wall(-reach, -reach, reach, -reach), Wall(reach, -reach, reach, reach),
+               Wall(reach, reach, -reach, reach), Wall(-reach, reach, -reach, -reach))  # fmt: skip
+        return Scene(Place(0.0, 0.0), target, walls=box).moved(_place(seed))
+    ring = [(math.cos(math.tau * k / 24), math.sin(math.tau * k / 24)) for k in range(24)]
+    posts = tuple(Post((reach + 0.1) * x, (reach + 0.1) * y, 0.1) for x, y in ring)
+    return Scene(Place(0.0, 0.0), target, posts).moved(_place(seed))
+
+
+def look_scene(seed: int) -> Scene:
+    """A few posts and a wall round a standing robot at the origin, all in general position."""
+    stream = np.random.default_rng([seed, 3])
+    posts = _posts(stream, count=int(stream.integers(1, 5)))
+    wall = Wall(*stream.uniform(-1.0, 4.0, 2).tolist(), *stream.uniform(1.5, 4.0, 2).tolist())
+    walls = (wall,) if seed % 2 and _wall_away(wall) > 0.9 else ()
+    bearing = float(stream.uniform(-1.0, 1.0))
+    return Scene(Place(0.0, 0.0), (4.0 * math.cos(bearing), 4.0 * math.sin(bearing)), posts, walls)
+
+
+def _wall_away(wall: Wall) -> float:
+    return Scene(Place(0.0, 0.0), (1.0, 0.0), walls=(wall,), length=0.02, width=0.02).gap(0.0, 0.0, 0.0)
+
+
+def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Post, ...]:
+    """Posts ahead, none nearer than 1 m to the start or the target or 1.5 m to another."""
+    found: list[Post] = []
+    for x, y, r in stream.uniform((0.8, -2.0, 0.1), (4.2, 2.0, 0.3), (200, 3)).tolist():
+        others = [(p.x, p.y) for p in found]
+        is_far = math.hypot(x, y) > 1.2 and math.hypot(x - 5.0, y) > 1.0
+        if is_far and all(math.hypot(x - a, y - b) > 1.6 for a, b in others):
+            found.append(Post(x, y, r))
+        if len(found) == count:
+            break
+    return tuple(found)
+
+
+def _place(seed: int) -> Place:
+    """Where a scene lies in the map: the first at the origin, the others anywhere."""
+    stream = np.random.default_rng([seed, 4])
+    x, y, heading = stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()
+    return Place(0.0, 0.0) if seed == 0 else Place(x, y, heading)
+
+
+# --- measures ---------------------------------------------------------------------------------------------------------
+
+
+def reaches(make: Maker, scene: Scene) -> Measured:
+    done = drive_avoider(make, scene, 45.0)
+    x, y, _ = done.poses[-1].tolist()
+    left = math.hypot(x - scene.target[0], y - scene.target[1])
+    return Measured(done.ended == "reached", f"{left:.2f} m from its target, {_ended(done)}", left, (done.line,))
+
+
+def no_contact(make: Maker, scene: Scene) -> Measured:
+    done = drive_avoider(make, scene, 20.0)
+    speed = abs(done.twists[-1, 0])
+    how = f"touched something at {speed:.2f} m/s" if done.gap <= 0.0 else f"kept {done.gap:.3f} m away"
+    return Measured(done.gap > 0.0, how, done.gap, (done.line,))
+
+
+def stops_when_closed(make: Maker, scene: Scene) -> Measured:
+    done = drive_avoider(make, scene, 6.0)
+    late = np.abs(done.twists[len(done.twists) // 2 :, 0])
+    speed = float(late.max(initial=0.0))
+    if done.gap <= 0.0:
+        return Measured(False, "touched what closes it in", 0.0, (done.line,))
+    return Measured(speed <= MOST_STILL, f"drove at {speed:.3f} m/s", speed, (done.line,))
+
+
+def _answers(make: Maker, scene: Scene) -> tuple[float, float]:
+    """What a standing robot is told to do, when it has looked for a while: speed, m/s, and turn rate, rad/s."""
+    avoider, pose = make(scene), (scene.start.x, scene.start.y, scene.start.heading)
+    twist = Twist2D(0.0, 0.0, 0.0)
+    for tick in range(LOOKS):
+        twist = avoider.avoid(_given(make, scene, tick * PERIOD_NS, pose, (0.0, 0.0))).twist
+    return twist.vx, twist.wz
+
+
+def _alike(make: Maker, scene: Scene, other: Scene, sign: float) -> Measured:
+    """Compare the answers in two scenes; the sign is that of the turn rate in the second."""
+    (v, w), (v2, w2) = _answers(make, scene), _answers(make, other)
+    robot = robot_of(scene)
+    off = max(abs(v - v2) / robot.max_linear, abs(w - sign * w2) / robot.max_angular)
+    said = f"answered {v:.3f} m/s, {w:.3f} rad/s, and {v2:.3f} m/s, {w2:.3f} rad/s in the other"
+    pairs = (_arrow("here", scene, v, w), _arrow("in the other", other, v2, w2))
+    return Measured(off <= SAME, said, off, pairs, (scene, other))
+
+
+def _arrow(name: str, scene: Scene, v: float, w: float) -> Line:
+    """Where a command leads to in 3 s."""
+    s, points = scene.start, []
+    for t in np.linspace(0.0, 3.0, 20).tolist():
+        turn = w * t
+        ahead, left = (v * t, 0.0) if abs(w) < 1e-6 else (v / w * math.sin(turn), v / w * (1.0 - math.cos(turn)))
+        cos, sin = math.cos(s.heading), math.sin(s.heading)
+        points.append((s.x + cos * ahead - sin * left, s.y + sin * ahead + cos * left, s.heading + turn))
+    return Line(name, np.array(points))
+
+
+def translation(make: Maker, scene: Scene) -> Measured:
+    return _alike(make, scene, scene.moved(Place(3.37, -1.81)), 1.0)
+
+
+def rotation(make: Maker, scene: Scene) -> Measured:
+    return _alike(make, scene, scene.moved(Place(0.0, 0.0, 0.7)), 1.0)
+
+
+def mirror(make: Maker, scene: Scene) -> Measured:
+    return _alike(make, scene, scene.mirrored(), -1.0)
+
+
+AVOIDERS = (
+    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s", open_scene, reaches, 8),
+    Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 12),
+    Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 12),
+    Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,
+              stops_when_closed, 4),
+    Behaviour("avoider", Claim.TRANSLATION, f"the same within {SAME:.0%} of the limits", look_scene, translation, 12),
+    Behaviour("avoider", Claim.ROTATION, f"the same within {SAME:.0%} of the limits", look_scene, rotation, 12),
+    Behaviour("avoider", Claim.MIRROR, f"the mirror image within {SAME:.0%} of the limits", look_scene, mirror, 12),
+)  # fmt: skip

@@ -1,0 +1,268 @@
+"""Localizers and mappers in made rooms, and what a pitching laser sees of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.frames import compose, transform
+from navloom.geometry.world import Place
+from navloom.messages import MapUpdate, Odometry, Pose2D, PoseTrack, RangeScan, Sweep, Twist2D
+from navloom.roles import LocalizerInput, MapperInput
+from navloom.roles.claims import Claim
+from navloom.testing.behaviour.measured import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan
+from navloom.testing.behaviour.planners import grid_of
+from navloom.testing.behaviour.scene import Post, Scene, Wall
+
+__all__ = ["LOCALIZERS", "MAPPERS"]
+
+Floats = NDArray[np.float64]
+
+SECONDS = 12.0
+"""Of a drive through a room, s."""
+NEAR, TURNED = 0.1, 0.05
+"""How far a localizer may be off, m and rad."""
+NEAR_DRIFTING = 0.08
+"""The same where odometry drifts, m."""
+DRIFT_WAY, DRIFT_TURN = 1.04, 0.05
+"""Drift: ways are measured too long by this factor, and turned by this much a metre, rad."""
+BEAMS = 240
+"""Of the laser."""
+SCAN_EVERY = 2
+"""Ticks from scan to scan."""
+TRUE_SHARE, FOUND_SHARE = 0.9, 0.8
+"""Shares of the occupied cells that must lie at something, and of what was seen that must be occupied."""
+HEIGHT = 1.0
+"""Of walls and posts, m."""
+MOUNT = 0.4
+"""Height of the pitching laser, m."""
+
+
+def room(seed: int) -> Scene:
+    """A room of 7 m x 5 m with a niche and three posts; where it lies in the map is the seed's."""
+    stream = np.random.default_rng([seed, 8])
+    walls = (
+        Wall(-3.5, -2.5, 3.5, -2.5), Wall(3.5, -2.5, 3.5, 1.0), Wall(3.5, 1.0, 2.5, 1.0), Wall(2.5, 1.0, 2.5, 2.5),
+        Wall(2.5, 2.5, -3.5, 2.5), Wall(-3.5, 2.5, -3.5, -2.5),
+    )  # fmt: skip
+    posts = (Post(-2.4, 1.6, 0.2), Post(-2.5, -1.5, 0.15), Post(1.8, -1.7, 0.25))
+    place = Place(*stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()) if seed else Place(0.0, 0.0)
+    return Scene(Place(-1.2, 0.0), (1.2, 0.0), posts, walls).moved(place)
+
+
+def true_poses(scene: Scene) -> Floats:
+    """(n, 3) of a robot that drives an eight from the scene's start, one a tick."""
+    x, y, heading = scene.start.x, scene.start.y, scene.start.heading
+    poses = [(x, y, heading)]
+    for tick in range(round(SECONDS / PERIOD)):
+        v, w = 0.25, (-0.7 if tick * PERIOD < 4.0 else 0.7)
+        x += v * math.cos(heading + 0.5 * w * PERIOD) * PERIOD
+        y += v * math.sin(heading + 0.5 * w * PERIOD) * PERIOD
+        heading = math.remainder(heading + w * PERIOD, math.tau)
+        poses.append((x, y, heading))
+    return np.array(poses)
+
+
+def odometry_of(poses: Floats, drift: bool) -> Floats:
+    """(n, 3) in the odometry frame, which starts where the robot starts."""
+    found, at = [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0)
+    for before, after in pairwise(poses):
+        way = math.hypot(after[0] - before[0], after[1] - before[1])
+        turn = math.remainder(float(after[2] - before[2]), math.tau)
+        if drift:
+            way, turn = way * DRIFT_WAY, turn + DRIFT_TURN * way
+        half = at[2] + 0.5 * turn
+        at = (at[0] + way * math.cos(half), at[1] + way * math.sin(half), math.remainder(at[2] + turn, math.tau))
+        found.append(at)
+    return np.array(found)
+
+
+def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured:
+    poses = true_poses(scene)
+    told = odometry_of(poses, drift)
+    grid = grid_of(scene)
+    localizer, known = make(scene, map=grid), MapUpdate(0, grid, np.empty((0, 4)), ())
+    found, sees, extra = [], make.sees(RangeScan), make.extra
+    for tick, (pose, odometry) in enumerate(zip(poses.tolist(), told.tolist(), strict=True)):
+        stamp_ns = tick * PERIOD_NS
+        scans = (_scan(scene, pose, stamp_ns),) if sees and tick % SCAN_EVERY == 0 else ()
+        given = Odometry(stamp_ns, Pose2D(*odometry), Twist2D(0.25, 0.0, 0.0))
+        estimate = localizer.localize(LocalizerInput(given, scans, known, ("laser",) * len(scans), extra=extra)).pose
+        found.append((estimate.x, estimate.y, estimate.heading))
+    estimates = np.array(found)
+    off = np.hypot(*(estimates - poses)[:, :2].T)
+    turned = np.abs((estimates[:, 2] - poses[:, 2] + math.pi) % math.tau - math.pi)
+    worst, most = float(off.max()), float(turned.max())
+    alone = transform(poses[0], told[:, :2])
+    lines = (Line("true", poses[:, :2]), Line("odometry alone", alone), Line("estimate", estimates, is_robot=True))
+    said = f"was up to {worst:.3f} m and {most:.3f} rad off"
+    if drift:
+        said += f", where odometry alone is {float(np.hypot(*(alone - poses[:, :2]).T).max()):.3f} m off"
+    return Measured(worst <= limit and most <= TURNED, said, worst, lines)
+
+
+def _scan(scene: Scene, pose: list[float], stamp_ns: int) -> RangeScan:
+    return full_scan(scene, (pose[0], pose[1], pose[2]), stamp_ns, BEAMS)
+
+
+def accurate_localizer(make: Maker, scene: Scene) -> Measured:
+    return _localized(make, scene, False, NEAR)
+
+
+def corrects_drift(make: Maker, scene: Scene) -> Measured:
+    return _localized(make, scene, True, NEAR_DRIFTING)
+
+
+# --- mappers ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a mapper was shown: its last map, and the places that beams hit, (n, 2) m, map frame."""
+
+    update: MapUpdate | None
+    hits: Floats
+
+
+def _shown_scans(make: Maker, scene: Scene) -> Seen:
+    mapper, poses = make(scene, map=grid_of(scene)), true_poses(scene)
+    update, hits, extra = None, [], make.extra
+    for tick, pose in enumerate(poses.tolist()):
+        stamp_ns = tick * PERIOD_NS
+        scan = _scan(scene, pose, stamp_ns)
+        answer = mapper.update(MapperInput(stamp_ns, (), (scan,), _track(poses, tick), sensors=("laser",), extra=extra))
+        update = answer or update
+        hits.append(_places(scan, pose))
+    return Seen(update, np.concatenate(hits))
+
+
+def _places(scan: RangeScan, pose: list[float]) -> Floats:
+    heard = np.isfinite(scan.ranges)
+    ranges, bearings = scan.ranges[heard], scan.bearings[heard]
+    return transform(np.array(pose), np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1))
+
+
+def _track(poses: Floats, tick: int) -> PoseTrack:
+    first = max(0, tick - 60)
+    return PoseTrack(np.arange(first, tick + 1) * PERIOD_NS, poses[first : tick + 1])
+
+
+def sweep_at(scene: Scene, pose: Floats, stamp_ns: int) -> tuple[Sweep, Floats]:
+    """One sweep of a standing robot, from below the horizon upwards, and the places it hit above the floor."""
+    pitches, bearings = np.radians(np.linspace(-20.0, 5.0, 60)), np.radians(np.linspace(-50.0, 50.0, 101))
+    level = scene.ranges((float(pose[0]), float(pose[1])), bearings + pose[2], 30.0)
+    sin, cos = np.sin(pitches)[:, None], np.cos(pitches)[:, None]
+    walls = np.broadcast_to(level, (60, 101)) / cos
+    at_wall = MOUNT + walls * sin
+    with np.errstate(divide="ignore"):
+        floor = np.where(sin < 0.0, -MOUNT / sin, np.inf)
+    meets = np.isfinite(walls) & (at_wall >= 0.0) & (at_wall <= HEIGHT)
+    ranges = np.where(meets, walls, np.where(walls < floor, np.inf, floor * np.ones_like(walls)))
+    times = np.linspace(0.0, 1.2, 60)
+    sweep = Sweep(stamp_ns, 0, ranges, pitches, times, bearings, "paper", 0.0, 0.0, MOUNT, 0.1, 80.0)
+    seen = np.isfinite(level) & meets.any(axis=0)
+    local = np.stack([level[seen] * np.cos(bearings[seen]), level[seen] * np.sin(bearings[seen])], axis=1)
+    return sweep, transform(pose, local)
+
+
+def _shown_sweeps(make: Maker, scene: Scene) -> Seen:
+    mapper, update, hits = make(scene, map=grid_of(scene)), None, []
+    first = np.array([scene.start.x, scene.start.y, scene.start.heading])
+    for number, turn in enumerate((0.0, 1.6, 3.1, -1.6)):
+        pose = compose(first, np.array([0.0, 0.0, turn]))
+        begin = number * 5_000_000_000
+        sweep, places = sweep_at(scene, pose, begin)
+        stamps = begin + np.arange(41) * PERIOD_NS
+        track = PoseTrack(stamps, np.tile(pose, (41, 1)))
+        answer = mapper.update(
+            MapperInput(int(stamps[-1]), (sweep,), (), track, sweep_sensors=("laser",), extra=make.extra)
+        )
+        update = answer or update
+        hits.append(places)
+    return Seen(update, np.concatenate(hits))
+
+
+def accurate_mapper(make: Maker, scene: Scene) -> Measured:
+    if make.sees(Sweep):
+        seen = _shown_sweeps(make, scene)
+    elif make.sees(RangeScan) or make.cls.needs_map:
+        seen = _shown_scans(make, scene)
+    else:
+        raise Unfit("it takes neither RangeScan nor Sweep: it sees nothing of the scenes")
+    if seen.update is None:
+        return Measured(False, "gave no map of what it was shown", 0.0, (Line("hits", seen.hits, is_dots=True),))
+    grid = seen.update.grid
+    origin = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
+    rows, cols = np.nonzero(grid.cells >= 65)
+    cells = transform(origin, (np.stack([cols, rows], axis=1) + 0.5) * grid.resolution)
+    slack = grid.resolution + 0.05
+    right = _near_share(cells, _surface(scene), slack)
+    found = _near_share(seen.hits, cells, slack)
+    lines = (Line("hits", seen.hits[::7], is_dots=True), Line("occupied cells", cells, is_dots=True))
+    said = f"has {right:.0%} of its occupied cells within {slack:.2f} m of something, and {found:.0%} of what was hit"
+    return Measured(right >= TRUE_SHARE and found >= FOUND_SHARE, said, min(right, found), lines)
+
+
+def _near_share(points: Floats, others: Floats, reach: float) -> float:
+    from scipy.spatial import KDTree
+
+    if not len(points) or not len(others):
+        return 0.0
+    return float((KDTree(others).query(points)[0] <= reach).mean())
+
+
+def _surface(scene: Scene) -> Floats:
+    """(n, 2) points on all that stands in a scene, 2 cm apart, m."""
+    found = []
+    for p in scene.posts:
+        turns = np.linspace(0.0, math.tau, max(8, int(math.tau * p.radius / 0.02)))
+        found.append(np.stack([p.x + p.radius * np.cos(turns), p.y + p.radius * np.sin(turns)], axis=1))
+    for w in scene.walls:
+        share = np.linspace(0.0, 1.0, 2 + int(math.hypot(w.x2 - w.x1, w.y2 - w.y1) / 0.02))[:, None]
+        found.append((1.0 - share) * (w.x1, w.y1) + share * (w.x2, w.y2))
+    return np.concatenate(found) if found else np.empty((0, 2))
+
+
+def _alike(
+    measure: Callable[[Maker, Scene], Measured], other_of: Callable[[Scene], Scene]
+) -> Callable[[Maker, Scene], Measured]:
+    """Whether the error is the same in another scene, to 2 cm, or 2 percent of the share."""
+
+    def measured(make: Maker, scene: Scene) -> Measured:
+        other = other_of(scene)
+        here, there = measure(make, scene), measure(make, other)
+        off = abs(here.value - there.value)
+        said = f"{here.said}, and {there.said} in the other"
+        return Measured(off <= 0.02, said, off, (*here.lines, *there.lines), (scene, other))
+
+    return measured
+
+
+def _moved(scene: Scene) -> Scene:
+    return scene.moved(Place(3.37, -1.81))
+
+
+def _turned(scene: Scene) -> Scene:
+    return scene.moved(Place(0.0, 0.0, 0.7))
+
+
+LOCALIZERS = (
+    Behaviour("localizer", Claim.ACCURATE, f"at most {NEAR} m and {TURNED} rad off with exact odometry",
+              room, accurate_localizer, 3),
+    Behaviour("localizer", Claim.CORRECTS_DRIFT, f"at most {NEAR_DRIFTING} m and {TURNED} rad off",
+              room, corrects_drift, 3),
+    Behaviour("localizer", Claim.TRANSLATION, "the same error to 2 cm", room, _alike(accurate_localizer, _moved), 2),
+    Behaviour("localizer", Claim.ROTATION, "the same error to 2 cm", room, _alike(accurate_localizer, _turned), 2),
+)  # fmt: skip
+MAPPERS = (
+    Behaviour("mapper", Claim.ACCURATE,
+              f"at least {TRUE_SHARE:.0%} of the occupied cells at something, and {FOUND_SHARE:.0%} of what was hit",
+              room, accurate_mapper, 3),
+    Behaviour("mapper", Claim.TRANSLATION, "the same shares to 2 %", room, _alike(accurate_mapper, _moved), 2),
+    Behaviour("mapper", Claim.ROTATION, "the same shares to 2 %", room, _alike(accurate_mapper, _turned), 2),
+)  # fmt: skip

@@ -1,0 +1,184 @@
+"""What is measured, how it is told, and how a plugin is made for a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.engine.random_streams import stream_source
+from navloom.geometry.world import World
+from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
+from navloom.roles import Context, RobotSpec, Role, SensorSpec
+from navloom.roles.claims import Claim
+from navloom.roles.extra import Extras, extras_of
+from navloom.testing.behaviour.scene import Scene
+
+__all__ = ["PERIOD", "PERIOD_NS", "Behaviour", "Line", "Maker", "Measured", "Unfit", "full_scan", "robot_of", "shrunk"]
+
+Floats = NDArray[np.float64]
+
+PERIOD_NS = 50_000_000
+PERIOD = 1e-9 * PERIOD_NS
+"""Control tick of the scenes, s."""
+BEAMS = 120
+"""Beams of the laser of the scenes: all round, symmetric to the robot's axis, none straight ahead."""
+REACH = 6.0
+"""Range of the laser of the scenes, m."""
+TRIES = 60
+"""Most smaller scenes that are tried for the smallest that still fails."""
+
+
+class Unfit(Exception):
+    """A scene that cannot be put to a plugin, or not judged; the text is the reason, as one phrase."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Something to draw in the picture of a scene: points (n, 2) or poses (n, 3), m, rad, map frame, and its name.
+
+    Attributes:
+        is_robot: Its poses are the robot's; the footprint is drawn at some of them.
+        is_dots: Single points, not a line.
+    """
+
+    name: str
+    points: Floats
+    is_robot: bool = False
+    is_dots: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What one scene showed.
+
+    Attributes:
+        holds: The claim holds in it.
+        said: What was measured, with units, as part of a sentence.
+        value: The number that decides, in the behaviour's unit.
+        lines: To draw.
+        scenes: The scenes that `lines` belong to where there are two, side by side.
+    """
+
+    holds: bool
+    said: str
+    value: float
+    lines: tuple[Line, ...] = ()
+    scenes: tuple[Scene, ...] = ()
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Makes one plugin's instances, each as the framework would.
+
+    Attributes:
+        cls: The plugin.
+        params: Its checked parameters; None for the defaults.
+        seed: Of its random streams.
+    """
+
+    cls: type[Role]
+    params: Any = None
+    seed: int = 0
+
+    @property
+    def extra(self) -> Extras:
+        """Its extra inputs before their first message.
+
+        Raises:
+            Unfit: It does not step without one of them.
+        """
+        extras = extras_of(self.cls)
+        if needed := [name for name, one in extras.items() if not one.optional]:
+            raise Unfit(f"it waits for extra inputs that no scene has: {', '.join(needed)}")
+        return Extras(dict.fromkeys(extras.values()))
+
+    def sees(self, kind: type[Message]) -> bool:
+        """Whether it takes messages of a sensor."""
+        return any(issubclass(kind, one) for one in self.cls.accepts)
+
+    def __call__(
+        self,
+        scene: Scene,
+        *,
+        map: OccupancyGrid | None = None,
+        world: World | None = None,
+        sensors: tuple[SensorSpec, ...] = (),
+    ) -> Any:
+        """A new instance for the robot of a scene, at its start."""
+        start = Pose2D(scene.start.x, scene.start.y, scene.start.heading)
+        stream = stream_source(self.seed, self.cls.role, "check")
+        context = Context("check", PERIOD, robot_of(scene), stream, start, sensors, world, map)
+        return self.cls(self.cls.Params() if self.params is None else self.params, context)
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """One claim of one role: how it is measured.
+
+    Attributes:
+        role, claim: Whose, and which.
+        demand: What is demanded, as the end of "expected ...".
+        scene: The scene of a seed.
+        measure: Measures a new plugin in it.
+        scenes: How many seeds are tried.
+    """
+
+    role: str
+    claim: Claim
+    demand: str
+    scene: Callable[[int], Scene]
+    measure: Callable[[Maker, Scene], Measured]
+    scenes: int
+
+    @property
+    def name(self) -> str:
+        """Of its check."""
+        return self.claim.value
+
+
+def robot_of(scene: Scene) -> RobotSpec:
+    """The robot of a scene."""
+    return RobotSpec(scene.outline, 1.0, 0.05, 0.2, 0.5, 1.0, 0.5, 1.0)
+
+
+def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS) -> RangeScan:
+    """What a laser in the middle of the robot sees at a pose, x, y, m, heading, rad."""
+    bearings: Floats = (np.arange(beams, dtype=np.float64) + 0.5) * (math.tau / beams) - math.pi
+    ranges = scene.ranges(pose[:2], bearings + pose[2], REACH)
+    zeros = np.zeros(beams)
+    return RangeScan(stamp_ns, np.zeros((beams, 2)), bearings, zeros, zeros, ranges, 0.02, REACH)
+
+
+def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:
+    """The smallest scene found that still fails, by leaving out what stands in it, and what it shows."""
+    left = TRIES
+    is_smaller = True
+    while is_smaller and left > 0:
+        is_smaller = False
+        for candidate in (*scene.smaller(), *_rounded(scene)):
+            if left <= 0:
+                break
+            left -= 1
+            try:
+                tried = behaviour.measure(make, candidate)
+            except Unfit:  # the scene has lost what its oracle needs
+                continue
+            if not tried.holds:
+                scene, seen, is_smaller = candidate, tried, True
+                break
+    return scene, seen
+
+
+def _rounded(scene: Scene) -> tuple[Scene, ...]:
+    """The scene with round numbers, unless it has them already."""
+    target = (round(scene.target[0], 1), round(scene.target[1], 1))
+    posts = tuple(
+        replace(p, x=round(p.x, 1), y=round(p.y, 1), radius=max(0.1, round(p.radius, 1))) for p in scene.posts
+    )
+    rounded = replace(scene, target=target, posts=posts)
+    return () if rounded == scene else (rounded,)

@@ -1,0 +1,103 @@
+"""Which line of a plugin a process ended at, read from what Python printed when a signal ended it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from navloom.crashes import crashed_at, is_of_dump
+from navloom.hosting.process_log import last_crash, last_lines
+
+PLUGIN = """
+import ctypes, re, signal, os, sys
+def avoid(how):
+    if how == "segv":
+        ctypes.string_at(0)
+    if how == "abort":
+        os.abort()
+    if how == "gil":
+        signal.setitimer(signal.ITIMER_PROF, 0.2)
+        re.match(r"(a+)+$", "a" * 40 + "b")
+"""
+CALLER = """
+import sys, threading, time, signal
+from navloom.crashes import dump_on, dump_when_broken
+dump_when_broken()
+signal.signal(signal.SIGPROF, signal.SIG_DFL)
+dump_on(signal.SIGPROF)
+sys.path.insert(0, {folder!r})
+import navloom.engine.stepper as stepper
+import torn_plugin
+print("think: ready", file=sys.stderr, flush=True)
+node = type("Node", (), {{"made": [], "plugin": None}})()
+one = stepper.Stepper.__new__(stepper.Stepper)
+one.node = node
+run = lambda: one.run({how!r}, torn_plugin.avoid)
+threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+thread = threading.Thread(target=run, daemon=True)
+thread.start()
+thread.join()
+"""
+
+
+def ended(folder: Path, how: str) -> tuple[int, Path]:
+    """Exit code and log of a process in which a plugin ends the process."""
+    (folder / "torn_plugin.py").write_text(PLUGIN, "utf-8")
+    log = folder / "think.log"
+    with log.open("wb") as file:
+        words = [sys.executable, "-c", CALLER.format(folder=str(folder), how=how)]
+        code = subprocess.run(words, stderr=file, timeout=60).returncode
+    return code, log
+
+
+@pytest.mark.parametrize(
+    ("how", "number", "place"),
+    [
+        ("segv", signal.SIGSEGV, "torn_plugin.py:5, in avoid"),
+        ("abort", signal.SIGABRT, "torn_plugin.py:7, in avoid"),
+        ("gil", signal.SIGPROF, "torn_plugin.py:10, in avoid"),
+    ],
+)
+def test_the_plugins_line_is_found_in_the_log(tmp_path: Path, how: str, number: int, place: str) -> None:
+    code, log = ended(tmp_path, how)
+    assert (code, last_crash(log)) == (-number, place)
+    said = last_lines(log, 3)
+    assert said[0] == "think: ready" and not any(map(is_of_dump, said))
+
+
+def test_a_dump_of_an_earlier_process_says_nothing_of_this_one(tmp_path: Path) -> None:
+    _, log = ended(tmp_path, "segv")
+    with log.open("a") as file:
+        file.write("think: ready\n")
+    assert last_crash(log) == ""
+
+
+def test_of_a_package_it_is_the_innermost_line(tmp_path: Path) -> None:
+    (tmp_path / "__init__.py").touch()
+    here = os.path.dirname(os.path.dirname(os.path.abspath(crashed_at.__code__.co_filename)))
+    dump = textwrap.dedent(f"""\
+        drive: ready
+        Fatal Python error: Segmentation fault
+
+        Thread 0x00007f0000000001 (most recent call first):
+          File "{os.path.dirname(os.__file__)}/threading.py", line 331 in wait
+          File "{here}/navloom/live/mailbox.py", line 99 in wait
+
+        Current thread 0x00007f0000000002 (most recent call first):
+          File "/somewhere/site-packages/numba/core/dispatcher.py", line 10 in compile
+          File "{tmp_path}/kernels.py", line 7 in histogram
+          File "{tmp_path}/plugin.py", line 31 in avoid
+          File "{here}/navloom/engine/role_nodes.py", line 283 in step
+
+        Extension modules: numpy, zenoh (total: 2)
+        """)
+    assert crashed_at(dump) == "kernels.py:7, in histogram"
+    assert (
+        crashed_at(dump.replace("role_nodes", "own_nodes").replace(str(tmp_path), f"{here}/navloom/navigation")) == ""
+    )
+    assert crashed_at("") == crashed_at("drive: ready\n") == ""

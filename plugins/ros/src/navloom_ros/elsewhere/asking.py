@@ -1,0 +1,56 @@
+"""How a path is asked for on a ROS network: by a service, or by a goal that is published and a path that follows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom_ros.elsewhere.reading import Unusable, points_of, pose_of
+from navloom_ros.node import Client, Node, Publisher, Subscription
+
+__all__ = ["PathSource"]
+
+Pose = tuple[float, float, float]
+
+
+class PathSource:
+    """Somebody who plans.
+
+    Args:
+        service: A nav_msgs/srv/GetPlan; where empty, the topics are used.
+        goal_topic, path_topic: Where the goal is published, and the path read.
+        frame: Of both.
+    """
+
+    def __init__(self, service: str, goal_topic: str, path_topic: str, frame: str) -> None:
+        self._service, self._goal_topic, self._path_topic, self._frame = service, goal_topic, path_topic, frame
+        self._client: Client | None = None
+        self._goals: Publisher | None = None
+        self._paths: Subscription | None = None
+
+    def set_up(self, node: Node) -> None:
+        """Declare what is needed of a node."""
+        if self._service:
+            self._client = node.client(self._service, "nav_msgs/srv/GetPlan")
+        else:
+            self._paths = node.subscription(self._path_topic, "nav_msgs/msg/Path")
+            self._goals = node.publisher(self._goal_topic, "geometry_msgs/msg/PoseStamped")
+
+    def ask(self, start: Pose, goal: Pose, deadline: float) -> NDArray[np.float64]:
+        """(n, 2) points from start to goal, m; waits at most `deadline` s for them.
+
+        Raises:
+            Unusable: None came in time, or one that means nothing.
+            RosError: The service does not answer.
+        """
+        if self._client is not None:
+            asked = {"start": pose_of(*start, self._frame), "goal": pose_of(*goal, self._frame)}
+            return points_of(self._client.call(asked, deadline).plan, self._frame)
+        assert self._goals is not None and self._paths is not None
+        while self._paths.take() is not None:  # those of requests before
+            pass
+        self._goals.publish(**pose_of(*goal, self._frame))
+        received = self._paths.take(deadline)
+        if received is None:
+            raise Unusable(f"no path on {self._path_topic} within {deadline:g} s of the goal on {self._goal_topic}")
+        return points_of(received.message, self._frame)

@@ -1,0 +1,130 @@
+"""A live robot of navloom on a ROS network: what it publishes there, and the goals that it takes from there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from navloom import Navigator, NavloomError
+
+from navloom_ros.message_types import Types
+from navloom_ros.node import Node
+from navloom_ros.serving.goals import Goals
+from navloom_ros.serving.outlets import STREAMS, Outlets
+from navloom_ros.translating import Translated, Translator
+from navloom_ros.wire import now_ns
+
+__all__ = ["TAKEN", "Serving", "serve"]
+
+TAKEN = ("goals",)
+"""What may be taken from the network."""
+LOOK = 0.1
+"""s that are waited for messages at most."""
+AGAIN = 1.0
+"""s between two diagnostics, two looks whether the robot is there, and two tries to join it."""
+GONE = 3
+"""Looks in a row that find no node of the robot after which it counts as gone."""
+
+
+@dataclass(frozen=True)
+class Serving:
+    """What to serve, and where.
+
+    Attributes:
+        robot, connect, keys, insecure: The robot, as `navloom.Navigator` takes them.
+        router, domain, namespace, types: The ROS network, as `Node` takes them.
+        publish: Names of STREAMS.
+        take: Names of TAKEN.
+    """
+
+    robot: str | None
+    connect: str | None
+    keys: str | None
+    insecure: bool
+    router: str
+    domain: int
+    namespace: str
+    types: Types
+    publish: Sequence[str]
+    take: Sequence[str]
+
+
+def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) -> None:
+    """Serve until `ends` says so; a robot that is down is waited for.
+
+    Raises:
+        RosError: The ROS network cannot be joined.
+    """
+    with Node("navloom_server", namespace=given.namespace, router=given.router, domain=given.domain,
+              types=given.types) as node:  # fmt: skip
+        outlets = Outlets(node, given.publish)
+        goals = Goals(node, "map", (NavloomError, RuntimeError)) if "goals" in given.take else None
+        said = ""
+        try:
+            while not ends():
+                try:
+                    with Navigator(given.robot, given.connect, given.keys, given.insecure) as robot:
+                        say(f"robot {robot.client.keys.prefix} is served in domain {given.domain} of {given.router}")
+                        said = ""
+                        _Session(given, robot, outlets, goals).run(ends)
+                        why = "the robot went down"
+                except NavloomError as error:
+                    why = str(error)
+                if not ends() and why != said:
+                    said = why
+                    say(f"{why}; it is waited for")
+                outlets.put(_gone(given.types, why))
+                node.wait_for(lambda graph: ends(), AGAIN)
+        finally:
+            if goals is not None:
+                goals.close()
+
+
+class _Session:
+    """While one robot is there."""
+
+    def __init__(self, given: Serving, robot: Navigator, outlets: Outlets, goals: Goals | None) -> None:
+        self._robot, self._outlets, self._goals = robot, outlets, goals
+        self._translator = Translator(given.types)
+        streams = sorted({stream for name in given.publish for stream in STREAMS[name]})
+        always = ("localizer/pose", "gate/selection", "gate/status")
+        self._listening = robot.listen(sorted({*streams, *always}))
+        self._status: tuple[Any, ...] | None = None
+
+    def run(self, ends: Callable[[], bool]) -> None:
+        """Until the robot is gone, or `ends` says so."""
+        missed, looked_ns = 0, now_ns()
+        try:
+            while not ends() and missed < GONE:
+                for told in self._listening.take(LOOK):
+                    self._take(*told)
+                if now_ns() - looked_ns > AGAIN * 1e9:
+                    looked_ns = now_ns()
+                    missed = 0 if self._robot.client.has_nodes() else missed + 1
+                    if self._status is not None:  # those who watch diagnostics expect them at 1 Hz
+                        self._publish(*self._status)
+        finally:
+            if self._goals is not None:
+                self._goals.robot = None
+
+    def _take(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> None:
+        if (role, port) == ("gate", "status"):
+            self._status = role, instance, port, message, stamp_ns
+        if self._goals is not None and (role, port) == ("localizer", "pose"):
+            self._goals.pose = (message.pose.x, message.pose.y, message.pose.heading)
+            self._goals.robot = self._robot
+        self._publish(role, instance, port, message, stamp_ns)
+
+    def _publish(self, role: str, instance: str, port: str, message: Any, stamp_ns: int) -> None:
+        # ROS tools look up transforms at the stamps of what they show: all are the time of this host.
+        self._translator.offset_ns = now_ns() - stamp_ns
+        for made in self._translator.translate(role, instance, port, message, stamp_ns):
+            self._outlets.put(made)
+
+
+def _gone(types: Types, why: str) -> Translated:
+    seconds, nanoseconds = divmod(now_ns(), 1_000_000_000)
+    status = {"level": 2, "name": "navloom: gate", "message": f"no robot: {why}"}
+    header = {"stamp": {"sec": seconds, "nanosec": nanoseconds}}
+    return Translated("/diagnostics", types.new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status]))

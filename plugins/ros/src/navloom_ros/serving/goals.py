@@ -1,0 +1,205 @@
+"""Goals of ROS for a robot: NavigateToPose, NavigateThroughPoses and RViz's /goal_pose. The newest one counts."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+from navloom_ros.actions import ActionServer, Goal
+from navloom_ros.node import Node
+from navloom_ros.wire import now_ns
+
+__all__ = ["Goals", "Place", "Robot", "place_of"]
+
+TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
+LOOK = 0.1
+"""s between two looks whether a goal was cancelled or another one came."""
+UNKNOWN_ERROR = {TO_POSE: 9000, THROUGH_POSES: 9100}
+"""Error codes of a goal that was not reached, as Nav2 numbers them."""
+UNIT = 0.05
+"""How far the length of a quaternion may be from 1; else the goal has no heading."""
+
+
+class Place(NamedTuple):
+    """Where to go, m, map frame; a heading, rad, or None for any."""
+
+    x: float
+    y: float
+    heading: float | None
+
+
+class Robot(Protocol):
+    """What drives: `navloom.Navigator`."""
+
+    def go(self, x: float, y: float, heading: float | None = None, via: Any = ()) -> Any: ...
+
+
+class Wanted(NamedTuple):
+    """A goal that has come: its places in order, and the action's goal, None of /goal_pose."""
+
+    places: list[Place]
+    goal: Goal | None
+    kind: str
+
+
+class Goals:
+    """Takes goals from a ROS network and drives them one after the other.
+
+    Args:
+        node: Where the actions are offered.
+        frame: The only frame that goals may be given in.
+        failures: What `Robot.go` and its handle raise.
+
+    Attributes:
+        robot: Who drives; None while it is not there: then goals are rejected.
+        pose: Where it is, for feedback.
+        reason: Why the last goal was not taken or not reached.
+    """
+
+    def __init__(self, node: Node, frame: str, failures: tuple[type[Exception], ...]) -> None:
+        self.robot: Robot | None = None
+        self.pose: tuple[float, float, float] | None = None
+        self.reason = ""
+        self._node, self._frame, self._failures = node, frame, failures
+        self._news = threading.Condition()
+        self._newest: Wanted | None = None
+        self._is_closing = False
+        for name, kind in (("navigate_to_pose", TO_POSE), ("navigate_through_poses", THROUGH_POSES)):
+            ActionServer(node, name, kind, self._starter(kind), self._accept)
+        self._worker = threading.Thread(target=self._work, name="ros goals", daemon=True)
+        self._worker.start()
+        self._clicks = node.subscription("/goal_pose", "geometry_msgs/msg/PoseStamped")
+        threading.Thread(target=self._take_clicks, name="ros goal_pose", daemon=True).start()
+
+    def close(self) -> None:
+        """End the goal on its way."""
+        with self._news:
+            self._is_closing = True
+            self._news.notify_all()
+        self._worker.join(5.0)
+
+    def _take_clicks(self) -> None:
+        while (received := self._clicks.take(None)) is not None:
+            places = self._places([received.message])
+            if places and self.robot is not None:
+                self._put(Wanted(places, None, TO_POSE))
+
+    def _accept(self, request: Any) -> bool:
+        return self.robot is not None and bool(self._places(_poses_of(request)))
+
+    def _starter(self, kind: str) -> Callable[[Goal], None]:
+        return lambda goal: self._put(Wanted(self._places(_poses_of(goal.request)), goal, kind))
+
+    def _put(self, wanted: Wanted) -> None:
+        with self._news:
+            older, self._newest = self._newest, wanted
+            self._news.notify_all()
+        if older is not None:
+            self._end(older, "pre-empted by a newer goal")
+
+    def _places(self, poses: list[Any]) -> list[Place]:
+        """Places of a goal; none where one is in another frame or no number."""
+        for pose in poses:
+            if pose.header.frame_id.lstrip("/") not in ("", self._frame):
+                self.reason = f"a goal in the frame {pose.header.frame_id!r}: expected {self._frame!r}"
+                return []
+        places = [place_of(pose.pose) for pose in poses]
+        return places if all(math.isfinite(one.x) and math.isfinite(one.y) for one in places) else []
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._newest is not None or self._is_closing)
+                wanted, self._newest = self._newest, None
+                if self._is_closing:
+                    break
+            if wanted is not None:
+                self._drive(wanted)
+        if wanted is not None:
+            self._end(wanted, "the server ends")
+
+    def _drive(self, wanted: Wanted) -> None:
+        robot, (*via, last) = self.robot, wanted.places
+        if robot is None:
+            self._end(wanted, "the robot is not there")
+            return
+        try:
+            handle = robot.go(last.x, last.y, last.heading, [(one.x, one.y) for one in via])
+            if wanted.goal is not None:
+                wanted.goal.execute()
+            self._follow(wanted, handle)
+        except self._failures as error:
+            self._end(wanted, str(error))
+
+    def _follow(self, wanted: Wanted, handle: Any) -> None:
+        """Until the robot has ended the goal, it was cancelled, or another one has come."""
+        began_ns, asked = now_ns(), False
+        while handle.result is None:
+            try:
+                for feedback in handle.updates(LOOK):
+                    self._tell(wanted, feedback, now_ns() - began_ns)
+            except TimeoutError:
+                pass
+            with self._news:
+                is_over, is_closing = self._newest is not None, self._is_closing
+            if (is_closing or (wanted.goal is not None and wanted.goal.is_canceling)) and not asked:
+                handle.cancel()
+                asked = True
+            if is_over:  # the robot itself drops the older goal for the newer one
+                self._end(wanted, "pre-empted by a newer goal")
+                return
+        result = handle.result
+        why = "" if result.outcome == "succeeded" else f"{result.outcome}: {result.reason}"
+        self._end(wanted, why, result.outcome)
+
+    def _tell(self, wanted: Wanted, feedback: Any, spent_ns: int) -> None:
+        if wanted.goal is None or self.pose is None:
+            return
+        x, y, heading = self.pose
+        pose = {"position": {"x": x, "y": y}, "orientation": {"z": math.sin(heading / 2), "w": math.cos(heading / 2)}}
+        values: dict[str, Any] = {
+            "current_pose": {"header": {"frame_id": self._frame, "stamp": _time(now_ns())}, "pose": pose},
+            "navigation_time": _time(spent_ns),
+            "estimated_time_remaining": _time(round(max(0.0, feedback.time_left) * 1e9)),
+            "number_of_recoveries": min(feedback.recoveries, 32767),
+            "distance_remaining": feedback.distance,
+        }
+        if wanted.kind == THROUGH_POSES:
+            values["number_of_poses_remaining"] = len(wanted.places)
+        wanted.goal.feedback(**values)
+
+    def _end(self, wanted: Wanted, why: str, outcome: str = "") -> None:
+        self.reason = why
+        goal = wanted.goal
+        if goal is None:
+            return
+        fields = {name for name, _ in self._node.types.fields(f"{wanted.kind}_Result")}
+        failed = {"error_code": UNKNOWN_ERROR[wanted.kind], "error_msg": why}
+        if not why:
+            goal.succeed()
+        elif outcome == "cancelled" and goal.is_canceling:
+            goal.canceled()
+        else:
+            goal.abort(**{name: value for name, value in failed.items() if name in fields})
+
+
+def place_of(pose: Any) -> Place:
+    """The place of a ROS pose; without a heading where its orientation is none."""
+    turned = pose.orientation
+    x, y, z, w = turned.x, turned.y, turned.z, turned.w
+    is_unit = abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT
+    heading = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) if is_unit else None
+    return Place(float(pose.position.x), float(pose.position.y), heading)
+
+
+def _poses_of(request: Any) -> list[Any]:
+    """Poses of either action; those of Kilted and later are a message of their own."""
+    if hasattr(request, "pose"):
+        return [request.pose]
+    return list(getattr(request.poses, "goals", request.poses))
+
+
+def _time(nanoseconds: int) -> dict[str, int]:
+    return {"sec": nanoseconds // 1_000_000_000, "nanosec": nanoseconds % 1_000_000_000}

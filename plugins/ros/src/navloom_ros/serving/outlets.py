@@ -1,0 +1,78 @@
+"""What is published of a robot, topic by topic, and what a ROS tool need not ask for twice."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from navloom_ros.errors import UnfitMessage
+from navloom_ros.node import Node, Publisher
+from navloom_ros.qos import DEFAULT, LATCHED, Qos
+from navloom_ros.translating import Translated
+
+__all__ = ["PUBLISHED", "STREAMS", "Outlets"]
+
+STREAMS = {
+    "map": ("mapper/map",),
+    "plan": ("planner/path",),
+    "local_plan": ("reference/trajectory",),
+    "pose": ("localizer/pose",),
+    "tf": ("localizer/pose", "platform/odometry"),
+    "markers": ("avoider/status", "localizer/pose"),
+    "diagnostics": ("gate/status",),
+    "odometry": ("platform/odometry",),
+}
+"""What may be published, and the robot's streams that it is made of."""
+PUBLISHED = tuple(name for name in STREAMS if name != "odometry")
+"""What is published by default: a robot that is on the ROS network has its odometry there already."""
+_TOPICS = {
+    "map": ("/map", "/map/segments"),
+    "plan": ("/plan", "/plan/traversable"),
+    "local_plan": ("/local_plan",),
+    "pose": ("/pose",),
+    "markers": ("/avoider/markers",),
+    "diagnostics": ("/diagnostics",),
+    "odometry": ("/odom",),
+}
+_KEPT = ("/map", "/map/segments", "/plan", "/plan/traversable", "/local_plan")
+"""Topics whose last message late joiners get."""
+_TF = Qos(depth=100)
+
+
+class Outlets:
+    """Publishes the messages of a `Translator` that were asked for.
+
+    Args:
+        node: Who publishes.
+        wanted: Names of STREAMS.
+
+    Attributes:
+        refused: Messages that ROS cannot hold; `reason` says why the last one was.
+    """
+
+    def __init__(self, node: Node, wanted: Collection[str]) -> None:
+        self._node, self._wanted = node, wanted
+        self._topics = {topic for name in wanted for topic in _TOPICS.get(name, ())}
+        self._publishers: dict[str, Publisher] = {}
+        self.refused, self.reason = 0, ""
+
+    def put(self, made: Translated) -> None:
+        """Publish a message, if it was asked for."""
+        if made.topic not in self._topics and not self._is_wanted_transform(made):
+            return
+        publisher = self._publishers.get(made.topic)
+        if publisher is None:
+            qos = LATCHED if made.topic in _KEPT else _TF if made.topic == "/tf" else DEFAULT
+            kind = str(made.message.__msgtype__)
+            publisher = self._publishers[made.topic] = self._node.publisher(made.topic, kind, qos)
+        try:
+            publisher.publish(made.message)
+        except UnfitMessage as error:
+            self.refused += 1
+            self.reason = str(error)
+
+    def _is_wanted_transform(self, made: Translated) -> bool:
+        if made.topic != "/tf":
+            return False
+        parents: set[Any] = {one.header.frame_id for one in made.message.transforms}
+        return ("tf" in self._wanted and "map" in parents) or ("odometry" in self._wanted and "odom" in parents)

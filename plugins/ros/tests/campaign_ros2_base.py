@@ -1,0 +1,392 @@
+"""Drives a ROS robot of dora-rs to five goals, then breaks what it is made of while it moves, and tells how it stopped.
+
+`python campaign_ros2_base.py PEERS [--each N] [--only FAULT …] [--out FILE]`; PEERS is a venv with the group ros-peers.
+For each fault: the time until the base had zero, by a command or by its own timeout of 0.5 s, in the robot's own log.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from navloom import Navigator
+from navloom_ros import Types
+from navloom_ros.names import key_of
+from navloom_ros.qos import SENSOR
+from navloom_ros.tokens import Attachment
+from navloom_ros.wire import Wire, now_ns
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE / "peers")]
+from describe import describe  # noqa: E402
+from ros_network import free_port, until  # noqa: E402
+from ros_peer import shape  # noqa: E402
+
+TYPES = Types("kilted")
+NAMES = ["nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/Twist"]
+GOALS = [(3.3, 0.9), (0.0, 1.5), (5.2, -1.5), (0.5, -1.5), (0.0, 0.0)]
+DEADLINE, BASE_TIMEOUT = 0.15, 0.5
+CONFIG = """
+[run]
+stop_after = 100000.0
+[robot]
+name = "rosbot"
+footprint = { length = 0.4, width = 0.4 }
+height = 0.5
+max_linear = 0.5
+max_angular_deg = 90.0
+max_acceleration = 1.0
+[platform]
+plugin = "ros2_base"
+router = "ROUTER"
+distribution = "kilted"
+base_timeout_s = 0.5
+[[sensor]]
+name = "laser"
+kind = "laser_scan"
+[mapper]
+plugin = "scan_grid"
+[planner]
+plugin = "astar"
+cell = 0.1
+[navigation]
+start = { x = 0.0, y = 0.0, heading_deg = 0.0 }
+speed = [0.2, 0.4]
+drive = false
+[live]
+restart_limit = 1000
+"""
+
+
+class Proxy:
+    """A TCP link that can be cut, as if packets were lost, and garbled."""
+
+    def __init__(self, port: int) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.mode, self._target, self._ends = "pass", port, []
+        self._door = socket.create_server(("127.0.0.1", int(self.endpoint.rpartition(":")[2])))
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def reset(self) -> None:
+        """Break the links that there are."""
+        for end in self._ends:
+            end.close()
+        self._ends.clear()
+
+    def _accept(self) -> None:
+        while True:
+            near, _ = self._door.accept()
+            try:
+                far = socket.create_connection(("127.0.0.1", self._target), 1.0)
+            except OSError:
+                near.close()
+                continue
+            self._ends += [near, far]
+            for one, other in ((near, far), (far, near)):
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
+
+    def _pump(self, one: socket.socket, other: socket.socket) -> None:
+        try:
+            one.settimeout(None)
+            while data := one.recv(65536):
+                while self.mode == "cut":
+                    time.sleep(0.005)
+                if self.mode == "garble":
+                    data = bytearray(data)
+                    for _ in range(1 + len(data) // 50):
+                        data[random.randrange(len(data))] = random.randrange(256)
+                other.sendall(data)
+        except OSError:
+            pass
+        for end in (one, other):
+            end.close()
+
+
+class Rig:
+    """Router, robot and stack, each in processes of their own."""
+
+    def __init__(self, peers: Path, folder: Path) -> None:
+        self.peers, self.folder = peers, folder
+        self.port = free_port()
+        self.ours, self.its = Proxy(self.port), Proxy(self.port)
+        self.log = folder / "robot.log"
+        (folder / "shapes").write_text(json.dumps({name: shape(TYPES, name) for name in NAMES}))
+        (folder / "shapes.empty").write_text(json.dumps({name: TYPES.plain(TYPES.new(name)) for name in NAMES}))
+        interfaces = HERE.parent / "src" / "navloom_ros" / "interfaces"
+        describe(TYPES, [interfaces / "kilted", interfaces / "since_kilted"], folder / "described")
+        (folder / "robot.toml").write_text(CONFIG.replace("ROUTER", self.ours.endpoint))
+        os.environ["NAVLOOM_RUNTIME_DIR"] = str(folder / "run")
+        self.start_router()
+        self.start_robot()
+        self.start_stack()
+
+    def start_router(self) -> None:
+        command = [sys.executable, str(HERE / "peers" / "zenoh_router.py"), f"tcp/127.0.0.1:{self.port}"]
+        self.router = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.router.stdout.readline()
+
+    def start_robot(self) -> None:
+        python, script = str(self.peers / "bin" / "python"), str(HERE / "peers" / "dora_robot.py")
+        given = [self.its.endpoint, str(self.folder / "shapes"), str(self.log), str(self.peers)]
+        command = [python, "-W", "ignore", script, *given, str(self.folder / "described")]
+        self.robot = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.robot.stdout.readline()
+
+    def start_stack(self) -> None:
+        with (self.folder / "up.log").open("a") as log:
+            command = [str(Path(sys.executable).with_name("navloom")), "up", str(self.folder / "robot.toml")]
+            self.up = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+
+    def stop(self) -> None:
+        self.up.send_signal(signal.SIGINT)
+        for process in (self.up, self.robot, self.router):
+            try:
+                process.wait(10.0 if process is self.up else 0.1)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+    def told(self, since: float) -> list[list]:
+        """What the robot's log says since a time."""
+        lines = self.log.read_text().splitlines()[-4000:]
+        return [one for one in map(json.loads, lines) if one[1] >= since]
+
+    def speed(self) -> float:
+        truths = [one for one in self.told(time.monotonic() - 0.2) if one[0] == "truth"]
+        return truths[-1][5] if truths else 0.0
+
+    def pids(self, name: str) -> list[int]:
+        """Process IDs of a process of the stack, or of the guardian."""
+        if name == "guardian":
+            return [pid for pid, line in commands() if "navloom_ros.base.guardian" in line]
+        with Navigator() as robot:
+            return sorted({node["pid"] for node in robot.client.describe() if node["process"] == name})
+
+    def move(self, patience: float = 60.0) -> None:
+        """Have it on its way to a goal, and moving."""
+        limit, number = time.monotonic() + patience, 0
+        while time.monotonic() < limit:
+            try:
+                with Navigator() as robot:
+                    robot.resume()
+                    number += 1
+                    truth = [one for one in self.told(time.monotonic() - 1.0) if one[0] == "truth"][-1]
+                    far = sorted(GOALS, key=lambda goal: -((goal[0] - truth[2]) ** 2 + (goal[1] - truth[3]) ** 2))
+                    robot.go(*far[number % 2])
+                    if until(lambda: self.speed() > 0.15, 8.0):
+                        return
+            except Exception as error:  # it is just starting
+                self.last = error
+                time.sleep(0.3)
+        raise SystemExit(f"the robot does not move: {self.last}; {self.told(limit - 5)[-3:]}")
+
+    last: object = None
+
+
+def commands():
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                yield int(entry.name), (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except OSError:
+                continue
+
+
+def drive_to_goals(rig: Rig) -> list[dict]:
+    rows = []
+    for x, y in GOALS:
+        began = time.monotonic()
+        with Navigator() as robot:
+            result = robot.drive_to(x, y, timeout=120.0)
+        truths = [one for one in rig.told(began) if one[0] == "truth"]
+        spent, error = time.monotonic() - began, ((truths[-1][2] - x) ** 2 + (truths[-1][3] - y) ** 2) ** 0.5
+        least = min(one[7] for one in truths)
+        outcome = {"goal": [x, y], "outcome": result.outcome, "reason": result.reason, "s": round(spent, 1)}
+        rows.append({**outcome, "true_error_m": round(error, 3), "least_gap_m": round(least, 3)})
+        print(json.dumps(rows[-1]), flush=True)
+    return rows
+
+
+def signalled(name: str, number: signal.Signals):
+    """Signal a process of the stack; a stopped one goes on after a while."""
+
+    def act(rig: Rig):
+        pids = [rig.up.pid] if name == "up" else rig.pids(name)
+        assert pids, name
+        began = time.monotonic()
+        for pid in pids:
+            os.kill(pid, number)
+
+        def mend() -> None:
+            for pid in pids if number == signal.SIGSTOP else ():
+                with suppress(ProcessLookupError):  # a frozen guardian is replaced
+                    os.kill(pid, signal.SIGCONT)
+            if name == "up" and number == signal.SIGKILL:
+                rig.up.wait()
+                time.sleep(1.5)
+                rig.start_stack()
+
+        return began, mend
+
+    return act
+
+
+def peer(name: str, number: signal.Signals):
+    def act(rig: Rig):
+        process = getattr(rig, name)
+        began = time.monotonic()
+        process.send_signal(number)
+
+        def mend() -> None:
+            if number == signal.SIGSTOP:
+                process.send_signal(signal.SIGCONT)
+            else:
+                process.wait()
+                getattr(rig, f"start_{name}")()
+
+        return began, mend
+
+    return act
+
+
+def linked(name: str, mode: str):
+    def act(rig: Rig):
+        proxy = getattr(rig, name)
+        began = time.monotonic()
+        proxy.mode = mode
+
+        def mend() -> None:
+            if mode == "garble":
+                proxy.reset()
+            proxy.mode = "pass"
+
+        return began, mend
+
+    return act
+
+
+def garbled(topic: str, kind: str):
+    """Somebody publishes nonsense on a topic of the robot, faster than the robot itself."""
+
+    def act(rig: Rig):
+        ending = threading.Event()
+        key = key_of(0, topic, kind, TYPES.hash_of(kind))
+
+        def flood() -> None:
+            with Wire(f"tcp/127.0.0.1:{rig.port}", 1 << 20) as wire:
+                put, _ = wire.publisher(key, SENSOR)
+                good = TYPES.encode(TYPES.new(kind))
+                number = 0
+                while not ending.wait(0.002):
+                    number += 1
+                    bad = bytearray(good)
+                    for _ in range(20):
+                        bad[random.randrange(len(bad))] = random.randrange(256)
+                    put(bytes(bad), Attachment(number, now_ns(), random.randbytes(16)).data)
+
+        began = time.monotonic()
+        threading.Thread(target=flood, daemon=True).start()
+        return began, ending.set
+
+    return act
+
+
+PROCESSES = ("robot", "safe", "drive", "think")
+FAULTS = {
+    **{f"kill {name}": (signalled(name, signal.SIGKILL), DEADLINE) for name in PROCESSES},
+    "kill up": (signalled("up", signal.SIGKILL), DEADLINE),
+    **{f"stop {name}": (signalled(name, signal.SIGSTOP), DEADLINE) for name in PROCESSES if name != "think"},
+    "kill guardian": (signalled("guardian", signal.SIGKILL), None),
+    "stop guardian": (signalled("guardian", signal.SIGSTOP), None),
+    "kill its router": (peer("router", signal.SIGKILL), BASE_TIMEOUT),
+    "stop its router": (peer("router", signal.SIGSTOP), BASE_TIMEOUT),
+    "kill the robot": (peer("robot", signal.SIGKILL), None),
+    "stop the robot": (peer("robot", signal.SIGSTOP), None),
+    "cut our link": (linked("ours", "cut"), BASE_TIMEOUT),
+    "cut its link": (linked("its", "cut"), BASE_TIMEOUT),
+    "garble our link": (linked("ours", "garble"), BASE_TIMEOUT),
+    "garble its link": (linked("its", "garble"), BASE_TIMEOUT),
+    "garble odometry": (garbled("/odom", "nav_msgs/msg/Odometry"), None),
+    "garble scans": (garbled("/scan", "sensor_msgs/msg/LaserScan"), None),
+}  # fmt: skip
+"""By name: what is done, and s within which the base must have zero; None where it need not stop by itself."""
+TICK = 0.01
+"""s of the robot's own step: it looks at its commands so often."""
+
+
+def one_case(rig: Rig, name: str) -> dict:
+    act, bound = FAULTS[name]
+    rig.move()
+    began, mend = act(rig)
+    time.sleep(1.5)
+    at_rest = [one for one in rig.told(began) if one[0] in ("command", "timeout")]
+    zeros = [one for one in at_rest if one[2] == one[3] == 0.0]
+    first = zeros[0][1] - began if zeros else None
+    again = [one for one in at_rest if zeros and one[1] > zeros[0][1] and (one[2] or one[3])]
+    by = zeros[0][0] if zeros else "nothing"
+    mend_at = time.monotonic()
+    mend()
+    time.sleep(1.0)
+    after = [one for one in rig.told(mend_at) if one[0] == "command" and (one[2] or one[3])]
+    missed = bound is not None and (first is None or first > bound + TICK)
+    return {
+        "fault": name,
+        "zero_s": first,
+        "by": by,
+        "again": len(again),
+        "after": len(after),
+        "bound_s": bound,
+        "missed": missed,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("peers", type=Path)
+    parser.add_argument("--each", type=int, default=20)
+    parser.add_argument("--only", nargs="*", default=list(FAULTS))
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--keep", type=Path, help="folder for logs; by default one that is removed")
+    given = parser.parse_args()
+    folder = given.keep or Path(tempfile.mkdtemp())
+    folder.mkdir(parents=True, exist_ok=True)
+    rig = Rig(given.peers, folder)
+    report: dict = {"goals": [], "faults": {}}
+    try:
+        rig.move(120.0)
+        report["goals"] = drive_to_goals(rig)
+        for name in given.only:
+            rows = [one_case(rig, name) for _ in range(given.each)]
+            report.setdefault("cases", []).extend(rows)
+            times = sorted(row["zero_s"] for row in rows if row["zero_s"] is not None)
+            summary = {
+                "cases": len(rows), "zeros": len(times), "missed": sum(row["missed"] for row in rows),
+                "median_ms": round(1e3 * times[len(times) // 2]) if times else None,
+                "worst_ms": round(1e3 * times[-1]) if times else None,
+                "by": {kind: sum(row["by"] == kind for row in rows) for kind in ("command", "timeout", "nothing")},
+                "bound_ms": FAULTS[name][1] and round(1e3 * FAULTS[name][1]),
+            }  # fmt: skip
+            report["faults"][name] = summary
+            print(name, json.dumps(summary), flush=True)
+            if given.out:
+                given.out.write_text(json.dumps(report, indent=1))
+    finally:
+        rig.stop()
+        if not given.keep:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main()

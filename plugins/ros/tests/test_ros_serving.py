@@ -1,0 +1,174 @@
+"""Goals of ROS tools, driven by a robot that the test plays, and what is published of a robot."""
+
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from navloom import AvoiderDiagnostics, AvoiderStatus, Pose2D, PoseEstimate, Twist2D
+from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED, ActionClient
+from navloom_ros.node import Node
+from navloom_ros.qos import LATCHED
+from navloom_ros.serving.goals import THROUGH_POSES, TO_POSE, Goals
+from navloom_ros.serving.outlets import Outlets
+from navloom_ros.translating import Translator
+from ros_golden import KILTED
+from ros_network import Router, until
+
+
+class Handle:
+    """A goal on its way: the test ends it."""
+
+    def __init__(self):
+        self.result = None
+        self._news = threading.Event()
+
+    def updates(self, timeout):
+        if not self._news.wait(timeout):
+            raise TimeoutError
+        if self.result is None:
+            self._news.clear()
+            yield SimpleNamespace(time_left=2.5, recoveries=1, distance=1.25)
+
+    def tell(self):
+        self._news.set()
+
+    def end(self, outcome, reason=""):
+        self.result = SimpleNamespace(outcome=outcome, reason=reason)
+        self._news.set()
+
+    def cancel(self):
+        self.end("cancelled", "as asked")
+
+
+class Robot:
+    def __init__(self):
+        self.asked, self.handles = [], []
+
+    def go(self, x, y, heading=None, via=()):
+        if x > 100.0:
+            raise RuntimeError("rejected: outside the map")
+        self.asked.append((x, y, heading, list(via)))
+        self.handles.append(Handle())
+        return self.handles[-1]
+
+
+@pytest.fixture(scope="module")
+def network():
+    with Router() as router, Node("served", router=router.endpoint, types=KILTED) as served:
+        goals = Goals(served, "map", (RuntimeError,))
+        with Node("rviz", router=router.endpoint, types=KILTED) as rviz:
+            clients = {kind: ActionClient(rviz, name, kind) for name, kind in NAMES.items()}
+            assert all(client.wait(5.0) for client in clients.values())
+            yield SimpleNamespace(served=served, rviz=rviz, goals=goals, clients=clients, router=router)
+        goals.close()
+
+
+NAMES = {"navigate_to_pose": TO_POSE, "navigate_through_poses": THROUGH_POSES}
+
+
+@pytest.fixture
+def robot(network):
+    one = network.goals.robot = Robot()
+    network.goals.pose = (0.5, 0.0, 0.0)
+    yield one
+    for handle in one.handles:
+        handle.end("cancelled")
+    network.goals.robot = None
+
+
+def pose(x, y, heading=0.0, frame="map"):
+    orientation = {"z": np.sin(heading / 2), "w": np.cos(heading / 2)}
+    return {"header": {"frame_id": frame}, "pose": {"position": {"x": x, "y": y}, "orientation": orientation}}
+
+
+def ended(sent):
+    return sent.result(5.0).result(6.0)
+
+
+def test_a_goal_is_driven_told_of_and_reached(network, robot):
+    heard = []
+    sent = network.clients[TO_POSE].send({"pose": pose(2.0, 1.0, 0.5)}, heard.append)
+    assert sent.is_accepted and until(lambda: robot.handles)
+    assert robot.asked == [(2.0, 1.0, pytest.approx(0.5), [])]
+    robot.handles[0].tell()
+    assert until(lambda: heard)
+    assert heard[0].distance_remaining == 1.25 and heard[0].number_of_recoveries == 1
+    assert heard[0].current_pose.pose.position.x == 0.5 and heard[0].estimated_time_remaining.nanosec == 500_000_000
+    robot.handles[0].end("succeeded")
+    assert ended(sent).status == SUCCEEDED
+
+
+def test_poses_to_pass_are_passed(network, robot):
+    goals = {"header": {"frame_id": "map"}, "goals": [pose(1.0, 0.0), pose(2.0, 0.0), pose(3.0, 1.0, 1.0)]}
+    sent = network.clients[THROUGH_POSES].send({"poses": goals})
+    assert until(lambda: robot.asked) == [(3.0, 1.0, pytest.approx(1.0), [(1.0, 0.0), (2.0, 0.0)])]
+    robot.handles[0].end("succeeded")
+    assert ended(sent).status == SUCCEEDED
+
+
+@pytest.mark.parametrize(("x", "why"), [(3.0, "no_path: a wall"), (101.0, "rejected: outside the map")])
+def test_a_goal_that_is_not_reached_says_why(network, robot, x, why):
+    sent = network.clients[TO_POSE].send({"pose": pose(x, 0.0)})
+    if x < 100.0:
+        until(lambda: robot.handles)[0].end("no_path", "a wall")
+    done = ended(sent)
+    assert (done.status, done.result.error_code, done.result.error_msg) == (ABORTED, 9000, why)
+
+
+def test_a_goal_is_cancelled(network, robot):
+    sent = network.clients[TO_POSE].send({"pose": pose(2.0, 0.0)})
+    assert until(lambda: robot.handles) and sent.cancel()
+    assert ended(sent).status == CANCELED and robot.handles[0].result.outcome == "cancelled"
+
+
+def test_a_newer_goal_takes_over(network, robot):
+    first = network.clients[TO_POSE].send({"pose": pose(2.0, 0.0)})
+    assert until(lambda: len(robot.handles) == 1)
+    second = network.clients[TO_POSE].send({"pose": pose(1.0, 0.0)})
+    done = ended(first)
+    assert done.status == ABORTED and done.result.error_msg == "pre-empted by a newer goal"
+    assert until(lambda: len(robot.handles) == 2)
+    robot.handles[1].end("succeeded")
+    assert ended(second).status == SUCCEEDED
+
+
+def test_what_cannot_be_driven_is_rejected(network, robot):
+    send = network.clients[TO_POSE].send
+    assert not send({"pose": pose(1.0, 0.0, frame="odom")}).is_accepted
+    assert network.goals.reason == "a goal in the frame 'odom': expected 'map'"
+    assert not send({"pose": pose(float("nan"), 0.0)}).is_accepted
+    network.goals.robot = None
+    assert not send({"pose": pose(1.0, 0.0)}).is_accepted
+    assert robot.asked == []
+
+
+def test_the_goal_button_of_rviz_is_a_goal(network, robot):
+    publisher = network.rviz.publisher("/goal_pose", "geometry_msgs/msg/PoseStamped")
+    assert network.rviz.wait_for(lambda graph: graph.find("/goal_pose", ("MS",)), 5.0)
+    assert until(lambda: publisher.publish(**pose(1.5, 0.5)) or robot.asked)[0][:2] == (1.5, 0.5)
+
+
+def test_only_what_was_asked_for_is_published(network):
+    translator = Translator(KILTED)
+    outlets = Outlets(network.served, ["tf", "markers"])
+    estimate = PoseEstimate(0, Pose2D(1.0, 2.0, 0.0), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
+    window = np.array([[0, 3], [9, 0]], np.uint8)
+    what = AvoiderDiagnostics(window, 0.1, 0.0, 0.0, np.zeros(0), 0.0, np.array([[0.0, 1.0]]), 0.5, "a slot ahead")
+    said = [("localizer", "pose", estimate), ("avoider", "status", AvoiderStatus("steering", what))]
+
+    def publish():
+        for role, port, message in said:
+            for made in translator.translate(role, "one", port, message, 0):
+                outlets.put(made)
+
+    with Node("looks", router=network.router.endpoint, types=KILTED) as looks:
+        transforms = looks.subscription("/tf", "tf2_msgs/msg/TFMessage", LATCHED)
+        markers = looks.subscription("/avoider/markers", "visualization_msgs/msg/MarkerArray")
+        received = until(lambda: publish() or (all(found := (transforms.take(0.05), markers.take(0.05))) and found))
+        assert received[0].message.transforms[0].header.frame_id == "map"
+        shown = {one.ns: one for one in received[1].message.markers if one.ns}
+        assert set(shown) == {"costs", "slots", "chosen", "why"}
+        assert shown["costs"].points[0].x == pytest.approx(0.05)  # the most certain cell first
+        assert shown["slots"].points[0].x == pytest.approx(1.8) and shown["why"].text == "steering: a slot ahead"
+        assert not looks.graph.find("/pose", ("MP",)) and outlets.refused == 0

@@ -1,0 +1,54 @@
+"""docs/architecture.md and decisions.md: the files that they name exist, and hold what the text looks for in them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).resolve().parents[1]
+SOURCE = TOP / "framework" / "src" / "navloom"
+PAGES = [TOP / "docs" / name for name in ("architecture.md", "decisions.md")]
+FILE = re.compile(r"`([a-z_]+/[a-z_]+\.py)`")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_file_that_the_page_names_exists(page: Path) -> None:
+    named = FILE.findall(page.read_text("utf-8"))
+    assert len(named) > 5
+    outside = [name for name in named if not (SOURCE / name).is_file() and not (TOP / name).is_file()]
+    assert [name for name in outside if not [*TOP.glob(f"plugins/*/src/*/{name}")]] == []
+
+
+def rows(title: str) -> list[str]:
+    """Rows of the table after a line, without its head."""
+    text = PAGES[0].read_text("utf-8").split(title, 1)[1]
+    return [line for line in text[: text.index("\n## ")].splitlines() if line.startswith("|")][2:]
+
+
+def test_each_path_from_a_question_leads_to_names_that_are_there() -> None:
+    found = 0
+    for row in rows("To find a line of code"):
+        text = ""
+        for name in re.findall(r"`([^`\[]+)`", row):
+            if FILE.fullmatch(f"`{name}`"):
+                text = (SOURCE / name).read_text("utf-8")
+            elif text:
+                assert re.search(rf"(def|class) {name}\b|\b{name}:", text), f"{row}: {name}"
+                found += 1
+    assert found >= 10
+
+
+def test_each_package_is_in_the_table() -> None:
+    listed = set(re.findall(r"`(\w+)`", " ".join(row.split("|")[1] for row in rows("Another test checks"))))
+    packages = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").exists()}
+    assert packages <= listed
+
+
+def test_each_class_on_the_way_of_a_sweep_and_a_command_exists() -> None:
+    text = PAGES[0].read_text("utf-8").split("**The way of a sweep**", 1)[1].split("**Every random number**", 1)[0]
+    code = "".join(path.read_text("utf-8") for path in SOURCE.rglob("*.py"))
+    classes = set(re.findall(r"`([A-Z]\w+)", text))
+    assert len(classes) > 12
+    assert [name for name in sorted(classes) if f"class {name}" not in code] == []

@@ -149,3 +149,14 @@ def test_a_run_that_does_not_come_on_says_where_it_is(monkeypatch: pytest.Monkey
     (text,) = said
     assert text.startswith("no tick for 0.05 s: the run is at test_cli_operate.py:")
     assert text.endswith(", in test_a_run_that_does_not_come_on_says_where_it_is; Ctrl-C ends it")
+
+
+def test_a_kernel_that_is_being_compiled_is_not_taken_for_a_run_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("navloom.cli.study.run.LOG.warning", said.append)
+    compiler: dict[str, Any] = {"__name__": "numba.core.compiler", "time": time}
+    exec("def compiled(said, limit):\n    while not said and time.monotonic() < limit: pass", compiler)
+    with watched_for_stalls(lambda done, total: None, patience=0.05) as tell:
+        tell(0.0, 1.0)
+        compiler["compiled"](said, time.monotonic() + 20.0)
+    assert said[0].startswith("no tick for 0.05 s: a kernel is being compiled for test_cli_operate.py:")

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import datetime
+import inspect
 import io
 import json
+import os
+import random
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 import pytest
 from navloom import (
     Avoidance,
@@ -26,10 +32,12 @@ from navloom.engine.run_warnings import RunWarnings, Volume, large_messages, who
 from navloom.plugins import Discovery
 from navloom.plugins.printing import LARGEST_OUTPUT
 from navloom.study.episode import Episode, run_episode
-from toys import Blank, Bystander, Robot, toy_config
+from navloom.study.repeating import run_twice
+from toys import Bystander, Robot, toy_config
+from toys import discovery as toys
 
 HERE = FilePath(__file__).name
-Act = Callable[[Any], None]
+Act = Callable[[Any], Any]
 ACTS: dict[str, Act] = {}
 """By name, what the avoider below does in each step."""
 
@@ -41,8 +49,10 @@ class Does(Bystander):
         does: str = ""
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
-        ACTS.get(self.params.does, lambda given: None)(given)
-        return super().avoid(given)
+        turn = ACTS.get(self.params.does, lambda given: None)(given)
+        right = super().avoid(given)
+        twist = right.twist if turn is None else replace(right.twist, wz=1e-9 * turn)
+        return replace(right, twist=twist)
 
 
 class Silent(Robot):
@@ -65,19 +75,15 @@ def navloom_register(registry: Registry) -> None:
     registry.add(Silent)
 
 
-def drive(folder: FilePath, *overrides: str, more: str = "") -> Episode:
-    from toys import discovery as toys
-
+def with_these() -> Discovery:
+    """The plugins above beside the toys."""
     sys.modules.setdefault("navloom_test_warnings", sys.modules[__name__])
-    points = [
-        EntryPoint(name, "navloom_test_warnings", "navloom") for name in ("avoider.does", "platform.silent_robot")
-    ]
-    found = Discovery(found=[*toys()._points, *points])
-    return run_episode(toy_config(folder, "avoider.plugin=does", *overrides, more=more), discovery=found)
+    names = ("avoider.does", "platform.silent_robot")
+    return Discovery(found=[*toys()._points, *(EntryPoint(name, "navloom_test_warnings", "navloom") for name in names)])
 
 
-def kinds(episode: Episode) -> list[tuple[str, str]]:
-    return [(one.kind, f"{one.role} {one.instance}") for one in episode.warnings]
+def drive(folder: FilePath, *overrides: str) -> Episode:
+    return run_episode(toy_config(folder, "avoider.plugin=does", *overrides), discovery=with_these())
 
 
 def test_a_run_of_good_plugins_warns_of_nothing(tmp_path: FilePath) -> None:
@@ -155,10 +161,6 @@ def test_threads_that_keep_no_process_alive_are_fine(tmp_path: FilePath, monkeyp
         pool.shutdown()
 
 
-class Grid(Blank):
-    """A map of the whole world, again and again."""
-
-
 def test_a_map_that_no_network_can_carry_is_named(tmp_path: FilePath) -> None:
     episode = drive(tmp_path, "mapper.size=4500", "run.stop_after=0.5")
     (warning,) = episode.warnings
@@ -192,3 +194,73 @@ def test_warnings_change_nothing_in_the_trace(tmp_path: FilePath, monkeypatch: p
     good, flooding = drive(tmp_path), drive(tmp_path, "avoider.does=floods")
     assert good.log.trace_sha256 == flooding.log.trace_sha256 and flooding.warnings
     json.dumps(flooding.summary()["warnings"])
+
+
+def by_time(given: AvoiderInput) -> float:
+    return time.monotonic()
+
+
+def by_global_random(given: AvoiderInput) -> float:
+    return random.uniform(0.0, 1.0)
+
+
+def by_numpy_random(given: AvoiderInput) -> float:
+    return float(np.random.random())  # noqa: NPY002
+
+
+def line_of(act: Act) -> str:
+    return f"{HERE}:{inspect.getsourcelines(act)[1] + 1}"
+
+
+@pytest.mark.parametrize(
+    ("act", "kind", "place"),
+    [
+        (by_time, "clock", f"{line_of(by_time)}, monotonic"),
+        (lambda given: datetime.datetime.now().microsecond, "clock", ", now)"),
+        (by_global_random, "random", f"{line_of(by_global_random)}, uniform"),
+        (by_numpy_random, "random", f"({HERE}:"),
+        (lambda given: os.urandom(1)[0], "random", ", urandom)"),
+    ],
+    ids=["monotonic", "now", "random", "numpy", "urandom"],
+)
+def test_a_step_that_cannot_be_repeated_is_seen_in_an_ordinary_run(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch, act: Act, kind: str, place: str
+) -> None:
+    monkeypatch.setitem(ACTS, "drifts", act)
+    (warning,) = drive(tmp_path, "avoider.does=drifts", "run.stop_after=3.0").warnings
+    assert (warning.kind, warning.role, warning.plugin) == (kind, "avoider", "does")
+    assert place in str(warning)
+
+
+def twice(folder: FilePath, act: Act, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setitem(ACTS, "drifts", act)
+    loaded = toy_config(folder, "avoider.plugin=does", "avoider.does=drifts", "run.stop_after=1.0", "avoider.name=left")
+    return run_twice(loaded, with_these())
+
+
+def test_of_two_runs_the_stream_that_differs_first_is_named(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, divergence, seen = twice(tmp_path, by_numpy_random, monkeypatch)
+    where = (divergence.role, divergence.instance, divergence.plugin, divergence.port)
+    assert where == ("avoider", "left", "does", "command")
+    assert divergence.tick < 10 and "command.twist.wz: " in divergence.text
+    assert [one.kind for one in seen] == ["random"]
+
+
+def test_state_that_outlives_an_episode_makes_the_second_differ(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[int] = []
+
+    def counts(given: AvoiderInput) -> int:
+        steps.append(1)
+        return len(steps)
+
+    _, divergence, seen = twice(tmp_path, counts, monkeypatch)
+    assert divergence.role == "avoider" and seen == []
+
+
+def test_an_episode_of_good_plugins_is_the_same_twice(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    episode, divergence, seen = twice(tmp_path, lambda given: None, monkeypatch)
+    assert (divergence, seen, episode.warnings) == (None, [], [])

@@ -10,6 +10,7 @@ from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
 from navloom.engine.catalogue import Catalogue
+from navloom.engine.inspecting import StepInspector
 from navloom.engine.node import Outputs, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.engine.ports import When
@@ -99,6 +100,9 @@ class Lockstep:
         configure: Changes parameters for `set`: (role, instance, assignments).
         observers: Who looks on.
         trace: Where the active nodes' messages go.
+
+    Attributes:
+        inspector: Makes the steps of the ticks that it looks at; None for nobody.
     """
 
     def __init__(
@@ -127,6 +131,7 @@ class Lockstep:
         self._versions: dict[tuple[str, str], int] = {}
         self._selection: Selection | None = None
         self._step_observers = [o for o in observers if o.wants_steps]
+        self.inspector: StepInspector | None = None
         self._operator = self._node("operator", OperatorNode)
         self._goal = self._node("goal", GoalNode)
         self.gate = self._node("gate", GateNode)
@@ -190,6 +195,7 @@ class Lockstep:
         for stepper in self._delayed:
             for outputs, made, cause_ns in stepper.due(number):
                 self._publish(stepper, outputs, number, (made.number, made.time_ns, cause_ns, made.epoch))
+        inspector = self.inspector if self.inspector is not None and self.inspector.looks_at(number) else None
         for stepper, stride, keeps in self._plan:
             if stride != 1 and number % stride != 0:
                 continue
@@ -198,7 +204,7 @@ class Lockstep:
                 continue
             since = number - stride
             read = stepper.read_marks(number, since) if self._step_observers else ()
-            outputs = stepper.step(tick, since)
+            outputs = stepper.step(tick, since) if inspector is None else inspector.step(stepper, tick, since)
             for keep in keeps:
                 keep(stepper.spent_ns)
             if stepper.fault:

@@ -23,7 +23,7 @@ from navloom.roles import Platform
 __all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Kind", "RunWarning", "RunWarnings", "Volume", "far_commands",
            "large_messages", "silent_sensors", "slow_steps", "volumes_of", "waiting_nodes", "who"]  # fmt: skip
 
-Kind = Literal["slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output"]
+Kind = Literal["slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "repeat"]
 Source = tuple[str, str]
 
 LARGEST_MESSAGE = 16 * 2**20
@@ -62,7 +62,7 @@ class RunWarning:
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
         told = {"kind": self.kind, "role": self.role, "instance": self.instance, "plugin": self.plugin or None}
-        return {**told, "text": str(self), "figures": dict(self.figures)}
+        return {**told, "about": self.about or None, "text": str(self), "figures": dict(self.figures)}
 
 
 def who(role: str, instance: str, plugin: str) -> str:

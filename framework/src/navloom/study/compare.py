@@ -8,7 +8,7 @@ import platform
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -81,6 +81,15 @@ class Study:
             return []
         return [EpisodeKey(METHOD, w.ref, seed) for w in self.worlds for seed in self.seeds]
 
+    def twice(self) -> list[EpisodeTask]:
+        """The first episode of each method, to be run twice."""
+        world, seed = self.worlds[0].ref, self.seeds[0]
+        return [
+            replace(task, is_twice=True)
+            for task in self.tasks()
+            if (task.key.world, task.key.seed) == (world, seed) and not task.is_open_loop
+        ]
+
     def tasks(self) -> list[EpisodeTask]:
         """Every episode for a worker, those of one world together."""
         given = {method.name: method.loaded.to_json() for method in self.methods}
@@ -135,6 +144,7 @@ class StudyResult:
         files: Names of what the folder holds.
         open_loop: Rows of the episodes driven for their shadows.
         missing: Why a file was not written, by name.
+        repeated: Rows of the episodes that were run twice.
     """
 
     study: Study
@@ -145,6 +155,7 @@ class StudyResult:
     files: tuple[str, ...] = ()
     open_loop: tuple[Row, ...] = ()
     missing: Mapping[str, str] = field(default_factory=dict)
+    repeated: tuple[Row, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """By method: episodes, outcomes, the mean of each metric over the episodes it is defined for, and the exact
@@ -174,6 +185,23 @@ class StudyResult:
             if one.estimate.low is not None and one.estimate.high is not None:
                 found[one.method][one.metric] = (one.estimate.low, one.estimate.high)
         return found
+
+    @property
+    def warnings(self) -> list[dict[str, Any]]:
+        """What its runs warned of: each once for a method, with the number of its episodes and the first of them."""
+        found: dict[tuple[str, ...], dict[str, Any]] = {}
+        for is_counted, rows in ((True, self.rows), (False, self.repeated)):
+            for row in rows:
+                for one in row.warnings:
+                    key = (row.key.method, one["kind"], one["role"], one["instance"], str(one.get("about", "")))
+                    told = found.setdefault(key, {**one, **vars(row.key), "episodes": 1 - is_counted})
+                    told["episodes"] += is_counted
+        return list(found.values())
+
+    @property
+    def is_repeatable(self) -> bool:
+        """No episode that was run twice differed."""
+        return not any(one["kind"] == "repeat" for row in self.repeated for one in row.warnings)
 
     @property
     def notes(self) -> list[str]:
@@ -284,6 +312,7 @@ def run_study(
     executor: Executor | None = None,
     progress: Progress = lambda done, total, left: None,
     hang_after: float = HANG_AFTER,
+    twice: bool = False,
 ) -> StudyResult:
     """Run what has not ended before.
 
@@ -294,6 +323,7 @@ def run_study(
         executor: Runs the episodes instead of processes of this machine.
         progress: Told how far it is, at least twice a second.
         hang_after: s without a sign of life after which a worker is killed.
+        twice: Run the first episode of each method twice more, and say where the second run differs.
 
     Raises:
         ConfigError: The folder holds another study, or cannot be used.
@@ -304,26 +334,32 @@ def run_study(
     tasks = study.tasks()
     with StudyFolder(out, study.request()) as folder:
         todo = [task for task in tasks if task.key not in folder.rows]
-        before, lost = len(tasks) - len(todo), 0
+        before = len(tasks) - len(todo)
         clock = _Clock(before, len(tasks), progress)
 
         def on_row(row: Row) -> None:
             folder.keep(row)
             clock.count()
 
+        def drive(tasks: Sequence[EpisodeTask], on_row: Callable[[Row], None]) -> int:
+            if executor is not None:
+                run_on_executor(tasks, on_row, executor)
+                return 0
+            count = min(jobs or cores(), len(tasks))
+            return run_on_processes(tasks, on_row, count, idle=clock.tell, hang_after=hang_after) if tasks else 0
+
         clock.tell()
-        if executor is not None:
-            run_on_executor(todo, on_row, executor)
-        elif todo:
-            count = min(jobs or cores(), len(todo))
-            lost = run_on_processes(todo, on_row, count, idle=clock.tell, hang_after=hang_after)
+        lost = drive(todo, on_row)
+        repeated: list[Row] = []
+        drive(study.twice() if twice else (), repeated.append)
         rows = [folder.rows[key] for key in study.keys]
         beside = [folder.rows[key] for key in study.open_loop_keys]
         timings = _timings(rows, perf_counter() - started, jobs or cores())
         files = folder.finish(rows, study.metrics, timings, beside)
     return StudyResult(
-        study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside), folder.missing
-    )
+        study, tuple(rows), before, lost, perf_counter() - started, tuple(files), tuple(beside), folder.missing,
+        tuple(repeated),
+    )  # fmt: skip
 
 
 class _Clock:

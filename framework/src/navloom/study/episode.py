@@ -15,6 +15,7 @@ from navloom.engine import run_warnings
 from navloom.engine.assembly import lockstep_of
 from navloom.engine.build import System, assemble, make_plugins
 from navloom.engine.checks import check_task
+from navloom.engine.inspecting import StepInspector, some_ticks
 from navloom.engine.lockstep import Lockstep, Observer, RunLog
 from navloom.engine.run_warnings import RunWarning, RunWarnings
 from navloom.engine.trace import TraceWriter
@@ -115,6 +116,7 @@ def run_episode(
     trace: IO[bytes] | None = None,
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
+    looks_at: Callable[[int], bool] = some_ticks,
 ) -> Episode:
     """Run a config in lockstep until its last goal has ended.
 
@@ -126,6 +128,7 @@ def run_episode(
         trace: File for the trace.
         say: Told what is being prepared.
         progress: Told the run time reached and the longest possible, s.
+        looks_at: Ticks whose steps are looked at for what makes a run unrepeatable.
 
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
@@ -148,6 +151,7 @@ def run_episode(
         run = loaded.config.run
         ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
         tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
+        executor.inspector = StepInspector(found, looks_at)
         log = executor.run(ticks, tell)
     _warn(found, system, executor)
     for thread in keeping_alive(started):

@@ -12,11 +12,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from navloom.plugins import PluginError
+from navloom.config import Loaded
+from navloom.engine.run_warnings import RunWarning
+from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.study.episode import Episode, run_episode
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.metrics import Metric, all_metrics, timing
+from navloom.study.repeating import run_twice
 from navloom.study.tracks import encoded
 from navloom.study.trail import Trail, WayLengths, lost_trail, ways_of
 from navloom.study.worldset import CachedDiscovery, placed
@@ -39,6 +42,7 @@ class EpisodeTask:
         here: Folder that references which are in no file start from.
         metrics: Names, in the order of the table.
         is_open_loop: The config's alternatives run in shadow; what counts is what they say, not how it drives.
+        is_twice: It is run twice, and the row warns where the second run differs.
     """
 
     study: str
@@ -48,6 +52,7 @@ class EpisodeTask:
     here: str
     metrics: tuple[str, ...]
     is_open_loop: bool = False
+    is_twice: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class Row:
         trace_sha256: Of the trace, empty where there is none.
         timing: Wall times, µs and s: not reproducible, and not in the table.
         notes: Metrics that broke.
+        warnings: What the run warned of, of `RunWarning.to_json`; how slow a plugin is may be other the next time.
         shadows: Of an open-loop episode, what each alternative in shadow came to.
         track: File of the way driven, for `trails/`; not in the journal.
     """
@@ -74,6 +80,7 @@ class Row:
     notes: tuple[str, ...] = ()
     shadows: tuple[dict[str, Any], ...] = ()
     track: bytes = field(default=b"", compare=False, repr=False)
+    warnings: tuple[dict[str, Any], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         # Every row has the same names: one copy of each serves thousands of rows.
@@ -84,8 +91,9 @@ class Row:
     def to_json(self) -> dict[str, Any]:
         """For the journal."""
         told = {name: value for name, value in vars(self).items() if name not in ("key", "track")}
-        if not self.shadows:
-            del told["shadows"]
+        for name in ("shadows", "warnings"):
+            if not told[name]:
+                del told[name]
         return {**vars(self.key), **told}
 
     @classmethod
@@ -94,7 +102,8 @@ class Row:
         _Line.model_validate(given, strict=True)
         rest = {name: given[name] for name in ("outcome", "reason", "metrics", "trace_sha256", "timing")}
         key = EpisodeKey(given["method"], given["world"], given["seed"])
-        return cls(key, **rest, notes=tuple(given["notes"]), shadows=tuple(given.get("shadows", ())))
+        rest |= {name: tuple(given.get(name, ())) for name in ("notes", "shadows", "warnings")}
+        return cls(key, **rest)
 
 
 class _Driving(BaseModel):
@@ -111,6 +120,13 @@ class _Shadow(_Driving):
     driving: _Driving | None
 
 
+class _Warning(BaseModel):
+    kind: str
+    role: str
+    instance: str
+    text: str
+
+
 class _Line(BaseModel):
     """What the tables need of a line of the journal."""
 
@@ -124,6 +140,7 @@ class _Line(BaseModel):
     timing: dict[str, bool | float]
     notes: list[str]
     shadows: list[_Shadow] = []
+    warnings: list[_Warning] = []
 
 
 def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
@@ -137,9 +154,12 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
     discovery = _shared(task).discovery
     try:
         loaded = placed(task.config, task.values, task.key.seed, Path(task.here))
-        episode = run_episode(
-            loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress()
-        )
+        if task.is_twice:
+            episode = _repeated(loaded, discovery, progress)
+        else:
+            episode = run_episode(
+                loaded, discovery=discovery, say=lambda text: progress(), progress=lambda done, total: progress()
+            )
         progress()
         trail = episode.trail
         row = _row(task, trail, episode.log.trace_sha256, perf_counter() - started)
@@ -148,12 +168,23 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
         return lost_row(task, f"{type(error).__name__}: {error}", perf_counter() - started)
 
 
+def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress) -> Episode:
+    """The first of two runs, with a warning where the second differs, and one for each plugin that makes it differ."""
+    episode, divergence, seen = run_twice(loaded, discovery, progress)
+    found = [*episode.warnings, *(one for one in seen if one not in episode.warnings)]
+    if divergence is not None:
+        source = (divergence.role, divergence.instance, divergence.plugin)
+        found.append(RunWarning("repeat", *source, divergence.text, {"tick": divergence.tick}))
+    return replace(episode, warnings=found)
+
+
 def _with_track(row: Row, trail: Trail, episode: Episode) -> Row:
     """The row with what is drawn of it."""
     goal, shadows = episode.system.goal, episode.shadows
     place = None if goal is None else (goal.x, goal.y)
     track = encoded(trail, place, episode.system.goal_tolerance, shadows)
-    return replace(row, shadows=tuple(one.summary() for one in shadows), track=track)
+    warnings = tuple(one.to_json() for one in episode.warnings)
+    return replace(row, shadows=tuple(one.summary() for one in shadows), track=track, warnings=warnings)
 
 
 def lost_row(task: EpisodeTask, reason: str, spent: float = 0.0) -> Row:

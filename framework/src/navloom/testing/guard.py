@@ -9,6 +9,7 @@ import datetime
 import faulthandler
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ CLOCKS = ("time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_
           "process_time_ns")  # fmt: skip
 KINDS = {
     "os.fork": "process", "os.forkpty": "process", "os.posix_spawn": "process", "os.system": "process",
-    "os.exec": "process", "subprocess.Popen": "process", "_thread.start_new_thread": "thread",
+    "os.exec": "process", "subprocess.Popen": "process",
     "socket.connect": "socket", "socket.bind": "socket", "socket.getaddrinfo": "socket", "open": "file",
     "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
 }  # fmt: skip
@@ -66,6 +67,7 @@ class Guard:
         os.register_at_fork(after_in_child=lambda: os._exit(0))  # a fork would run the checks a second time
         self._wrap_clocks()
         self._wrap_exit()
+        self._wrap_threads()
 
     @contextmanager
     def within(self, what: str, limit: float = 0.0) -> Iterator[None]:
@@ -135,6 +137,16 @@ class Guard:
         for name in CLOCKS:
             setattr(time, name, _wrapped(self, name, getattr(time, name)))
         setattr(datetime, "datetime", _shifted_datetime(self))  # noqa: B010  (of a class that is not to change)
+
+    def _wrap_threads(self) -> None:
+        start = threading.Thread.start
+
+        def started(thread: threading.Thread) -> None:
+            if self._depth and (place := self._own_place(sys._getframe(1))):
+                self._keep(Deed("thread", f"Thread {thread.name!r}", place))
+            start(thread)
+
+        threading.Thread.start = started  # type: ignore[method-assign]
 
     def _wrap_exit(self) -> None:
         leave = os._exit

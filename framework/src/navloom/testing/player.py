@@ -28,17 +28,8 @@ from navloom.roles.extra import Extras
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
 
-__all__ = [
-    "Fault",
-    "Player",
-    "bytes_of",
-    "digest",
-    "first_difference",
-    "loosened",
-    "rebuilt",
-    "size_of",
-    "through_codec",
-]
+__all__ = ["Fault", "NOWHERE", "Player", "bytes_of", "digest", "first_difference", "loosened", "rebuilt",
+           "size_of", "through_codec"]  # fmt: skip
 
 NOWHERE = ("", 0, 0, 0, 0, 0)
 """An envelope that says nothing."""

@@ -19,12 +19,13 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from navloom.errors import NavloomError
-from navloom.testing.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, USUAL, Bench
+from navloom.testing.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
 from navloom.testing.checks import Check
 from navloom.testing.findings import Finding, NotRun, Result, Shown
 from navloom.testing.guard import GUARD
@@ -67,7 +68,7 @@ def main() -> None:
         if job["checks"]:
             _run_checks(bench, [one for name in job["checks"] if (one := find_check(name))], tell)
         else:
-            tell({"digests": _digests(bench, bool(job.get("alike")))})
+            tell({"digests": _digests(bench, job["steps"], bool(job["alike"]))})
     tell({"done": True})
     os._exit(0)  # threads that a plugin left may not keep this process
 
@@ -137,14 +138,15 @@ def _may_be_made(subject: Subject) -> bool:
     return subject.kind != "platform" or bool(subject.thing.is_simulated)
 
 
-def _digests(bench: Bench, is_alike: bool) -> dict[str, list[str]]:
-    """Hashes of the answers to every scene that is played to its end, the first of all plays in this process."""
+def _digests(bench: Bench, steps: dict[str, int], is_alike: bool) -> dict[str, list[str]]:
+    """Hashes of the first answers to some scenes, the first of all plays in this process."""
     found = {}
     seeds, clock = (1, CLOCK) if is_alike else (OTHER_SEEDS, OTHER_CLOCK)
     for scene in made_scenes(bench.subject, bench.seed):
-        if scene.topic == USUAL:
+        if scene.name in steps:
+            cut = replace(scene, inputs=scene.inputs[: steps[scene.name]])
             with suppress(Fault):
-                answers = bench.play(scene, seeds=seeds, clock=clock)
+                answers = bench.play(cut, seeds=seeds, clock=clock)
                 found[scene.name] = [one.hex() for one in answers]
     return found
 

@@ -1,8 +1,10 @@
-"""`navloom plugins`: what is installed, and the parameters of one."""
+"""`navloom plugins`: what is installed, the parameters of one, and a new one."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -15,16 +17,34 @@ __all__ = ["plugins"]
 
 def plugins(
     context: typer.Context,
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters; or the word `new`.")
+    ] = None,
+    kind_and_name: Annotated[
+        list[str] | None, typer.Argument(metavar="KIND_NAME", help="After `new`: the kind and name of the new plugin.")
+    ] = None,
     plugin: PluginFiles = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="With `new`: folder that gets the new one; default: this one.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the installed plugins without importing them, or show the parameters of one."""
+    """List the installed plugins without importing them, show the parameters of one, or start a new one.
+
+    `navloom plugins new KIND NAME` writes a distribution with one plugin that works: its package, tests, README and
+    CI. KIND is a role, node, metric, panel, world, scheme or message.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.plugins.discovery import Discovery
     from navloom.plugins.registry import NODE
 
     discovery = Discovery()
+    if name == "new":
+        _new(kind_and_name or (), out or Path(), discovery, as_json)
+        return
+    if kind_and_name or out is not None:
+        given = f"--out {out}" if out is not None else " ".join(kind_and_name or ())
+        raise typer.BadParameter(f"{given}: this is for `navloom plugins new KIND NAME`")
     if name is None:
         infos = discovery.infos()
         root: Any = context.find_root().command
@@ -56,6 +76,27 @@ def plugins(
         typer.echo(f"sensor of kind {kind} gives {one['message']}")
         if one["settings"] is not None:
             print_table(("setting", "default", "allowed", "meaning"), rows_of(one["settings"]))
+
+
+def _new(kind_and_name: Sequence[str], where: Path, discovery: Any, as_json: bool) -> None:
+    """Write a distribution, and say what to do with it."""
+    from navloom.cli.output import print_json
+    from navloom.plugins.scaffold import KINDS, new_distribution
+
+    if len(kind_and_name) != 2:
+        raise typer.BadParameter(
+            f"`navloom plugins new` takes KIND and NAME, as in `navloom plugins new avoider mine`; got "
+            f"{' '.join(kind_and_name) or 'neither'}; kinds are {', '.join(KINDS)}"
+        )
+    kind, name = kind_and_name
+    made = new_distribution(kind, name, where, discovery)
+    if as_json:
+        print_json({**asdict(made), "folder": str(made.folder)})
+        return
+    typer.echo(f"{made.plugin}: {len(made.files)} files in {made.folder}")
+    typer.echo("next:")
+    for command in made.commands:
+        typer.echo(f"  {command}")
 
 
 def kinds_of(cls: Any) -> dict[str, Any]:

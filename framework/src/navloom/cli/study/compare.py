@@ -77,6 +77,12 @@ def compare(
         bool,
         typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
     ] = False,
+    twice: Annotated[
+        bool,
+        typer.Option(
+            "--twice", help="Also run the first episode of each method twice; exit 1 where the second run differs."
+        ),
+    ] = False,
     hang_after: Annotated[
         float,
         typer.Option(
@@ -89,8 +95,8 @@ def compare(
     """Run methods over worlds and seeds in closed loop. The same command goes on where it was interrupted.
 
     With --view, --web, --viewer or --rerun the methods drive side by side in one picture instead, in the first world
-    with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted; 2:
-    the request was wrong.
+    with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted, or
+    --twice found a difference; 2: the request was wrong.
     """
     from navloom.cli.output import print_json
     from navloom.report.results import failure_of
@@ -112,7 +118,9 @@ def compare(
         return
     try:
         with _executor(scheduler) as executor, _progress(as_json) as progress:
-            result = run_study(study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after)
+            result = run_study(
+                study, out, jobs=jobs, executor=executor, progress=progress, hang_after=hang_after, twice=twice
+            )
     except (PoolError, StudyError) as error:
         LOG.warning(str(error))
         raise typer.Exit(1) from None
@@ -122,6 +130,8 @@ def compare(
         raise typer.Exit(1) from None
     for note in result.notes:
         LOG.info(note)
+    for warning in result.warnings:
+        LOG.warning(_in_words(warning))
     if out is not None:
         result = _reported(result, out)
     if as_json:
@@ -131,7 +141,15 @@ def compare(
     if result.missing:
         failure = failure_of(f"--out {out}", result.files, result.missing)
         LOG.warning(f"{failure}; make room, and the same command writes the rest")
+    if result.missing or not result.is_repeatable:
         raise typer.Exit(1)
+
+
+def _in_words(warning: Mapping[str, Any]) -> str:
+    """A warning of a study: of which method, and in which of its episodes."""
+    count, world, seed = warning["episodes"], warning["world"], warning["seed"]
+    episodes = "1 episode" if count == 1 else f"{count} episodes, the first"
+    return f"warning: {warning['method']}: {warning['text']} ({episodes}: {world}, seed {seed})"
 
 
 def _show(study: Study, where: Where, as_json: bool) -> None:
@@ -191,6 +209,7 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
         "wall_s": result.wall,
         "summary": result.summary(),
         "notes": result.notes,
+        "warnings": result.warnings,
         "episodes": rows,
     }
 

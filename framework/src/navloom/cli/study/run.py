@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -22,6 +23,9 @@ STALLED = 10.0
 """s without a tick after which it is said what a run is at."""
 COMPILING = 12
 """How many times as long the first tick may take to come."""
+COMPILER = {"numba", "llvmlite"}
+BENEATH = sys.stdlib_module_names | COMPILER
+"""Modules in which a line tells a user nothing."""
 
 
 def run(
@@ -91,11 +95,7 @@ def watched_for_stalls(
             last, limit = moved[0], limits[0]
             if last != told and time.monotonic() - last > limit:
                 told = last
-                frame = sys._current_frames()[runs]
-                while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in sys.stdlib_module_names:
-                    frame = frame.f_back
-                place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
-                LOG.warning(f"no tick for {limit:g} s: the run is at {place}; Ctrl-C ends it")
+                LOG.warning(f"no tick for {limit:g} s: {_where(sys._current_frames()[runs])}; Ctrl-C ends it")
 
     thread = threading.Thread(target=look, daemon=True)
     thread.start()
@@ -104,6 +104,16 @@ def watched_for_stalls(
     finally:
         ended.set()
         thread.join()
+
+
+def _where(frame: FrameType) -> str:
+    """The line that a thread is at, in words, beyond Python's own modules and the compiler of kernels."""
+    compiles = False
+    while frame.f_back and (top := frame.f_globals["__name__"].partition(".")[0]) in BENEATH:
+        compiles |= top in COMPILER
+        frame = frame.f_back
+    place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}, in {frame.f_code.co_name}"
+    return f"a kernel is being compiled for {place}" if compiles else f"the run is at {place}"
 
 
 @contextmanager

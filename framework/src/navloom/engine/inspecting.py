@@ -1,0 +1,127 @@
+"""Looks at single steps of plugins for what makes a run unrepeatable: the wall clock, and random state of the process.
+
+It costs some ms a tick, so a run looks at few of its ticks. What a step gives is the same.
+"""
+
+from __future__ import annotations
+
+import datetime
+import os
+import random
+import sys
+import time
+from collections.abc import Callable
+from pathlib import PurePath
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from navloom.engine.door import verb_place
+from navloom.engine.node import Outputs, Tick
+from navloom.engine.run_warnings import RunWarnings
+from navloom.engine.stepper import Stepper
+from navloom.plugins.owners import home_of
+from navloom.roles import ROLES, Role
+
+__all__ = ["StepInspector", "every_tick", "some_ticks"]
+
+CLOCKS = frozenset({
+    time.time, time.time_ns, time.monotonic, time.monotonic_ns, time.perf_counter, time.perf_counter_ns,
+    time.process_time, time.process_time_ns, time.thread_time, time.localtime, time.gmtime, time.ctime,
+})  # fmt: skip
+DATES = {"now", "utcnow", "today"}
+FIRST, APART = 40, 500
+"""The first tick of a run that is looked at, and how many ticks later the next one is."""
+SHARED: Any = getattr(random, "_inst")  # noqa: B009  (the generator behind the functions of the module)
+OWN = "navloom"
+
+
+def some_ticks(number: int) -> bool:
+    """Few enough ticks that nobody notices."""
+    return number % APART == FIRST
+
+
+def every_tick(number: int) -> bool:
+    """All of them."""
+    return True
+
+
+class StepInspector:
+    """Makes steps of plugins and looks at them meanwhile.
+
+    Args:
+        found: Where it warns.
+        looks_at: Whether it looks at a tick.
+    """
+
+    def __init__(self, found: RunWarnings, looks_at: Callable[[int], bool] = some_ticks) -> None:
+        self.looks_at = looks_at
+        self._found = found
+
+    def step(self, stepper: Stepper, tick: Tick, since: int) -> Outputs:
+        """As the stepper's own."""
+        plugin = getattr(stepper.node, "plugin", stepper.node)
+        home = home_of(type(plugin))
+        if not isinstance(plugin, Role) or home == OWN:
+            return stepper.step(tick, since)
+        source, seen = (stepper.role, stepper.name), _Calls(home)
+        before = _random_state()
+        outputs = seen.watch(lambda: stepper.step(tick, since))
+        if seen.clock:
+            self._found.add(
+                "clock",
+                source,
+                f"looks at the wall clock in its step ({seen.clock}): the same run gives other results; take the time "
+                "from the stamp of its input",
+            )
+        if seen.random or _random_state() != before:
+            place = seen.random or (verb_place(plugin) if plugin.role in ROLES else "")
+            where = f" ({place})" if place else ""
+            self._found.add(
+                "random",
+                source,
+                f"uses random state of the whole process in its step{where}: the same run gives other results; take a "
+                "generator from self.context.stream(NAME)",
+            )
+        return outputs
+
+
+class _Calls:
+    """The first calls of a step that read a clock or random state, from lines of one package."""
+
+    def __init__(self, home: str) -> None:
+        self.clock = self.random = ""
+        self._home = home
+
+    def watch(self, act: Callable[[], Outputs]) -> Outputs:
+        """Act, looking on unless another profiler does."""
+        if sys.getprofile() is not None:
+            return act()
+        sys.setprofile(self._see)
+        try:
+            return act()
+        finally:
+            sys.setprofile(None)
+
+    def _see(self, frame: FrameType, event: str, called: Any) -> None:
+        if event == "c_call":
+            owner = getattr(called, "__self__", None)
+            if called in CLOCKS or (called.__name__ in DATES and owner in (datetime.datetime, datetime.date)):
+                self.clock = self.clock or self._line(frame, called.__name__)
+            elif called is os.urandom or owner is SHARED:
+                self.random = self.random or self._line(frame, called.__name__)
+        elif event == "call" and frame.f_locals.get("self") is SHARED:
+            self.random = self.random or self._line(frame.f_back, frame.f_code.co_name)
+
+    def _line(self, frame: FrameType | None, name: str) -> str:
+        """File, line and what is called there; empty for another package's line."""
+        if frame is None or frame.f_globals.get("__name__", "").partition(".")[0] != self._home:
+            return ""
+        return f"{PurePath(frame.f_code.co_filename).name}:{frame.f_lineno}, {name}"
+
+
+def _random_state() -> tuple[Any, ...]:
+    """State of the generators that all code of the process shares."""
+    state = np.random.get_state(legacy=False)  # noqa: NPY002  (read, not used)
+    return random.getstate(), state["state"]["pos"], state["state"]["key"].tobytes()

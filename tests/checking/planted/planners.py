@@ -149,7 +149,7 @@ class MarksMap(Flood):
         return free
 
 
-@ENTRIES.plant("keeps_map", caught_by="episodes")
+@ENTRIES.plant("keeps_map", caught_by="fresh_process")
 class KeepsMap(Flood):
     """Keeps the first map of a process for good, under the wrong key."""
 

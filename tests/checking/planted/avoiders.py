@@ -47,7 +47,7 @@ class WritesRanges(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         for scan in given.scans:
             scan.ranges.flags.writeable = True
-            scan.ranges[~np.isfinite(scan.ranges)] = scan.range_max
+            scan.ranges[scan.ranges > 1.0] = scan.range_max
         return super().avoid(given)
 
 

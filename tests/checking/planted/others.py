@@ -220,15 +220,6 @@ class NodeWithSharedCount(Counter):
         return float(len(self.counts))
 
 
-@ENTRIES.plant("needs_pose", "answers")
-class NeedsPose(Counter):
-    name = "needs_pose"
-    ticks = True
-
-    def step(self, tick: Tick) -> None:
-        self.numbers.put(Number(tick.time_ns, self.value()))
-
-
 class LateParams(Params):
     gain: float = Field(20.0, ge=0.0, le=10.0, description="No unit.")
 

@@ -56,7 +56,7 @@ class StraightOn(Flood):
         return Path(given.request.request_id, points, math.hypot(start.x - goal.x, start.y - goal.y), None)
 
 
-@ENTRIES.plant("rows_for_columns", caught_by="no_contact")
+@ENTRIES.plant("rows_for_columns", caught_by="reaches")
 class RowsForColumns(Flood):
     """Searches the transposed map."""
 

@@ -16,6 +16,8 @@ NOT_RUN = {
     ("comparing.md", "navloom compare explore"): "1800 episodes of the BARN data set",
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
+    ("deploying.md", "navloom metrics"): "serves until Ctrl-C; framework/tests/operating asks it",
+    ("deploying.md", "docker compose"): "needs docker",
     ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("security.md", "tar "): "needs two hosts; test_the_two_hosts_of_the_security_page copies the files itself",
     ("security.md", "cd robot && navloom up"): "needs two hosts; test_the_two_hosts_of_the_security_page plays both",
@@ -27,6 +29,10 @@ NOT_RUN = {
     ("recording.md", "navloom replay run.mcap --only avoider --until 123 --pdb"): (
         "a debugger waits for its user; framework/tests/recording/test_excerpt.py types into it"
     ),
+    ("ros2.md", "navloom ros"): "needs a ROS network; plugins/ros/tests plays one",
+    ("ros2.md", "navloom up turtlebot.toml"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
+    ("ros2.md", "navloom goal"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
+    ("ros2.md", "navloom stop"): "needs a robot; plugins/ros/tests/campaign_ros2_base.py has one",
     ("command-line.md", "navloom man | man"): "shows a page in a pager",
     ("installing.md", "python3 -m venv"): "tests/test_wheels.py makes such an environment",
     ("installing.md", ". navloom-env"): "tests/test_wheels.py makes such an environment",

@@ -77,7 +77,7 @@ def test_the_map_of_a_ros_node_is_the_map(network):
 
 def planner(router, **given):
     made = RosPath(RosPathParams(router=router, distribution="kilted", deadline=0.4, **given), CONTEXT)
-    assert until(lambda: made._joining.node)
+    assert made._joining.start(5.0)
     return made
 
 

@@ -5,6 +5,7 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 from navloom_ros import Types
 from navloom_ros.errors import BadName, RosError, UnfitMessage
@@ -253,3 +254,20 @@ def test_a_session_listens_nowhere_and_searches_for_nobody():
     made = settings("tcp/127.0.0.1:7447")
     assert made["mode"] == "client" and made["listen"]["endpoints"] == []
     assert not made["scouting"]["multicast"]["enabled"] and not made["scouting"]["gossip"]["enabled"]
+
+
+@pytest.mark.parametrize(("distribution", "heard"), [("lyrical", True), ("kilted", False)])
+def test_a_cloud_that_goes_to_the_key_of_buffers_is_heard_in_lyrical(network, node, distribution, heard):
+    cloud, types = "sensor_msgs/msg/PointCloud2", Types(distribution)
+    ours = node("ours", types=types)
+    clouds = ours.subscription("/points", cloud, SENSOR)
+    key = key_of(0, "/points", cloud, types.hash_of(cloud))
+    data = types.encode(types.new(cloud, width=3, data=np.arange(3, dtype=np.uint8)))
+    with Wire(network.endpoint, 1 << 20) as wire:
+        (buffers, _), (own, _) = wire.publisher(f"{key}/_buf_cpu", SENSOR), wire.publisher(key, SENSOR)
+        beside = Attachment(1, 0, bytes(16)).data
+        assert until(lambda: own(data, beside) or clouds.take(0.02)).message.data.tolist() == [0, 1, 2]
+        until(lambda: clouds.take(0.05) is None)
+        for _ in range(5):
+            buffers(data, beside)
+        assert (clouds.take(2.0 if heard else 0.1) is not None) == heard

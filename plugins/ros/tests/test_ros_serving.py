@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from navloom import AvoiderDiagnostics, AvoiderStatus, Pose2D, PoseEstimate, Twist2D
 from navloom_ros.actions import ABORTED, CANCELED, SUCCEEDED, ActionClient
+from navloom_ros.nav2.adapter import Nav2Navigator
 from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED
 from navloom_ros.serving.goals import THROUGH_POSES, TO_POSE, Goals
@@ -147,6 +148,26 @@ def test_the_goal_button_of_rviz_is_a_goal(network, robot):
     publisher = network.rviz.publisher("/goal_pose", "geometry_msgs/msg/PoseStamped")
     assert network.rviz.wait_for(lambda graph: graph.find("/goal_pose", ("MS",)), 5.0)
     assert until(lambda: publisher.publish(**pose(1.5, 0.5)) or robot.asked)[0][:2] == (1.5, 0.5)
+
+
+def test_a_nav2_robot_is_driven_like_one_of_ours(network, robot):
+    with Nav2Navigator(network.router.endpoint, distribution="kilted") as navigator:
+        handle = navigator.go(2.0, 1.0, 0.5)
+        assert until(lambda: robot.handles)
+        ours = threading.Thread(target=lambda: until(lambda: robot.handles[0].tell() or handle.feedback))
+        ours.start()  # a first feedback may be sent before this end is known to the other
+        feedback = next(handle.updates(5.0))
+        ours.join()
+        assert (feedback.distance, feedback.time_left, feedback.recoveries) == (1.25, 2.5, 1)
+        robot.handles[0].end("no_path", "a wall")
+        result = handle.wait(5.0)
+        assert (result.outcome, result.reason) == ("error", "aborted: no_path: a wall")
+        assert (result.place.x, result.place.y) == (0.5, 0.0)  # where it was last
+        handle = navigator.go(3.0, 1.0, via=[(3.0, 0.0)])
+        assert until(lambda: robot.asked[1:]) == [(3.0, 1.0, pytest.approx(np.pi / 2), [(3.0, 0.0)])]
+        assert navigator.cancel() and handle.wait(5.0).outcome == "cancelled" and not navigator.cancel()
+        network.goals.robot = None
+        assert navigator.drive_to(1.0, 1.0).outcome == "rejected"
 
 
 def test_only_what_was_asked_for_is_published(network):

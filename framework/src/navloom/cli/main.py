@@ -11,7 +11,7 @@ import sys
 from navloom.cli import about, added
 from navloom.cli.command import App
 from navloom.cli.describing import config, graph, messages, plugins, worlds
-from navloom.cli.live import doctor, echo, export, hz, keys, listing, nodes, operate, status, teleop, up
+from navloom.cli.live import doctor, echo, export, hz, keys, listing, metrics, nodes, operate, status, teleop, up
 from navloom.cli.recordings import import_log, record, replay, view
 from navloom.cli.shells import completion, manual
 from navloom.cli.study import check, compare, map, plan, report, run
@@ -44,6 +44,7 @@ app.command("list")(listing.list_nodes)
 app.command("status")(status.status)
 app.command("echo")(echo.echo)
 app.command("hz")(hz.hz)
+app.command("metrics")(metrics.metrics)
 app.command("doctor")(doctor.doctor)
 app.command("node")(nodes.node)
 app.command("router")(nodes.router)

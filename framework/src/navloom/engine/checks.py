@@ -14,16 +14,26 @@ from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place
 
-__all__ = ["check_drive", "check_task", "place_problem"]
+__all__ = ["check_drive", "check_task", "is_real", "place_problem"]
+
+
+def is_real(system: System) -> bool:
+    """The platform is the driver of a real robot, which simulated time must not move."""
+    return not getattr(system.parts[("platform", system.config.platform.instance)].cls, "is_simulated", True)
 
 
 def check_task(system: System) -> None:
-    """Refuse what cannot drive, and a config without a goal. See `check_drive`.
+    """Refuse for a simulated run: a real robot, what cannot drive, and a config without a goal. See `check_drive`.
 
     Raises:
         ConfigError: One line a problem.
     """
     config = system.config
+    if is_real(system):
+        name = config.platform.plugin
+        raise system.loaded.error(
+            f"platform.plugin: {name} drives a real robot, which simulated time must not move; `navloom up` drives it"
+        )
     gives_goal = any(event.do == "goal" for event in config.event)
     has_goal = gives_goal or (system.goal is not None and config.navigation.drive)
     check_drive(
@@ -96,10 +106,9 @@ def _robot(system: System) -> Iterator[str]:
             f"navigation.speed: begins with {slowest:g} m/s, more than robot.max_linear = {fastest:g} m/s: the robot "
             f"cannot follow; expected at most that, as in speed = [{fastest:g}, {fastest:g}]"
         )
-    platform = system.parts[("platform", config.platform.instance)].cls
-    if not getattr(platform, "is_simulated", True) and not system.loaded.gives("robot.footprint"):
+    if is_real(system) and not system.loaded.gives("robot.footprint"):
         yield (
-            f"robot.footprint: is missing, and {platform.name} is a real robot: give its size, as in "
+            f"robot.footprint: is missing, and {config.platform.plugin} is a real robot: give its size, as in "
             "footprint = { length = 0.5, width = 0.4 }"
         )
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, Literal
 
-from navloom.config import ConfigError, Loaded
+from navloom.config import Loaded
 from navloom.engine.build import System, assemble
 from navloom.engine.checks import check_drive, check_task
 from navloom.engine.events import schedule
@@ -41,7 +41,6 @@ from navloom.messages import (
 from navloom.operating.client import Client, ClientError, Refused
 from navloom.plugins.observing import Onlookers
 from navloom.recording.excerpt import repeating
-from navloom.roles import Platform
 from navloom.study.episode import Episode
 from navloom.study.live_show import LiveShow
 from navloom.study.observed import run_info
@@ -85,9 +84,6 @@ def run_barrier(
     """
     system = assemble(loaded)
     check_task(system)
-    platform = system.parts[("platform", loaded.config.platform.instance)].cls
-    if not (issubclass(platform, Platform) and platform.is_simulated):
-        raise ConfigError(f"platform.plugin: {platform.name} is a real robot; simulated time is not for it")
     recorder, run = Recorder(), loaded.config.run
     with LiveRobot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
         robot.wait_complete(START, ends=ends)

@@ -5,6 +5,7 @@ from navloom import Registry, hookimpl
 from navloom_ros.actions import ActionClient, ActionServer, Goal
 from navloom_ros.errors import BadDefinition, BadName, MalformedMessage, RosError, UnfitMessage, UnknownType
 from navloom_ros.message_types import Types
+from navloom_ros.nav2.adapter import Nav2Navigator
 from navloom_ros.node import NoAnswer, Node, Received
 from navloom_ros.qos import DEFAULT, LATCHED, SENSOR, Qos
 from navloom_ros.wire import NoRouter
@@ -19,6 +20,7 @@ __all__ = [
     "BadName",
     "Goal",
     "MalformedMessage",
+    "Nav2Navigator",
     "NoAnswer",
     "NoRouter",
     "Node",

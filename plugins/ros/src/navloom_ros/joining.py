@@ -16,6 +16,8 @@ __all__ = ["Joining", "Network"]
 
 AGAIN = 1.0
 """s between two tries to join the network."""
+LONGEST = 5.0
+"""s that one try takes at most."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Network:
 
 
 class Joining:
-    """Tries until the node is there.
+    """Tries until the node is there, once it was started.
 
     Args:
         network: To join.
@@ -63,15 +65,25 @@ class Joining:
         self.node: Node | None = None
         self.why = f"no link to {network.router} yet"
         self._network, self._set_up = network, set_up
-        self._closing, self._lock = threading.Event(), threading.Lock()
-        self._at_exit = weakref.finalize(self, lambda: None)
-        threading.Thread(target=self._join, name="ros joining", daemon=True).start()
+        self._closing, self._tried, self._lock = threading.Event(), threading.Event(), threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def start(self, timeout: float = 0.0) -> Node | None:
+        """Begin to join, if that has not begun; the node, where it is there within some s."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._join, name="ros joining", daemon=True)
+            # A thread that is within Zenoh when Python ends would end the process by a signal.
+            weakref.finalize(self, _end, self._closing, self._thread)
+            self._thread.start()
+        self._tried.wait(timeout)
+        return self.node
 
     def close(self) -> None:
         """Leave the network, or join no more."""
         self._closing.set()
         with self._lock:
-            self._at_exit()
+            if self.node is not None:
+                self.node.close()
 
     def _join(self) -> None:
         while not self._closing.is_set():
@@ -79,13 +91,21 @@ class Joining:
                 node = self._network.join(self.types)
             except RosError as error:
                 self.why = str(error)
+                self._tried.set()
                 self._closing.wait(AGAIN)
                 continue
             with self._lock:
-                self._at_exit = weakref.finalize(self, node.close)  # an open session hangs the process at its end
                 if self._closing.is_set():
-                    self._at_exit()
+                    node.close()
                     return
                 self._set_up(node)
                 self.node = node
+                weakref.finalize(self, node.close)  # an open session hangs the process at its end
+            self._tried.set()
             return
+
+
+def _end(closing: threading.Event, thread: threading.Thread) -> None:
+    closing.set()
+    if thread is not threading.current_thread():
+        thread.join(LONGEST)

@@ -14,6 +14,7 @@ __all__ = [
     "dds_type",
     "full_name",
     "key_of",
+    "plain_buffer_key",
     "remapping",
     "ros_type",
 ]
@@ -96,6 +97,15 @@ def key_of(domain: int, name: str, type_name: str, type_hash: str) -> str:
         type_hash: RIHS01, or what Humble writes.
     """
     return f"{domain}/{name.strip('/')}/{dds_type(type_name)}/{type_hash}"
+
+
+def plain_buffer_key(key: str) -> str:
+    """Where publishers of Lyrical and later may send a type with `uint8[]` instead, as plain CDR.
+
+    They do while every subscriber that they know of takes buffers; what goes there does not go to the topic's own key.
+    Source: rmw_zenoh `buffer_endpoint_helpers.hpp`.
+    """
+    return f"{key}/_buf_cpu"
 
 
 def _expanded(name: str, namespace: str, node: str) -> str:

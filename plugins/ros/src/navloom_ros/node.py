@@ -16,13 +16,15 @@ from typing import Any
 from navloom_ros.errors import BadToken, MalformedMessage, RosError
 from navloom_ros.graph import Graph
 from navloom_ros.message_types import Types
-from navloom_ros.names import check_namespace, check_node_name, full_name, key_of
+from navloom_ros.names import check_namespace, check_node_name, full_name, key_of, plain_buffer_key
 from navloom_ros.qos import DEFAULT, SERVICES, Qos
 from navloom_ros.tokens import PREFIX, Attachment, Entity
 from navloom_ros.wire import ROUTER, Question, Wire, now_ns
 
 __all__ = ["Call", "Client", "NoAnswer", "Node", "Publisher", "Received", "Service", "Subscription"]
 
+WITH_BUFFERS = ("lyrical",)
+"""Distributions whose publishers may send types with `uint8[]` to another key, see `plain_buffer_key`."""
 LARGEST_DOMAIN = 232
 """Largest ROS_DOMAIN_ID."""
 
@@ -94,6 +96,8 @@ class Subscription:
         self._closed = False
         node.keep(self.close)
         node.keep(node.wire.subscribe(key, qos, self._on_sample))
+        if node.types.distribution in WITH_BUFFERS and not qos.transient_local:
+            node.keep(node.wire.subscribe(plain_buffer_key(key), qos, self._on_sample))
 
     def take(self, timeout: float | None = 0.0) -> Received | None:
         """The oldest message that has not been taken; None where none comes in time, or the node is closed.

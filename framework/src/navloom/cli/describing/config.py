@@ -57,12 +57,13 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     """Check that a config fits and can drive: plugins, parameters, world and wiring, without running it."""
     from navloom.cli.output import print_json
     from navloom.engine.build import assemble, try_plugins
-    from navloom.engine.checks import check_drive, check_task
+    from navloom.engine.checks import check_drive, check_task, is_real
     from navloom.hosting.network import network_of
 
     loaded = given.load()
     system = assemble(loaded)
-    (check_task if loaded.config.navigation.drive else check_drive)(system)  # one that waits needs no goal yet
+    waits = is_real(system) or not loaded.config.navigation.drive
+    (check_drive if waits else check_task)(system)  # one that waits needs no goal yet
     with redirect_stdout(sys.stderr):  # plugins may print
         try_plugins(system)
     network = network_of(loaded.config, loaded.config.live.router_host, insecure=True)

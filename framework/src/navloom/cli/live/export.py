@@ -1,7 +1,8 @@
-"""`navloom export`: a robot's processes for a service manager."""
+"""`navloom export`: a robot's processes for a service manager, or in containers."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -12,12 +13,12 @@ from navloom.cli.options import AsJson, ConfigName, Insecure
 
 __all__ = ["app"]
 
-app = App(help="Hand a robot over to a service manager.", no_args_is_help=True)
+app = App(help="Hand a robot over to a service manager, or to containers.", no_args_is_help=True)
 
 
 @app.callback()
 def export() -> None:
-    """Hand a robot over to a service manager."""
+    """Hand a robot over to a service manager, or to containers."""
 
 
 @app.command()
@@ -44,10 +45,7 @@ def systemd(
     from navloom.hosting.systemd import UnitCommand, units
 
     loaded = load_config(config)
-    hosts = loaded.config.live.hosts
-    if host is not None and host not in hosts:
-        known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
-        raise ConfigError(f"--host {host}: {known}")
+    _check_host(loaded.config.live.hosts, host)
     if user is not None and not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*|[0-9]+", user):
         raise ConfigError(f"--user {user!r}: expected the name of a user, or a number, as systemd takes it")
     path = Path(config)
@@ -75,3 +73,51 @@ def systemd(
         f"`systemctl status '{target.removesuffix('.target')}*'` shows them; commands on this host find the robot"
     )
     typer.echo("with NAVLOOM_RUNTIME_DIR=/run/navloom in their environment.")
+
+
+@app.command()
+def compose(
+    config: ConfigName,
+    host: Annotated[str | None, typer.Option(metavar="NAME", help="Only this host's share of [live.hosts].")] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files; default: the current one.")] = Path(),
+    image: Annotated[str, typer.Option(metavar="NAME", help="Name of the image.")] = "navloom-robot",
+    device: Annotated[
+        list[str] | None, typer.Option("--device", metavar="PATH", help="Device the robot opens; repeats.")
+    ] = None,
+    insecure: Insecure = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a compose file with a robot's router, the robot, a viewer and its metrics, and its container file."""
+    from importlib.metadata import version
+
+    from navloom.cli.output import print_json
+    from navloom.config import load_config
+    from navloom.files import write_whole
+    from navloom.hosting.compose import Compose, compose_files
+    from navloom.hosting.network import network_of
+    from navloom.hosting.provenance import distributions
+
+    loaded = load_config(config)
+    _check_host(loaded.config.live.hosts, host)
+    path = Path(config) if Path(config).is_file() else None
+    installed = {**distributions(loaded.config), "navloom": version("navloom")}
+    given = Compose(path, path.name if path is not None else config, installed, image, device or ())
+    made = compose_files(network_of(loaded.config, host, insecure), host, given)
+    (out / "wheels").mkdir(parents=True, exist_ok=True)
+    for name, text in made.items():
+        write_whole(out / name, text)
+    if as_json:
+        print_json({"folder": str(out.absolute()), "files": list(made)})
+        return
+    typer.echo(f"{', '.join(made)} in {out.absolute()}. Put wheels that are on no index into wheels/. To start them:")
+    typer.echo(f"  docker compose -f {out / 'compose.yaml'} up --build --detach")
+    typer.echo("Viewer: http://127.0.0.1:9090, metrics: http://127.0.0.1:9464/metrics.")
+
+
+def _check_host(hosts: Mapping[str, object], host: str | None) -> None:
+    """Refuse a host that the config does not have. Raises ConfigError."""
+    from navloom.config import ConfigError
+
+    if host is not None and host not in hosts:
+        known = f"hosts are {', '.join(hosts)}" if hosts else "the config has no [live.hosts]"
+        raise ConfigError(f"--host {host}: {known}")

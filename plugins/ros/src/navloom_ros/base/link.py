@@ -85,6 +85,7 @@ class Link:
         for topic in topics.values():
             types.fields(topic.kind)
         self._joining = Joining(settings.network, self._set_up)
+        self._joining.start()
         self._guard = Guard(settings.for_guardian())
 
     def problem(self) -> str:

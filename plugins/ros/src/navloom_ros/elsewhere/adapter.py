@@ -56,6 +56,7 @@ class RosMap(Mapper[RosMapParams]):
         Raises:
             InputError: A map that cannot be used.
         """
+        self._joining.start()
         newest = None
         while self._maps is not None and (received := self._maps.take()) is not None:
             newest = received.message
@@ -94,7 +95,7 @@ class RosPath(Planner[RosPathParams]):
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
         request = given.request
         start, goal = request.start, request.goal
-        if self._joining.node is None:
+        if self._joining.start(self.params.deadline) is None:
             return PlanFailure(request.request_id, "no_path", Point2D(start.x, start.y), self._joining.why)
         try:
             points = self._source.ask(

@@ -1,0 +1,34 @@
+"""`navloom metrics`: a live robot for Prometheus."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from navloom.cli.options import RobotOptions
+
+__all__ = ["metrics"]
+
+
+def metrics(
+    bind: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to listen at; others than loopback can be read by anybody.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="TCP port; 0 for a free one.")] = 9464,
+    once: Annotated[bool, typer.Option("--once", help="Print the metrics once, and serve nothing.")] = False,
+    *,
+    robot: RobotOptions,
+) -> None:
+    """Serve rates, ages, stops by reason, deadlines and processor time of a live robot at /metrics, until Ctrl-C."""
+    import contextlib
+
+    from navloom.operating.metrics_server import MetricsServer
+
+    with robot.look() as client, contextlib.closing(MetricsServer(client, (bind, 0 if once else port))) as server:
+        if once:
+            typer.echo(server.text(), nl=False)
+            return
+        typer.echo(server.url)
+        with contextlib.suppress(KeyboardInterrupt):
+            server.run()

@@ -1,0 +1,210 @@
+"""Goals for a Nav2 robot, with the results and the feedback of navloom."""
+
+from __future__ import annotations
+
+import math
+import queue
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from navloom import Feedback, GoalResult, Point2D
+
+from navloom_ros.actions import CANCELED, SUCCEEDED, ActionClient, SentGoal
+from navloom_ros.message_types import Types
+from navloom_ros.node import NoAnswer, Node
+from navloom_ros.wire import ROUTER
+
+__all__ = ["Nav2Handle", "Nav2Navigator"]
+
+TO_POSE, THROUGH_POSES = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
+THERE = 5.0
+"""s that a server may take to be found."""
+LONGEST = 86_400.0
+"""s that a goal may take."""
+LOOK = 0.1
+"""s between two looks whether a goal has ended."""
+WAITING = 64
+"""Feedback that is kept until it is taken; the oldest is dropped."""
+
+
+class Nav2Handle:
+    """A goal on its way.
+
+    Attributes:
+        goal_id: Its number.
+        feedback: The newest, or None.
+        result: How it ended, or None.
+    """
+
+    def __init__(self, goal_id: int, goal: Point2D) -> None:
+        self.goal_id = goal_id
+        self.feedback: Feedback | None = None
+        self.result: GoalResult | None = None
+        self._place = goal
+        self._told: queue.Queue[Any] = queue.Queue(WAITING)
+        self._sent: SentGoal | None = None
+        self._ending: Future[Any] | None = None
+
+    def begin(self, sent: SentGoal) -> None:
+        """The server has answered."""
+        self._sent = sent
+        if sent.is_accepted:
+            self._ending = sent.result(LONGEST)
+        else:
+            self.result = GoalResult(self.goal_id, "rejected", "by the robot", self._place)
+
+    def hear(self, message: Any) -> None:
+        """Feedback has come, on the thread of the client."""
+        if self._told.full():
+            self._told.get_nowait()
+        self._told.put_nowait(message)
+
+    def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
+        """Feedback as it comes, until the goal has ended. Raises TimeoutError where that takes longer, s."""
+        left = math.inf if timeout is None else timeout
+        while self.result is None:
+            try:
+                message = self._told.get(timeout=min(LOOK, max(0.001, left)))
+            except queue.Empty:
+                left -= LOOK
+            else:
+                self.feedback = self._read(message)
+                yield self.feedback
+            self._look()
+            if left <= 0.0 and self.result is None:
+                raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
+
+    def wait(self, timeout: float | None = None, on_feedback: Callable[[Feedback], None] | None = None) -> GoalResult:
+        """Wait for the result. Raises TimeoutError where no feedback and no result come within s."""
+        for feedback in self.updates(timeout):
+            if on_feedback is not None:
+                on_feedback(feedback)
+        assert self.result is not None
+        return self.result
+
+    def cancel(self) -> None:
+        """End it. Raises NoAnswer where the server does not answer."""
+        if self._sent is not None and self.result is None:
+            self._sent.cancel()
+
+    def _look(self) -> None:
+        if self._ending is None or not self._ending.done():
+            return
+        try:
+            ended = self._ending.result()
+        except NoAnswer as error:
+            self.result = GoalResult(self.goal_id, "error", f"{error}: what became of it is unknown", self._place)
+            return
+        why = getattr(ended.result, "error_msg", "") or f"error code {getattr(ended.result, 'error_code', 'not given')}"
+        if ended.status == SUCCEEDED:
+            self.result = GoalResult(self.goal_id, "succeeded", "the goal was reached", self._place)
+        elif ended.status == CANCELED:
+            self.result = GoalResult(self.goal_id, "cancelled", "as asked", self._place)
+        else:
+            self.result = GoalResult(self.goal_id, "error", f"aborted: {why}", self._place)
+
+    def _read(self, message: Any) -> Feedback:
+        place = message.current_pose.pose.position
+        if math.isfinite(place.x) and math.isfinite(place.y):
+            self._place = Point2D(place.x, place.y)
+        left = message.estimated_time_remaining
+        distance = float(message.distance_remaining)
+        is_known = math.isfinite(distance)
+        return Feedback(
+            self.goal_id, "driving", distance if is_known else 0.0, left.sec + 1e-9 * left.nanosec, 0.0,
+            int(message.number_of_recoveries),
+        )  # fmt: skip
+
+
+class Nav2Navigator:
+    """A robot with Nav2, to be used in a `with` statement; `go` and `drive_to` are those of `navloom.Navigator`.
+
+    Args:
+        router: Endpoint of the robot's Zenoh router.
+        domain: ROS_DOMAIN_ID.
+        namespace: Of the robot, as /robot1.
+        distribution: ROS 2 of the robot.
+        folders: Folders with definitions of your own.
+        frame: Frame of goals.
+
+    Raises:
+        NoRouter: There is no router.
+    """
+
+    def __init__(
+        self,
+        router: str = ROUTER,
+        domain: int = 0,
+        namespace: str = "/",
+        distribution: str = "jazzy",
+        folders: Sequence[Path] = (),
+        frame: str = "map",
+    ) -> None:
+        types = Types(distribution, folders)
+        self._node = Node("navloom_goals", router=router, domain=domain, namespace=namespace, types=types)
+        self._frame = frame
+        self._clients: dict[str, ActionClient] = {}
+        self._number = 0
+        self._handle: Nav2Handle | None = None
+
+    def __enter__(self) -> Nav2Navigator:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._node.close()
+
+    def go(
+        self, x: float, y: float, heading: float | None = None, via: Sequence[tuple[float, float]] = ()
+    ) -> Nav2Handle:
+        """Send the robot to a place, m and rad, over some points.
+
+        Nav2 knows no goal without a heading: it is then that of the last leg, or 0 where no point to pass is given.
+
+        Raises:
+            NoAnswer: There is no server of the action, or it does not answer.
+        """
+        last = heading or 0.0
+        if heading is None and via:
+            last = math.atan2(y - via[-1][1], x - via[-1][0])
+        poses = [self._pose(a, b, 0.0) for a, b in via] + [self._pose(x, y, last)]
+        goal: dict[str, Any] = {"pose": poses[-1]}
+        if via:
+            goal = {"poses": {"header": poses[0]["header"], "goals": poses} if self._has_goals() else poses}
+        self._number += 1
+        handle = self._handle = Nav2Handle(self._number, Point2D(x, y))
+        kind = THROUGH_POSES if via else TO_POSE
+        handle.begin(self._client(kind).send(goal, handle.hear))
+        return handle
+
+    def drive_to(self, x: float, y: float, heading: float | None = None, timeout: float | None = None) -> GoalResult:
+        """Send the robot to a place and wait for the result; a rejected goal is a result too."""
+        return self.go(x, y, heading).wait(timeout)
+
+    def cancel(self) -> bool:
+        """End the goal on its way; False where there is none of this object."""
+        if self._handle is None or self._handle.result is not None:
+            return False
+        self._handle.cancel()
+        return True
+
+    def _client(self, kind: str) -> ActionClient:
+        name = "navigate_to_pose" if kind == TO_POSE else "navigate_through_poses"
+        client = self._clients.get(kind)
+        if client is None:
+            client = self._clients[kind] = ActionClient(self._node, name, kind)
+        if not client.wait(THERE):
+            raise NoAnswer(f"nobody offers the action {name}: is Nav2 up, and of the distribution that was given?")
+        return client
+
+    def _has_goals(self) -> bool:
+        """Kilted and later have the poses in a message of their own."""
+        return self._node.types.distribution in ("kilted", "lyrical")
+
+    def _pose(self, x: float, y: float, heading: float) -> dict[str, Any]:
+        turned = {"z": math.sin(heading / 2.0), "w": math.cos(heading / 2.0)}
+        return {"header": {"frame_id": self._frame}, "pose": {"position": {"x": x, "y": y}, "orientation": turned}}

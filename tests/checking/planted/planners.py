@@ -95,7 +95,7 @@ class Unturned(Flood):
 
 @ENTRIES.plant("point_robot", caught_by="footprint")
 class PointRobot(Flood):
-    claims = {Claim.FOOTPRINT}
+    """Plans for a point."""
 
     def radius(self) -> float:
         return 0.0

@@ -84,7 +84,7 @@ def _off(before: object, after: object, twist: Twist2D, v: float, w: float) -> t
 
 
 def stuck_scene(seed: int) -> Scene:
-    """The robot close before a wall, or at the end of a corridor; it came 1.2 m, and there may be a wall behind that."""
+    """The robot close before a wall or at the end of a corridor. It came 1.2 m; there may be a wall behind that."""
     scene = Scene(Place(0.0, 0.0), (3.0, 0.0), walls=(Wall(0.45, -2.0, 0.45, 2.0),))
     if seed % 2:
         scene = replace(scene, walls=(*scene.walls, Wall(-3.0, 0.5, 0.45, 0.5), Wall(-3.0, -0.5, 0.45, -0.5)))

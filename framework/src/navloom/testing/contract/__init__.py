@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navloom.testing.contract import answers, conduct, declared, parameters, repeats, sense, state
+from navloom.testing.contract import answers, conduct, declared, objects, parameters, repeats, sense, state
 
 __all__ = ["CHECKS"]
 
@@ -14,5 +14,6 @@ CHECKS = (
     *state.CHECKS,
     *parameters.CHECKS,
     *conduct.CHECKS,
+    *objects.CHECKS,
 )
 """In the order they run: first what needs no object, then what says most of a broken plugin."""

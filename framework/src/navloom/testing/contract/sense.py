@@ -74,7 +74,7 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
 
 _LOOKS: dict[str, Callable[[], Any]] = {
     "random": lambda: hash(random.getstate()),
-    "numpy.random": lambda: hash(np.random.get_state()[1].tobytes()),  # type: ignore[index,union-attr]  # noqa: NPY002
+    "numpy.random": lambda: hash(np.random.get_state()[1].tobytes()),  # type: ignore[index]  # noqa: NPY002
     "numpy.errstate": lambda: tuple(sorted(np.geterr().items())),
     "the working directory": os.getcwd,
     "the environment": lambda: tuple(sorted(os.environ.items())),

@@ -146,7 +146,7 @@ class Guard:
                 self._keep(Deed("thread", f"Thread {thread.name!r}", place))
             start(thread)
 
-        threading.Thread.start = started  # type: ignore[method-assign]
+        setattr(threading.Thread, "start", started)  # noqa: B010  (of a class that is not to change)
 
     def _wrap_exit(self) -> None:
         leave = os._exit

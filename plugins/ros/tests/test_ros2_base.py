@@ -161,6 +161,11 @@ def test_a_tick_longer_than_the_bases_patience_is_refused():
         Driven("tcp/127.0.0.1:1", base_timeout_s=0.09)
 
 
+def test_a_platform_that_is_only_made_touches_no_robot():
+    made = Driven("tcp/127.0.0.1:1")
+    assert made.platform._link._guard is None and made.platform._link._joining.node is None
+
+
 # --- what needs no network ------------------------------------------------------------------------------------------
 
 
@@ -238,6 +243,8 @@ def test_odometry_that_is_no_number_is_unusable():
     message = KILTED.new("nav_msgs/msg/Odometry", twist={"twist": {"linear": {"x": math.nan}}})
     with pytest.raises(Unusable):
         motion_of(message)
+    with pytest.raises(Unusable, match=r"of 1e\+30 m/s and 0 rad/s, which the robot cannot drive"):
+        Anchor(False, 0.5, 1.0).check((1e30, 0.0, 0.0))
 
 
 def test_a_clock_that_is_ahead_is_never_compared_with_ours():
@@ -257,5 +264,9 @@ def test_odometry_that_begins_again_goes_on_where_it_was():
     assert anchor.place((0.0, 0.0, 0.0), b"two", SECOND) == pytest.approx((2.0, 1.0, math.pi / 2))
     assert anchor.place((0.5, 0.0, 0.0), b"two", 2 * SECOND) == pytest.approx((2.0, 1.5, math.pi / 2))
     assert anchor.restarts == 1
+    assert not anchor.is_unsteady(2 * SECOND)
+    for number in range(4):
+        anchor.place((5.0 * (number % 2), 0.0, 0.0), b"two" if number % 2 else b"one", 2 * SECOND + number)
+    assert anchor.is_unsteady(3 * SECOND) and not anchor.is_unsteady(5 * SECOND)
     first = Anchor(True, 0.5, 1.0)
     assert first.place((2.0, 1.0, 1.0), b"one", 0) == pytest.approx((0.0, 0.0, 0.0))

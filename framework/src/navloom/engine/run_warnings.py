@@ -12,16 +12,19 @@ from typing import Any, Literal
 
 import numpy as np
 
-from navloom.engine.build import System, stride_of
+from navloom.engine.build import stride_of
 from navloom.engine.door import notes_of
 from navloom.engine.stepper import Stepper
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Message, RangeScan, Sweep
 from navloom.messages.packing import writer_of
+from navloom.plugins.owners import Owned
 from navloom.roles import Platform
 
-__all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Kind", "RunWarning", "RunWarnings", "Volume", "far_commands",
-           "large_messages", "silent_sensors", "slow_steps", "volumes_of", "waiting_nodes", "who"]  # fmt: skip
+__all__ = ["LARGEST_MESSAGE", "MOST_PER_SECOND", "Heard", "Kind", "RunWarning", "RunWarnings", "Volume",
+           "far_commands", "large_messages", "silent_sensors", "slow_steps", "staying_thread", "volumes_of",
+           "waiting_nodes", "who"]  # fmt: skip
 
 Kind = Literal["slow", "large", "limits", "silent", "waiting", "random", "clock", "thread", "output", "repeat"]
 Source = tuple[str, str]
@@ -58,6 +61,13 @@ class RunWarning:
 
     def __str__(self) -> str:
         return f"{who(self.role, self.instance, self.plugin)} {self.text}"
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any]) -> RunWarning:
+        """From `to_json`."""
+        plugin, figures, about = given["plugin"] or "", given["figures"], given["about"] or ""
+        text = given["text"].removeprefix(f"{who(given['role'], given['instance'], plugin)} ")
+        return cls(given["kind"], given["role"], given["instance"], plugin, text, figures, about)
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -182,38 +192,48 @@ def _size(message: Message) -> int:
     return len(rest) + size
 
 
-def silent_sensors(found: RunWarnings, system: System, platform: Stepper, ticks: int, asked: int) -> None:
-    """Range sensors that never gave anything, or that stopped.
+@dataclass(frozen=True)
+class Heard:
+    """What a platform has said until now.
 
-    Args:
-        found: Where to add them.
-        system: The robot.
-        platform: Of the run that has ended.
-        ticks: How long it was.
-        asked: Tick of the last request for a sweep; -1 for none.
+    Attributes:
+        began, ticks: Its first tick in this process, and how many ticks there were since the run began.
+        scans: By sensor, the number of messages, and the tick of the last one; -1 for none.
+        asked: Tick of the last request for a sweep; -1 where none is known.
     """
-    source, period = (platform.role, platform.name), system.config.run.period
+
+    began: int
+    ticks: int
+    scans: Mapping[str, tuple[int, int]]
+    asked: int = -1
+
+
+def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
+    """Range sensors that never gave anything, or that stopped."""
+    source, period = ("platform", system.config.platform.instance), system.config.run.period
     cls = system.parts[source].cls
     assert issubclass(cls, Platform)
     for sensor in system.sensors:
-        slot, kind = platform.slots[sensor.name], cls.sensor_kinds[sensor.kind]
-        if not issubclass(kind, (RangeScan, Sweep)):
+        if not issubclass(cls.sensor_kinds[sensor.kind], (RangeScan, Sweep)):
             continue  # one of another kind may speak only when there is something to say
+        count, tick = heard.scans[sensor.name]
+        since = tick if count else heard.began - 1
+        allowed = max(SILENT, 3.0 * period * (tick - heard.began + 1) / max(1, count))
         if cls.scans_on_request(sensor):
-            since, allowed = (asked if slot.sequence == 0 else ticks), system.config.navigation.map_timeout
-            since = ticks if asked < 0 else since
-        else:
-            since = slot.tick
-            allowed = max(SILENT, 3.0 * period * (slot.tick + 1) / max(1, slot.sequence))
-        silence = (ticks - 1 - since) * period
+            allowed = system.config.navigation.map_timeout
+            since = heard.ticks if count or heard.asked < 0 else heard.asked
+        silence = (heard.ticks - 1 - since) * period
         if silence <= allowed:
             continue
-        if slot.sequence:
-            text = f"gave no scan of the sensor {sensor.name!r} after {max(0, slot.tick) * period:.2f} s"
-        else:
-            text = f"gave no scan of the sensor {sensor.name!r} in {ticks * period:.2f} s"
-        figures = {"scans": slot.sequence, "silence_s": silence}
-        found.add("silent", source, f"{text}: check its cable, its driver and its settings", figures, sensor.name)
+        when = f"after {max(0, tick) * period:.2f} s" if count else f"in {(heard.ticks - heard.began) * period:.2f} s"
+        text = f"gave no scan of the sensor {sensor.name!r} {when}: check its cable, its driver and its settings"
+        found.add("silent", source, text, {"scans": count, "silence_s": silence}, sensor.name)
+
+
+def staying_thread(found: RunWarnings, owned: Owned, name: str) -> None:
+    """A thread that a plugin started and that a process would wait for at its end."""
+    text = f"started the thread {name!r}, which still runs and is no daemon ({owned.place})"
+    found.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=name)
 
 
 def waiting_nodes(found: RunWarnings, steppers: Iterable[Stepper]) -> None:

@@ -12,12 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from navloom.engine.assembly import own_node
-from navloom.engine.build import System, configure, make_plugins, role_nodes
 from navloom.engine.catalogue import FRAMEWORK, Catalogue
+from navloom.engine.making import configure, make_plugins, role_nodes
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.system import System
 from navloom.hosting.forking import keep_from_children
 from navloom.hosting.heartbeat import StopDetector
+from navloom.hosting.process_warnings import ProcessWarnings
 from navloom.hosting.services import Services
 from navloom.live.barrier import BarrierEnded
 from navloom.live.barrier_runner import BarrierRunner
@@ -93,6 +95,7 @@ class NodeProcess:
     runners: dict[Source, LiveRunner | BarrierRunner] = field(default_factory=dict)
     hung: str = ""
     life: str = field(default_factory=lambda: uuid.uuid4().hex[:8])
+    warnings: ProcessWarnings = field(init=False)
     _heard: threading.Event = field(default_factory=threading.Event)
     _is_fork: bool = False
 
@@ -112,6 +115,11 @@ class NodeProcess:
         Raises:
             ConfigError, LinkError, BusError: Nothing ran.
         """
+        self.warnings = ProcessWarnings(self.system, self.share.sources)
+        with self.warnings.watch():
+            self._run(say, ready, alive)
+
+    def _run(self, say: Callable[[str], None], ready: Callable[[], None], alive: Callable[[], None]) -> None:
         make_plugins(self.system, say, self.share.sources)
 
         def goes_on() -> bool:
@@ -168,7 +176,7 @@ class NodeProcess:
                     runner.cell.outlets["parameters"] = board.outlet(source, "parameters")
             self._restore(live, memory)
             runs = {"memory": monitor.run}
-        services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board)
+        services = Services(self.system, self.share.name, keys, bus, hosted, live, memory, clock, board, self.warnings)
         board.connect()
         services.offer()
         if self.share.barrier:

@@ -15,9 +15,16 @@ from functools import cache
 from typing import Any
 
 from navloom.config import ConfigError
-from navloom.engine.build import System, changed_params, configure
+from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
+<<<<<<< HEAD
+from navloom.engine.making import configure
+from navloom.engine.system import System
+=======
+from navloom.entry_kinds import TRACEBACK
+from navloom.hosting.process_warnings import ProcessWarnings
+>>>>>>> main
 from navloom.hosting.provenance import distributions
 from navloom.inputs.texts import refuse_deep_toml
 from navloom.live.cell import Source
@@ -31,6 +38,7 @@ from navloom.live.placing import spread
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
 from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
+from navloom.plugins.blame import kept_tracebacks
 from navloom.plugins.registry import nearest
 from navloom.transport.keyspace import KeySpace
 from navloom.transport.once import Once
@@ -68,9 +76,11 @@ class Services:
         memory: Memory,
         clock: RunClock,
         board: Switchboard,
+        warnings: ProcessWarnings,
     ) -> None:
         self._system, self._process, self._keys, self._bus = system, process, keys, bus
         self._hosted, self._live, self._memory, self._clock, self._board = hosted, live, memory, clock, board
+        self._warnings = warnings
         self._desk, self._once = Desk(), Once()
         self._goals = threading.Lock()
         self._began = time.monotonic()
@@ -99,6 +109,9 @@ class Services:
             self._show(self._keys.process(self._process, "memory"), "memory", recalled.to_bytes)
             self._show(self._keys.process(self._process, "steps"), "steps", self._step_times)
         self._show(self._keys.process(self._process, "config"), "config", cache(self._config))
+        self._show(self._keys.process(self._process, "warnings"), "warnings", self._listed_warnings)
+        if os.environ.get(TRACEBACK):
+            self._show(self._keys.process(self._process, "tracebacks"), "tracebacks", _tracebacks)
 
     def _serve(self, source: Source, service: str, handler: Handler) -> None:
         """Answer questions with a JSON object in them by what a handler makes of it."""
@@ -126,6 +139,11 @@ class Services:
             "distributions": distributions(self._system.config),
         }
         return json.dumps(given).encode()
+
+    def _listed_warnings(self) -> bytes:
+        """What was found wrong though nothing failed."""
+        cells = {source: hosted.cell for source, hosted in self._hosted.items()}
+        return json.dumps([one.to_json() for one in self._warnings.listed(cells, self._live)]).encode()
 
     def _step_times(self) -> bytes:
         """(tick, ns) of the newest steps of each node, by "role instance"."""
@@ -286,6 +304,10 @@ class Services:
             raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; ask again")
         if failure:
             raise ServiceError(str(failure[0]))
+
+
+def _tracebacks() -> bytes:
+    return json.dumps(kept_tracebacks()).encode()
 
 
 def _usual(runner: LiveRunner | None) -> float | None:

@@ -30,6 +30,9 @@ class Outlet:
         lossless: Nothing may be dropped on the way: under a barrier, where each message is waited for.
         retained: Who joins later is given the last message.
         quality: How it travels; default by what a message is.
+
+    Attributes:
+        sent, largest: Bytes that were sent to other processes, and those of the largest message.
     """
 
     def __init__(self, key: str, bus: Bus, lossless: bool, retained: bool, quality: Quality | None = None) -> None:
@@ -37,6 +40,7 @@ class Outlet:
         self.readers: list[Inlet] = []
         self.sequence = 0
         self.last: Dated | None = None
+        self.sent = self.largest = 0
         self._bus, self._lossless, self._quality = bus, lossless, quality
         self._ways: dict[type[Message], tuple[Publication, str]] = {}
         self._kept: tuple[Dated | None, bytes] = (None, b"")
@@ -80,7 +84,10 @@ class Outlet:
         kind = type(message)
         publication, label = self._ways.get(kind) or self._open(kind)
         if publication.is_heard:
-            publication.put(encode(message, envelope), label)
+            data = encode(message, envelope)
+            self.sent += len(data)
+            self.largest = max(self.largest, len(data))
+            publication.put(data, label)
 
     def prepare(self, kind: type[Message]) -> None:
         """Declare the stream before its first message, which would have to wait for that."""

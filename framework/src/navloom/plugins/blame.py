@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 from navloom.entry_kinds import TRACEBACK
 
-__all__ = ["raised_in", "traceback_of", "whole_traceback"]
+__all__ = ["kept_tracebacks", "raised_in", "traceback_of", "whole_traceback"]
 
 MOST = 64
 """Tracebacks that are kept."""
@@ -44,6 +44,11 @@ def traceback_of(message: str) -> str:
     """The traceback behind a message that holds an error's line; empty where none was kept."""
     flat = " ".join(message.split())
     return next((kept for text, kept in reversed(_KEPT.items()) if " ".join(text.split()) in flat), "")
+
+
+def kept_tracebacks() -> dict[str, str]:
+    """Tracebacks by the line of their error."""
+    return dict(_KEPT)
 
 
 def whole_traceback(error: BaseException) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,13 +14,31 @@ from navloom.plugins.owners import Owned, Owners
 __all__ = ["LARGEST_OUTPUT", "bounded_output"]
 
 LARGEST_OUTPUT = 64 * 1024
-"""What one plugin may print in a run, characters."""
+"""What one plugin may print in a run, or live in each window, characters."""
+
+
+class _Counts:
+    """Characters that each plugin has printed, in windows of some s."""
+
+    def __init__(self, window: float) -> None:
+        self._window, self._began = window, time.monotonic()
+        self._counts: dict[tuple[str, str], int] = {}
+
+    def add(self, source: tuple[str, str], size: int) -> int:
+        """Count what a plugin prints; what it had printed before in this window."""
+        now = time.monotonic()
+        if now - self._began > self._window:
+            self._began = now
+            self._counts.clear()
+        before = self._counts.get(source, 0)
+        self._counts[source] = before + size
+        return before
 
 
 class _Bounded:
     """A stream that counts what each plugin prints, and leaves out what is too much. All else goes through."""
 
-    def __init__(self, inner: Any, owners: Owners, counts: dict[tuple[str, str], int], say: Callable[[Owned], None]):
+    def __init__(self, inner: Any, owners: Owners, counts: _Counts, say: Callable[[Owned], None]) -> None:
         self._inner, self._owners, self._counts, self._say = inner, owners, counts, say
         self.is_open = True
 
@@ -28,8 +48,7 @@ class _Bounded:
         if owned is None:
             self._inner.write(text)
             return len(text)
-        before = self._counts.get(owned.source, 0)
-        self._counts[owned.source] = before + len(text)
+        before = self._counts.add(owned.source, len(text))
         if before < LARGEST_OUTPUT:
             self._inner.write(text[: LARGEST_OUTPUT - before])
             if before + len(text) >= LARGEST_OUTPUT:
@@ -47,22 +66,20 @@ class _Bounded:
 
 
 @contextmanager
-def bounded_output(owners: Owners, say: Callable[[Owned], None]) -> Iterator[dict[tuple[str, str], int]]:
+def bounded_output(owners: Owners, say: Callable[[Owned], None], window: float = math.inf) -> Iterator[None]:
     """Bound what these plugins print, within a `with` statement.
 
     Args:
         owners: The plugins.
-        say: Told once of each that has printed too much, with the line.
-
-    Yields:
-        Characters that each has printed, by role and instance.
+        say: Told of each that has printed too much, with the line, once a window.
+        window: How long what it has printed counts, s.
     """
-    counts: dict[tuple[str, str], int] = {}
+    counts = _Counts(window)
     made = {name: _Bounded(getattr(sys, name), owners, counts, say) for name in ("stdout", "stderr")}
     for name, stream in made.items():
         setattr(sys, name, stream)
     try:
-        yield counts
+        yield
     finally:
         for name, stream in made.items():
             stream.is_open = False

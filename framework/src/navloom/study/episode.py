@@ -13,11 +13,13 @@ import numpy as np
 from navloom.config import Loaded
 from navloom.engine import run_warnings
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import System, assemble, make_plugins
+from navloom.engine.build import assemble
 from navloom.engine.checks import check_task
 from navloom.engine.inspecting import StepInspector, some_ticks
 from navloom.engine.lockstep import Lockstep, Observer, RunLog
+from navloom.engine.making import make_plugins
 from navloom.engine.run_warnings import RunWarning, RunWarnings
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery
@@ -157,8 +159,7 @@ def run_episode(
     for thread in keeping_alive(started):
         owned = started_by(thread)
         if owned is not None:
-            text = f"started the thread {thread.name!r}, which still runs and is no daemon ({owned.place})"
-            found.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=thread.name)
+            run_warnings.staying_thread(found, owned, thread.name)
     return Episode(system, log, recorder, [] if watch is None else watch.finish(), found.listed())
 
 
@@ -168,8 +169,10 @@ def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:
     run_warnings.slow_steps(found, system, log.spent_ns)
     run_warnings.far_commands(found, steppers)
     run_warnings.large_messages(found, run_warnings.volumes_of(executor.trace, steppers), log.ticks * period)
-    asked = executor.active("goal").slots["sweep"].tick
-    run_warnings.silent_sensors(found, system, executor.active("platform"), log.ticks, asked)
+    slots = executor.active("platform").slots
+    scans = {sensor.name: (slots[sensor.name].sequence, slots[sensor.name].tick) for sensor in system.sensors}
+    heard = run_warnings.Heard(0, log.ticks, scans, executor.active("goal").slots["sweep"].tick)
+    run_warnings.silent_sensors(found, system, heard)
     run_warnings.waiting_nodes(found, steppers)
 
 

@@ -8,16 +8,21 @@ import threading
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, Literal
 
 from navloom.config import Loaded
-from navloom.engine.build import System, assemble
+from navloom.engine.build import assemble
 from navloom.engine.checks import check_drive, check_task
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
+<<<<<<< HEAD
+from navloom.engine.system import System
+=======
+from navloom.engine.run_warnings import RunWarning
+>>>>>>> main
 from navloom.engine.trace import TraceWriter
 from navloom.hosting.network import network_of
 from navloom.hosting.robot import LiveRobot
@@ -43,6 +48,7 @@ from navloom.plugins.observing import Onlookers
 from navloom.recording.excerpt import repeating
 from navloom.study.episode import Episode
 from navloom.study.live_show import LiveShow
+from navloom.study.live_warnings import LiveWarnings
 from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
 from navloom.transport.keyspace import FAULT
@@ -106,7 +112,8 @@ def run_barrier(
         board.connect()
         ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
         tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
-        return Episode(system, conductor.run(ticks, tell), recorder)
+        log = conductor.run(ticks, tell)
+        return Episode(system, log, recorder, warnings=LiveWarnings(robot.bus, robot.keys).look())
 
 
 @dataclass(eq=False)
@@ -156,6 +163,8 @@ class LiveRun:
         self._place = Point2D(0.0, 0.0)
         self._newest_goal = self._first_tick = self._last_tick = self._own_goal = 0
         self._told_faults: dict[tuple[str, str], float] = {}
+        self._warned: list[RunWarning] = []
+        self._warnings: LiveWarnings | None = None
 
     def run(
         self,
@@ -184,7 +193,12 @@ class LiveRun:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
                 show = self._listen(robot)
-                with nullcontext() if self.beside is None else self.beside(robot), closing(show):
+                with ExitStack() as stack:
+                    if self.beside is not None:
+                        stack.enter_context(self.beside(robot))
+                    stack.enter_context(closing(show))
+                    if self.judges:  # the host of the platform asks all processes
+                        self._warnings = stack.enter_context(LiveWarnings(robot.bus, robot.keys, self.say))
                     self.say("up: every node is there")  # and who attends it too: what is asked from now on is recorded
                     self._drive(robot, until_idle, look, ended)
         return self._episode() if self.log.results else None
@@ -192,7 +206,8 @@ class LiveRun:
     def _episode(self) -> Episode:
         # What was shortest is known for the config's own goal alone, which began at the config's start.
         is_own = bool(self.log.results) and self.log.results[-1].goal_id == self._own_goal
-        return Episode(self.system if is_own else replace(self.system, goal=None), self.log, self.recorder)
+        system = self.system if is_own else replace(self.system, goal=None)
+        return Episode(system, self.log, self.recorder, warnings=self._warned)
 
     def _listen(self, robot: LiveRobot) -> LiveShow:
         """Hear how it goes, and what the run is judged by, where it is: that would fill a slow link to another host."""
@@ -269,6 +284,7 @@ class LiveRun:
         while self._ended:
             self.log.results = [self._ended.popleft()]
             self._learn_times(client)
+            self._warned = [] if self._warnings is None else self._warnings.look()
             if tell is not None:
                 tell(self._episode())
 
@@ -358,7 +374,8 @@ class LiveRun:
         now = time.monotonic()
         if now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
             self._told_faults[source] = now
-            self.say(f"{' '.join(source)} failed: {fault}")
+            traceback = "" if self._warnings is None else self._warnings.traceback_of(fault)
+            self.say("\n".join([f"{' '.join(source)} failed: {fault}", *traceback.splitlines()]))
             if self.recording is not None:
                 is_only = sum(role == source[0] for role, _ in self.system.parts) == 1
                 self.say(f"repeat that step: {repeating(self.recording, *source, tick, is_only)}")

@@ -116,6 +116,8 @@ class Ros2Base(Platform):
         by_frames = self.params.odometry == "tf"
         what = self.params.tf_topic if by_frames else self.params.odometry_topic
         measured_ns = self._robot.measured_ns
+        if self._robot.anchor.is_unsteady(now):
+            return f"{what} jumps again and again: has it more than one publisher?"
         if measured_ns is not None and now - measured_ns <= self.params.odometry_timeout * 1e9:
             return ""
         why = self._robot.unusable or self._link.why_silent(TF if by_frames else ODOMETRY)

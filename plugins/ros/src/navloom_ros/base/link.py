@@ -67,7 +67,7 @@ class Settings:
 
 
 class Link:
-    """Reads topics and sends velocities.
+    """Reads topics and sends velocities, once `send` or `problem` was called.
 
     Args:
         settings: Where the robot is.
@@ -85,21 +85,20 @@ class Link:
         for topic in topics.values():
             types.fields(topic.kind)
         self._joining = Joining(settings.network, self._set_up)
-        self._joining.start()
-        self._guard = Guard(settings.for_guardian())
+        self._guard: Guard | None = None
 
     def problem(self) -> str:
         """Why the base cannot be driven now; empty where it can."""
-        if not self._guard.is_alive:
-            self._guard.close(is_frozen=True)
+        guard, node = self._started(), self._joining.node
+        if not guard.is_alive:
+            guard.close(is_frozen=True)
             self._guard = Guard(self._settings.for_guardian())
             return "the guardian's process has ended or hangs; another one starts"
-        node = self._joining.node
         if node is None:
             return self._joining.why
         if not node.wire.joined:
             return f"the link to the router {self._settings.network.router} is down"
-        if not self._guard.is_ready:
+        if not guard.is_ready:
             return "the guardian's process starts"
         return self._nobody_listens(node)
 
@@ -125,15 +124,23 @@ class Link:
 
     def send(self, vx: float, vy: float, wz: float, stamp_ns: int | None) -> None:
         """Send a velocity, m/s and rad/s; the stamp is of the robot's clock, None where that is unknown."""
-        self._guard.beat(bool(vx or vy or wz), stamp_ns)
+        self._started().beat(bool(vx or vy or wz), stamp_ns)
         if self._publisher is not None:
             settings = self._settings
             self._publisher.publish(velocity(self._types, settings.stamped, vx, vy, wz, settings.frame, stamp_ns))
 
     def close(self) -> None:
         """Leave the network; the guardian stops the base once more and ends."""
-        self._guard.close()
+        if self._guard is not None:
+            self._guard.close()
         self._joining.close()
+
+    def _started(self) -> Guard:
+        """The guardian; the first call starts it, and joins the network."""
+        if self._guard is None:
+            self._joining.start()
+            self._guard = Guard(self._settings.for_guardian())
+        return self._guard
 
     def _set_up(self, node: Node) -> None:
         for name, topic in self._topics.items():

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,10 @@ RESTARTED, RESTARTED_TURN = 0.3, 0.3
 """m and rad by which the odometry of a new publisher may differ before it counts as one that began again."""
 FASTER = 3.0
 """How many times faster than the robot odometry may be before it counts as one that began again."""
+
+
+UNSTEADY, UNSTEADY_NS = 4, 2_000_000_000
+"""Odometry that begins again so often within 2 s is that of several publishers, or of none."""
 
 
 class Unusable(ValueError):
@@ -146,6 +151,7 @@ class Anchor:
     speed: float
     turn: float
     restarts: int = 0
+    _restarted_ns: deque[int] = field(default_factory=lambda: deque(maxlen=UNSTEADY))
     _origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _raw: tuple[float, float, float] | None = None
     _by: bytes = b""
@@ -163,9 +169,20 @@ class Anchor:
             self._origin = _then(_inverse(raw), (0.0, 0.0, 0.0)) if self.is_from_first else (0.0, 0.0, 0.0)
         elif self._has_restarted(raw, by, at_ns):
             self.restarts += 1
+            self._restarted_ns.append(at_ns)
             self._origin = _then(_then(self._origin, self._raw), _inverse(raw))
         self._raw, self._by, self._at_ns = raw, by, at_ns
         return _then(self._origin, raw)
+
+    def is_unsteady(self, now_ns: int) -> bool:
+        """It began again and again: nobody can tell where the robot is."""
+        return len(self._restarted_ns) == UNSTEADY and now_ns - self._restarted_ns[0] < UNSTEADY_NS
+
+    def check(self, twist: tuple[float, float, float]) -> None:
+        """Refuse a velocity that the robot cannot have. Raises Unusable."""
+        speed = math.hypot(twist[0], twist[1])
+        if speed > FASTER * self.speed + RESTARTED or abs(twist[2]) > FASTER * self.turn + RESTARTED_TURN:
+            raise Unusable(f"odometry of {speed:.3g} m/s and {twist[2]:.3g} rad/s, which the robot cannot drive")
 
     def _has_restarted(self, raw: tuple[float, float, float], by: bytes, at_ns: int) -> bool:
         assert self._raw is not None

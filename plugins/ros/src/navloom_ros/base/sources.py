@@ -129,6 +129,7 @@ class Robot:
         return delays.measured_ns(stamp_ns, heard.source_ns, heard.arrived_ns)
 
     def _move(self, motion: Motion, heard: Heard, stamp_ns: int) -> None:
+        self.anchor.check(motion.twist)
         at_ns = self.when_ns(ODOMETRY, heard, stamp_ns)
         self._sent = heard.source_ns, heard.arrived_ns
         if self.measured_ns is None or at_ns >= self.measured_ns:

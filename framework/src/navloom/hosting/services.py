@@ -18,13 +18,10 @@ from navloom.config import ConfigError
 from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
-<<<<<<< HEAD
 from navloom.engine.making import configure
 from navloom.engine.system import System
-=======
 from navloom.entry_kinds import TRACEBACK
 from navloom.hosting.process_warnings import ProcessWarnings
->>>>>>> main
 from navloom.hosting.provenance import distributions
 from navloom.inputs.texts import refuse_deep_toml
 from navloom.live.cell import Source

@@ -18,11 +18,8 @@ from navloom.engine.build import assemble
 from navloom.engine.checks import check_drive, check_task
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
-<<<<<<< HEAD
-from navloom.engine.system import System
-=======
 from navloom.engine.run_warnings import RunWarning
->>>>>>> main
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.hosting.network import network_of
 from navloom.hosting.robot import LiveRobot

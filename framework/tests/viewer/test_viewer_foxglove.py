@@ -34,10 +34,15 @@ class Kept(FoxgloveServer):
     def __init__(self) -> None:
         super().__init__("lab/r1", "127.0.0.1", 0)
         self.logged: list[tuple[str, str, dict[str, Any]]] = []
+        self.placed: dict[str, tuple[float, float, float]] = {}
 
     def _log(self, topic: str, kind: str, at: int, **values: Any) -> None:
         super()._log(topic, kind, at, **values)
         self.logged.append((topic, kind, values))
+
+    def _transform(self, parent: str, child: str, pose: Pose2D, at: int) -> None:
+        super()._transform(parent, child, pose, at)
+        self.placed[child] = (pose.x, pose.y, pose.heading)
 
 
 def shown(role: str, port: str, message: Any, active: bool = True) -> Shown:
@@ -73,8 +78,7 @@ def test_each_message_has_its_topic_and_frame() -> None:
     ]  # fmt: skip
     values = {topic: given for topic, _, given in server.logged}
     # The base is at (2, 3) in the map, turned left, and at (1, 0) in odom: so odom is at (2, 2).
-    place = values["/tf/odom"]["translation"]
-    assert (place.x, place.y) == (pytest.approx(2.0), pytest.approx(2.0))
+    assert server.placed["odom"] == (pytest.approx(2.0), pytest.approx(2.0), pytest.approx(math.pi / 2))
     points = np.frombuffer(values["/laser"]["data"], "<f4").reshape(-1, 3)
     assert points.tolist() == [pytest.approx([0.0, 1.0, 0.0], abs=1e-6)]
     pixels = np.frombuffer(values["/map"]["data"], np.uint8).reshape(2, 2, 4)

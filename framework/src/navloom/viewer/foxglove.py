@@ -106,9 +106,9 @@ class FoxgloveServer:
         self._channels[topic].log(values, log_time=at)
 
     def _transform(self, parent: str, child: str, pose: Pose2D, at: int) -> None:
-        place = self._pose(pose)
+        place, turn = self._place(pose)
         self._log(f"/tf/{child}", "FrameTransform", at, parent_frame_id=parent, child_frame_id=child,
-                  translation=place.position, rotation=place.orientation)  # fmt: skip
+                  translation=place, rotation=turn)  # fmt: skip
 
     def _locate(self, pose: Pose2D, at: int) -> None:
         """Where the odometry's frame is in the map: the pose by the localizer, after the way back by odometry."""
@@ -150,7 +150,11 @@ class FoxgloveServer:
         self._log(topic, "PosesInFrame", at, frame_id="map", poses=poses)
 
     def _pose(self, pose: Pose2D) -> Any:
-        place = self._messages.Vector3(x=pose.x, y=pose.y, z=0.0)
+        place, turn = self._place(pose)
+        return self._messages.Pose(position=place, orientation=turn)
+
+    def _place(self, pose: Pose2D) -> tuple[Any, Any]:
+        """Translation and rotation."""
         half = pose.heading / 2.0
         turn = self._messages.Quaternion(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
-        return self._messages.Pose(position=place, orientation=turn)
+        return self._messages.Vector3(x=pose.x, y=pose.y, z=0.0), turn

@@ -25,6 +25,8 @@ from navloom.viewer.extra import ViewerError
 __all__ = ["FoxgloveServer"]
 
 Floats = NDArray[np.float64]
+KEPT = frozenset({"/map", "/plan", "/trajectory", "/gate"})
+"""Topics whose last message is given to each program that joins."""
 MOST_POSES = 200
 """Poses of a line; longer ones are thinned."""
 
@@ -48,12 +50,23 @@ class FoxgloveServer:
             raise ViewerError(
                 "--foxglove needs the extra `foxglove`: uv sync --group foxglove, or pip install 'navloom[foxglove]'"
             ) from None
+        repeat = self._repeat
+
+        class Greeter(foxglove.ServerListener):  # type: ignore[misc,name-defined]
+            """Is told, in a thread of the server, of each topic that a program subscribes to."""
+
+            def on_subscribe(self, client: Any, channel: Any) -> None:
+                repeat(channel.topic)
+
         self._messages: Any = messages
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._odom: Pose2D | None = None
+        self._kept: dict[str, tuple[Any, int]] = {}
         try:
-            self._server = foxglove.start_server(name=name, host=host, port=port, context=self._context)
+            self._server = foxglove.start_server(
+                name=name, host=host, port=port, context=self._context, server_listener=Greeter()
+            )
         except (OSError, RuntimeError) as error:
             raise ViewerError(f"--foxglove {host}:{port}: cannot be listened at: {error}") from None
         self.address = f"ws://{host}:{self._server.port}"
@@ -95,7 +108,16 @@ class FoxgloveServer:
         if topic not in self._channels:
             self._channels[topic] = getattr(foxglove.channels, f"{kind}Channel")(topic, context=self._context)
         stamp = self._messages.Timestamp(at // 1_000_000_000, at % 1_000_000_000)
-        self._channels[topic].log(getattr(self._messages, kind)(timestamp=stamp, **values), log_time=at)
+        made = getattr(self._messages, kind)(timestamp=stamp, **values)
+        if topic in KEPT:
+            self._kept[topic] = made, at
+        self._channels[topic].log(made, log_time=at)
+
+    def _repeat(self, topic: str) -> None:
+        """Give who joins late what is said seldom."""
+        kept = self._kept.get(topic)
+        if kept is not None:
+            self._channels[topic].log(kept[0], log_time=kept[1])
 
     def _json(self, topic: str, values: dict[str, float], at: int) -> None:
         """Numbers, to be plotted."""

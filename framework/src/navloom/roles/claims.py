@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from navloom.roles.base import Role
-
-__all__ = ["PURPOSE", "Claim", "claims_of"]
+__all__ = ["PURPOSE", "Claim"]
 
 
 class Claim(StrEnum):
@@ -55,15 +51,10 @@ PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
         "platform": frozenset({Claim.DRIVES_AS_TOLD}),
         "localizer": frozenset({Claim.ACCURATE}),
         "mapper": frozenset({Claim.ACCURATE}),
-        "planner": frozenset({Claim.NO_CONTACT, Claim.REACHES}),
+        "planner": frozenset({Claim.NO_CONTACT, Claim.REACHES, Claim.FOOTPRINT}),
         "controller": frozenset({Claim.SETTLES}),
         "avoider": frozenset({Claim.NO_CONTACT, Claim.REACHES}),
         "recovery": frozenset({Claim.NO_CONTACT, Claim.ENDS}),
     }
 )
 """What each role is for: its plugins claim it unless they say why not in `disclaims`."""
-
-
-def claims_of(cls: type[Role]) -> frozenset[Claim]:
-    """What is demanded of a plugin: the purpose of its role and its own claims, less what it disclaims."""
-    return (PURPOSE.get(cls.role, frozenset()) | frozenset(cls.claims)) - frozenset(cls.disclaims)

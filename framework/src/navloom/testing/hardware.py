@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from navloom.config import ConfigError, Loaded, load_config
-from navloom.engine.build import System, assemble, make_plugins
+from navloom.engine.build import assemble
 from navloom.engine.door import AnswerError, PlatformDoor
+from navloom.engine.making import make_plugins
+from navloom.engine.system import System
 from navloom.messages import Pose2D, Twist2D
 from navloom.plugins import Discovery
 from navloom.roles import Platform, PlatformInput, PlatformOutput

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import sys
 import threading
 import time
@@ -16,13 +17,14 @@ import typer
 from navloom.cli.options import Record, RunOptions, ViewOptions
 from navloom.cli.output import LOG, log_of, print_json, say_so, stage
 from navloom.cli.summary import is_reached, print_summary, tell_faults
+from navloom.crash_watch import dump_file, is_watched
 
 __all__ = ["recorded", "run"]
 
 STALLED = 10.0
-"""s without a tick after which it is said what a run is at."""
+"""Longest time without a tick before the line that keeps the run is logged, s."""
 COMPILING = 12
-"""How many times as long the first tick may take to come."""
+"""Factor by which the first tick may take longer."""
 COMPILER = {"numba", "llvmlite"}
 BENEATH = sys.stdlib_module_names | COMPILER
 """Modules in which a line tells a user nothing."""
@@ -78,7 +80,7 @@ def run(
 def watched_for_stalls(
     progress: Callable[[float, float], None], patience: float = STALLED
 ) -> Iterator[Callable[[float, float], None]]:
-    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way.
+    """A progress function. If it is not called for `patience`, s, the line of code that keeps the run is logged.
 
     Before the first tick kernels may be compiled: until then it is given `COMPILING` times as long.
     """
@@ -87,6 +89,8 @@ def watched_for_stalls(
 
     def tell(done: float, total: float) -> None:
         moved[0], limits[0] = time.monotonic(), patience
+        if is_watched():  # code that holds the GIL keeps the thread below from saying so
+            faulthandler.dump_traceback_later(1.5 * patience, file=dump_file())
         progress(done, total)
 
     def look() -> None:
@@ -95,6 +99,7 @@ def watched_for_stalls(
             last, limit = moved[0], limits[0]
             if last != told and time.monotonic() - last > limit:
                 told = last
+                faulthandler.cancel_dump_traceback_later()
                 LOG.warning(f"no tick for {limit:g} s: {_where(sys._current_frames()[runs])}; Ctrl-C ends it")
 
     thread = threading.Thread(target=look, daemon=True)
@@ -102,6 +107,7 @@ def watched_for_stalls(
     try:
         yield tell
     finally:
+        faulthandler.cancel_dump_traceback_later()
         ended.set()
         thread.join()
 
@@ -118,7 +124,7 @@ def _where(frame: FrameType) -> str:
 
 @contextmanager
 def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
-    """The observer that writes a recording, if one is asked for. A disk that is full ends it, not the run."""
+    """The observer that writes a recording, if one is requested. A full disk ends the recording, not the run."""
     if path is None:
         yield None
         return
@@ -134,6 +140,6 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
         with LockstepRecorder(writer, log_of("recording").warning) as recorder:
             yield recorder
     except BaseException:
-        if not writer.messages:  # the run was refused: there is nothing in it
+        if not writer.messages:  # the run was refused: the file is empty
             writer.discard()
         raise

@@ -83,11 +83,20 @@ class Share:
         return self.run_us - self.verbs_us - self.handover_us - self.reference_us - self.engine_us
 
 
+LAYOUTS = (
+    ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
+    ("engine.build", "engine.build", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
+    ("runtime.build", "runtime.build", "runtime.executor", "runtime.trace", "dataflow.nodes", "dataflow.reference"),
+)
+"""Modules of this version and of older ones, in the order of the fields of `Layout`."""
+
+
 @dataclass(frozen=True)
 class Layout:
     """The modules of the installed navloom: an older one has them elsewhere."""
 
     build: Any
+    making: Any
     assembly: Any
     trace: Any
     nodes: Any
@@ -96,14 +105,13 @@ class Layout:
     @classmethod
     def found(cls) -> Layout:
         """Of this interpreter."""
-        try:
-            names = ["engine.build", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"]
-            return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
-        except ModuleNotFoundError as error:
-            if error.name != "navloom.engine":
-                raise
-        names = ["runtime.build", "runtime.executor", "runtime.trace", "dataflow.nodes", "dataflow.reference"]
-        return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
+        for names in LAYOUTS:
+            try:
+                return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
+            except ModuleNotFoundError as error:
+                if error.name not in ("navloom.engine", "navloom.engine.making"):
+                    raise
+        raise ModuleNotFoundError("no known layout of navloom")
 
 
 @dataclass(frozen=True)
@@ -167,7 +175,7 @@ class Run:
     def __init__(self, layout: Layout, loaded: Any) -> None:
         self.layout = layout
         self.system = layout.build.assemble(loaded)
-        layout.build.make_plugins(self.system)
+        layout.making.make_plugins(self.system)
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (`drive` closes it)
         self.executor = layout.assembly.lockstep_of(self.system, (), layout.trace.TraceWriter(self._file))
         self.nodes = [one.node for one in getattr(self.executor, "steppers", None) or self.executor.instances]

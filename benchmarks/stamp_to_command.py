@@ -18,7 +18,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navloom.config import ConfigError, load_config
-from navloom.engine.build import System, assemble
+from navloom.engine.build import assemble
+from navloom.engine.system import System
 from navloom.hosting.network import network_of
 from navloom.hosting.robot import LiveRobot, StartError
 from navloom.messages import Command, Message, StepReport

@@ -16,7 +16,8 @@ import pytest
 from navloom import AvoiderInput, Box, Place, PlatformInput, Point2D, Pose2D, PoseEstimate, RangeScan, Twist2D, World
 from navloom.config import load_config
 from navloom.engine.assembly import gate_limits
-from navloom.engine.build import assemble, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import make_plugins
 from navloom.navigation.gate import CommandGate, Offer, Sensed
 from navloom.worlds.small import clutter_world
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import assemble, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import make_plugins
 from navloom.study.episode import Episode
 from numba.core.event import install_recorder
 

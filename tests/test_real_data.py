@@ -14,7 +14,8 @@ from navloom import Path as PathFound
 from navloom import PlanRequest, Pose2D
 from navloom.cli import main
 from navloom.config import ConfigError, load_config
-from navloom.engine.build import assemble, grid_of, make_plugins
+from navloom.engine.build import assemble, grid_of
+from navloom.engine.making import make_plugins
 from navloom.geometry.world import Place, World
 from navloom.roles import PlannerInput
 from navloom.study.episode import run_episode

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import assemble, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import make_plugins
 
 BAR = 300.0
 """Robot time over wall time, at 20 Hz."""

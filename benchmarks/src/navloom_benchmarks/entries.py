@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import assemble, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import make_plugins
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Box, position_at
 from navloom.messages import OccupancyGrid, Path, PlanRequest, Pose2D

@@ -74,7 +74,7 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
         refused = CliRunner().invoke(app, ["down", "--robot", "lab/r2"])
         assert isinstance(refused.exception, DirectoryError) and left.poll() is None  # another robot's
         done = CliRunner().invoke(app, ["down", *arguments])
-        assert (done.exit_code, done.output) == (0, f"lab/r1: ended what was left: {what}\n")
+        assert (done.exit_code, done.output) == (0, f"lab/r1: ended orphaned processes: {what}\n")
         assert left_running() == []
     finally:
         left.kill()

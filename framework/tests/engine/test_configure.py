@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 from navloom.config import ConfigError, load_config
-from navloom.engine.build import System, assemble, configure, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import configure, make_plugins
+from navloom.engine.system import System
 from navloom.hosting.services import ServiceError, Services
 from navloom.plugins import PluginError
 

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from navloom.engine.build import System, assemble
+from navloom.engine.build import assemble
 from navloom.engine.run_warnings import LARGEST_MESSAGE, RunWarning
+from navloom.engine.system import System
 from navloom.hosting.process_warnings import MANY, ProcessWarnings
 from navloom.live.step_times import StepTimes
 from navloom.plugins.printing import LARGEST_OUTPUT

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from navloom.config import load_config
-from navloom.config.schema import LiveTable
+from navloom.config.tables import LiveTable
 from navloom.engine.build import assemble
 from navloom.hosting.descendants import MARK, PROCESS, descendants
 from navloom.hosting.directory import RobotFolder

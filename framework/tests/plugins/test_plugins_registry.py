@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from navloom.config.schema import AlternativeTable, NodeTable
+from navloom.config.tables import AlternativeTable, NodeTable
 from navloom.engine.node_plugin import NodePlugin, Tick
 from navloom.geometry.world import World
 from navloom.messages import Message, PlanFailure, Point2D

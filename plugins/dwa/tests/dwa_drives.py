@@ -17,7 +17,8 @@ import numpy as np
 from navloom import Box, OccupancyGrid, Place, Pose2D, World
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import assemble, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import make_plugins
 from navloom.study.recorder import Recorder
 from navloom.worlds.barn import barn_world
 from navloom.worlds.small import clutter_world

@@ -10,7 +10,8 @@ import numpy as np
 from navloom import OccupancyGrid, Path, Planner, PlannerInput, Pose2D, World
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import assemble, make_plugins
+from navloom.engine.build import assemble
+from navloom.engine.making import make_plugins
 from navloom.study.recorder import Recorder
 from numpy.typing import NDArray
 

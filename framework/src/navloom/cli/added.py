@@ -51,7 +51,7 @@ class AddedCommand(TyperCommand):
         return made.make_context(info_name, args, parent=parent, **extra)
 
     def made_or_listed(self) -> Any:
-        """The real command, or this one where it is broken."""
+        """The real command, or this one if it is broken."""
         from navloom.plugins import PluginError
 
         try:
@@ -82,7 +82,7 @@ class AddedCommand(TyperCommand):
 
 
 def blamed(error: Exception) -> str:
-    """Whose command raised what nobody expected, and where; empty where no distribution's command ran."""
+    """The distribution and line of an unexpected exception; empty if no distribution's command ran."""
     point = AddedCommand.used
     if point is None:
         return ""

@@ -26,5 +26,5 @@ def ending() -> Iterator[threading.Event]:
         yield event
     finally:
         for number, handler in before.items():
-            # Who was told to end is ending: another Ctrl-C must not break that off.
+            # A process that is shutting down must not be interrupted by another Ctrl-C.
             signal.signal(number, signal.SIG_IGN if event.is_set() else handler)

@@ -74,7 +74,7 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 the run ended otherwise or something failed, 2 the request was wrong."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by whoever started it: then nobody wants to read it
+        if getattr(sys, name) is None:  # closed by the parent process: nothing reads it
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     try:
         _run()
@@ -94,7 +94,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    """The command. What it prints reaches its file, or fails here and not where Python ends."""
+    """Run the command and flush its output, so that a full disk fails here and not when Python exits."""
     try:
         app()
     finally:
@@ -108,7 +108,7 @@ def _run() -> None:
 
 
 def _exit_code(error: Exception) -> int | None:
-    """1 or 2 for what is an answer to the user; None for what nobody expected."""
+    """1 or 2 for an error that is meant for the user; None for an unexpected one."""
     if isinstance(error, NavloomError):
         return error.exit_code
     if isinstance(error, OSError):
@@ -117,7 +117,7 @@ def _exit_code(error: Exception) -> int | None:
 
 
 def _words(error: Exception) -> str:
-    """What an error says; of the system's own, which file it is about and nothing of numbers."""
+    """The message of an error; for an OSError, the file and the text without its number."""
     if isinstance(error, OSError) and error.strerror:
         where = error.filename or ("standard output or a temporary file" if error.errno in FULL else "")
         return f"{where}: {error.strerror}" if where else error.strerror

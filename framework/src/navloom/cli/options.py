@@ -147,7 +147,7 @@ class RobotOptions:
         return Navigator(self.robot, self.connect, self.keys, self.insecure)
 
     def first_given(self) -> str:
-        """The first of these options that was given; empty where none was."""
+        """The first of these options that was given; empty if none was."""
         return next((f"--{name}" for name, value in vars(self).items() if value), "")
 
 
@@ -209,7 +209,7 @@ class ViewerOptions:
     ] = None
 
     def where(self, view: bool, *, keeps: bool = True) -> Where:
-        """The options as what to show it in; `keeps` where --rerun is one of them.
+        """The options as what to show it in; `keeps` if --rerun is one of them.
 
         Raises:
             ViewerError: Two of them contradict each other, the viewer is not installed, or there is no display for it.
@@ -229,11 +229,11 @@ class ViewerOptions:
 
 @dataclass(frozen=True)
 class ViewOptions(ViewerOptions):
-    """Whether a run is shown while it goes on, and where."""
+    """Whether a run is shown while it lasts, and where."""
 
     view: Annotated[bool, typer.Option("--view", help="Show it in the viewer.", rich_help_panel=VIEWING)] = False
 
     def asked(self) -> Where | None:
-        """What to show the run in; None where none of the options is given. Raises ViewerError."""
+        """What to show the run in; None if none of the options is given. Raises ViewerError."""
         is_asked = self.view or self.web or self.viewer is not None or self.rerun is not None
         return self.where(self.view) if is_asked else None

@@ -1,4 +1,4 @@
-"""How commands talk: tables and progress for people, one JSON object for scripts."""
+"""Output of commands: tables and progress for people, one JSON object for scripts."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ __all__ = [
 ]
 
 LOG = logging.getLogger("navloom.cli")
-"""Where commands say what is no answer."""
+"""Logger of what is not the answer of a command."""
 WIDE = 1000
-"""Columns of a table that goes to a file or another program: none is cut."""
+"""Width of a table that goes to a file or another program: nothing is cut."""
 
 
 def print_json(value: Any) -> None:
@@ -58,7 +58,7 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table for people, as wide as its contents; where the terminal is narrower, entries go on in the next line.
+    """A table for people, as wide as its contents. On a narrower terminal, entries continue in the next line.
 
     Args:
         columns: Their names; all empty for a table without a head.
@@ -79,7 +79,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
 
 
 def shown(value: Any) -> str:
-    """A value as people read it."""
+    """A value for people."""
     if value is None:
         return "-"
     if isinstance(value, float):
@@ -88,7 +88,7 @@ def shown(value: Any) -> str:
 
 
 def say_so(text: str) -> None:
-    """Log a note of the command line; where a line of progress is, it goes above it."""
+    """Log a note of the command line. It appears above a line of progress."""
     LOG.info(text)
 
 
@@ -99,7 +99,7 @@ def log_of(house: str) -> logging.Logger:
 
 @contextmanager
 def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float, float], None]]]:
-    """Progress on standard error: what is being prepared, then how far the run is; told once where no terminal is."""
+    """Progress on standard error: preparation, then the state of the run; a single line if there is no terminal."""
     if quiet or not sys.stderr.isatty():
         told: list[str] = []
 

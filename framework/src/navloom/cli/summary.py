@@ -1,4 +1,4 @@
-"""What a run came to, for people: its numbers, its faults, and whether it reached its goal."""
+"""The result of a run for people: its numbers, its faults, and whether it reached its goal."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ LABELS = {
 
 
 def is_reached(summary: Mapping[str, Any]) -> bool:
-    """The goal was reached: the robot says so, and so does the ground truth where there is one."""
+    """The goal was reached, by the robot's word and by the ground truth if there is one."""
     return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
 
 
 def tell_faults(episode: Any, summary: Mapping[str, Any], recording: Path | None = None) -> None:
-    """What plugins broke, with the command that repeats the step where it was recorded, and what else is wrong."""
+    """Log faults of plugins, each with the command that repeats a recorded step, and other problems."""
     from navloom.recording.excerpt import repeating
 
     for fault, (role, name, tick) in zip(episode.log.faults, episode.log.failed, strict=True):
@@ -68,7 +68,7 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
 
 
 def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
-    """What alternatives in shadow would have said, for people."""
+    """The differences of the alternatives in shadow, for people."""
     from navloom.engine.differences import UNITS
 
     lines = []

@@ -1,4 +1,4 @@
-"""What a run wrote beside its answer: said to people and to scripts, and in the exit code where it is cut short."""
+"""Files that a run wrote beside its answer: listed for people and scripts; incomplete ones set the exit code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["File", "Written", "record_of", "rerun_of", "tell_out"]
 
 @dataclass(frozen=True)
 class File:
-    """A file that grew during a run; where it was cut short, that was said when it happened.
+    """A file that grew during a run. If it is incomplete, that was logged when it happened.
 
     Attributes:
         path, messages, size, is_whole: Where it is, and what is in it: messages and bytes.
@@ -53,7 +53,7 @@ class Written:
         return found | {option: file.to_json() for option, file in files.items() if file is not None}
 
     def tell(self, as_json: bool) -> bool:
-        """Say what is there, where no JSON does, and what is missing; gives whether all is whole."""
+        """List the files, unless JSON does, and log what is missing. Returns whether everything is complete."""
         is_whole = tell_out(self.out, as_json)
         for word, file in (("recorded in", self.record), ("to be viewed in", self.rerun)):
             if file is not None:
@@ -64,7 +64,7 @@ class Written:
 
 
 def tell_out(out: OutFolder, as_json: bool) -> bool:
-    """Say what is in the folder of `--out`, where no JSON does, and what is missing; gives whether nothing is."""
+    """List the folder of `--out`, unless JSON does, and log what is missing. Returns whether nothing is missing."""
     if out.names and not as_json:
         typer.echo(f"kept in {out.folder}: {', '.join(out.names)}")
     if out.failure:

@@ -17,7 +17,8 @@ from pydantic import ValidationError
 
 from navloom.config.lines import line_of
 from navloom.config.problems import ConfigError, check_params, problems_of
-from navloom.config.schema import DEFAULT_PLUGINS, ROLE_TABLES, Config
+from navloom.config.schema import Config
+from navloom.config.tables import DEFAULT_PLUGINS, ROLE_TABLES
 from navloom.inputs.bounds import DEEPEST, TEXT_MB, read_file
 from navloom.inputs.texts import refuse_deep_toml, refuse_deep_tree, shortened, toml_of
 from navloom.plugins import Discovery, PluginError

@@ -1,339 +1,37 @@
-"""What a config file may hold. Tables of roles and sensors carry their plugin's own parameters, unchecked here."""
+"""A whole config file, and what has to fit between its tables."""
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Collection, Iterator, Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from navloom.config.tables import (
+    DEFAULT_PLUGINS,
+    OWN_NODES,
+    OWN_PROCESS,
+    ROLE_TABLES,
+    TAKEN,
+    AlternativeTable,
+    EventTable,
+    GateTable,
+    LiveTable,
+    MapTable,
+    NavigationTable,
+    NodeTable,
+    Placed,
+    PluginsTable,
+    RobotTable,
+    RoleTable,
+    RunTable,
+    SensorTable,
+    Table,
+    WorldTable,
+)
 from navloom.plugins.registry import nearest
-from navloom.roles import ROLES
-from navloom.roles.base import StrictModel
 
-__all__ = ["ROLE_TABLES", "AlternativeTable", "Config", "EventTable", "FootprintTable", "GateTable", "LiveTable",
-           "MapTable", "NavigationTable", "NodeTable", "PlaceTable", "Placed", "PluginsTable", "PointTable",
-           "RobotTable", "RoleTable", "RunTable", "SensorTable", "WorldTable"]  # fmt: skip
-
-Positive = Annotated[float, Field(gt=0.0)]
-ROLE_TABLES = ROLES.keys()
-"""Roles, each with a table of its name in every config."""
-OWN_NODES = ("goal", "reference", "gate")
-TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
-"""Names below a robot's key that no table [[node]] can have."""
-OWN_PROCESS = "nodes"
-"""Process of the tables [[node]] that no process names: apart from what drives the robot."""
-LONGEST_NAME = 48
-"""Characters of a name: a key is made of five, and has 255 bytes at most."""
-
-
-class Table(StrictModel):
-    """Base of the config's tables: unknown keys are refused, whole numbers pass as reals, nothing is infinite."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class OpenTable(StrictModel):
-    """Base of tables that carry a plugin's parameters beside their own keys."""
-
-    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
-
-    @property
-    def params(self) -> dict[str, Any]:
-        """The keys that belong to the plugin."""
-        return dict(self.__pydantic_extra__ or {})
-
-
-class RunTable(Table):
-    """One run."""
-
-    seed: int = Field(default=0, ge=0, lt=2**63, description="of every random stream")
-    period: float = Field(default=0.05, ge=0.001, le=1.0, description="s, one control tick")
-    stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="s of robot time")
-
-
-class FootprintTable(Table):
-    """A rectangle centred on base, or a convex polygon."""
-
-    length: Positive | None = Field(default=None, description="m, along x")
-    width: Positive | None = Field(default=None, description="m, along y")
-    polygon: list[tuple[float, float]] | None = Field(default=None, description="m, base frame, convex")
-
-    @model_validator(mode="after")
-    def _is_one_or_the_other(self) -> FootprintTable:
-        rectangle = self.length is not None and self.width is not None
-        if rectangle == (self.polygon is not None) or (self.length is None) != (self.width is None):
-            raise ValueError("expected either length and width, or polygon")
-        return self
-
-
-class RobotTable(Table):
-    """What every plugin is told about the robot; the gate enforces the limits."""
-
-    realm: str = Field(default="lab", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
-    name: str = Field(default="r1", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
-    footprint: FootprintTable = FootprintTable(length=0.8, width=0.8)
-    height: Positive = Field(default=1.2, description="m")
-    wheel_radius: Positive = Field(default=0.05, description="m")
-    half_track: Positive = Field(default=0.30, description="m")
-    max_linear: Positive = Field(default=0.5, description="m/s")
-    max_angular_deg: Positive = Field(default=25.0, description="deg/s")
-    max_acceleration: Positive = Field(default=0.5, description="m/s²")
-    max_deceleration: Positive = Field(default=1.0, description="m/s²")
-    max_angular_acceleration_deg: Positive | None = Field(default=None, description="deg/s²; default: no limit")
-    motor_lag: float = Field(default=0.0, ge=0.0, le=2.0, description="time constant of the wheels' speed, s")
-    dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command to the wheels, s")
-
-    @property
-    def max_angular(self) -> float:
-        """rad/s."""
-        return math.radians(self.max_angular_deg)
-
-    @property
-    def max_angular_acceleration(self) -> float:
-        """rad/s²; infinite where there is no limit."""
-        given = self.max_angular_acceleration_deg
-        return math.inf if given is None else math.radians(given)
-
-
-class OffsetTable(Table):
-    """How far the true start is from the one the robot believes in, along the axes of the map."""
-
-    x: float = Field(default=0.0, description="m")
-    y: float = Field(default=0.0, description="m")
-    heading_deg: float = Field(default=0.0, description="degrees, counter-clockwise")
-
-
-class WorldTable(Table):
-    """Where a simulated robot is."""
-
-    ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
-    start_offset: OffsetTable = Field(default=OffsetTable(), description="the true start less navigation.start")
-
-
-class MapTable(Table):
-    """A map made before the run, for plugins that want one."""
-
-    ref: str = Field(default="world", description='a world reference, or "world" for the one of the run')
-    resolution: float = Field(default=0.05, ge=0.005, le=1.0, description="m, where the reference has no raster")
-
-
-class RoleTable(OpenTable):
-    """A role's plugin; the keys not named here are its parameters."""
-
-    plugin: str = Field(min_length=1)
-    name: str | None = Field(
-        default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
-    )
-    sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
-    inputs: dict[str, str] | None = Field(
-        default=None, description="by name of an input, the stream it reads, as people.tracks; default the only one"
-    )
-    rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
-    latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
-    diagnostics_rate_hz: float | None = Field(
-        default=None, ge=0.0, description="avoider: how often it says why, 2 where not given, 0 for never"
-    )
-
-    @property
-    def instance(self) -> str:
-        """Name of the instance: its own, or the plugin's."""
-        return self.name or self.plugin
-
-
-class NodeTable(RoleTable):
-    """A whole node of another distribution's plugin."""
-
-    name: str = Field(
-        max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="takes a role's place in keys and lists"
-    )
-    required: bool = Field(default=False, description="the gate stops the robot when it is gone")
-
-    @property
-    def instance(self) -> str:
-        """Name of the instance: the plugin's, since `name` is the node's."""
-        return self.plugin
-
-
-class AlternativeTable(RoleTable):
-    """A further instance of a role or node, in shadow or waiting to be swapped in."""
-
-    role: str = Field(min_length=1, description="a role, or the name of a [[node]]")
-    shadow: bool = True
-
-
-class Placed(NamedTuple):
-    """A table of an instance: its place in the file, and the role or node it is of."""
-
-    place: str
-    role: str
-    table: RoleTable
-
-
-class SensorTable(OpenTable):
-    """One sensor; the keys not named here are its settings."""
-
-    name: str = Field(max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$")
-    kind: str = Field(min_length=1)
-
-
-class PointTable(Table):
-    """A point in the map frame, m."""
-
-    x: float
-    y: float
-
-
-class PlaceTable(Table):
-    """A place in the map frame, m and degrees."""
-
-    x: float
-    y: float
-    heading_deg: float | None = None
-
-
-class NavigationTable(Table):
-    """Start, goal and everything the framework's own nodes decide by."""
-
-    start: PlaceTable | None = Field(default=None, description="default: the world's")
-    goal: PlaceTable | None = Field(default=None, description='default: the world\'s; see "drive"')
-    via: list[PointTable] = Field(default_factory=list, description="points to pass, in order")
-    drive: bool = Field(default=True, description="drive to the goal at once; false waits for goals")
-    goal_tolerance: Positive | None = Field(default=None, description="m; default: the world's, else 0.2")
-    heading_tolerance_deg: Positive = Field(default=5.0, description="where the goal has a heading")
-    speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="m/s, of the reference")
-    lateral_acceleration: Positive = Field(default=0.3, description="m/s², bounds the speed in bends")
-    look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
-    corridor_margin: float = Field(default=0.04, ge=0.0, description="m, beside the robot's half width")
-    handover: Literal["when_blocked", "always", "never"] = "when_blocked"
-    handover_own_way: bool = Field(default=True, description="it also looks along the way the robot takes next")
-    handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
-    stuck_after: Positive = Field(default=15.0, description="s without progress")
-    max_recoveries: int = Field(default=3, ge=0)
-    map_timeout: Positive = Field(default=10.0, description="s to wait for a map")
-    plan_timeout: Positive = Field(default=10.0, description="s to wait for a plan")
-    replan_when_blocked: bool = Field(default=True, description="plan anew when a new map blocks the trajectory")
-    replan_period: float = Field(default=0.0, ge=0.0, description="s between two plans while driving; 0: none")
-    replan_gain: float = Field(
-        default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
-    )
-
-    @model_validator(mode="after")
-    def _speeds_rise(self) -> NavigationTable:
-        if self.speed[0] > self.speed[1]:
-            raise ValueError(f"speed is [{self.speed[0]:g}, {self.speed[1]:g}], expected the lower one first")
-        return self
-
-
-class GateTable(Table):
-    """When the command gate stops the robot."""
-
-    stop_deadline: Positive = Field(default=0.10, description="s a command may be behind the platform")
-    sensor_timeout: Positive = Field(default=0.5, description="s a required sensor may be silent")
-    monitor: bool = Field(default=True, description="look at the range sensors before a command passes")
-    range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
-
-
-class EventTable(Table):
-    """Something an operator does at a time."""
-
-    at: float = Field(ge=0.0, description="s of robot time")
-    do: Literal["swap", "goal", "cancel", "set", "stop", "resume"]
-    x: float | None = None
-    y: float | None = None
-    heading_deg: float | None = None
-    role: str | None = None
-    name: str | None = Field(default=None, description="instance, for swap and set")
-    values: dict[str, Any] = Field(default_factory=dict, description="for set: the parameters to change")
-
-    @model_validator(mode="after")
-    def _has_what_it_needs(self) -> EventTable:
-        needed = {"swap": ("role", "name"), "goal": ("x", "y"), "set": ("role",)}.get(self.do, ())
-        missing = [key for key in needed if getattr(self, key) is None]
-        if self.do == "set" and not self.values:
-            missing.append("values")
-        if missing:
-            raise ValueError(f'do = "{self.do}" also needs {" and ".join(missing)}')
-        allowed = {"at", "do", *needed, *{"goal": ("heading_deg",), "set": ("name", "values")}.get(self.do, ())}
-        extra = sorted(self.model_fields_set - allowed)
-        if extra:
-            raise ValueError(f'do = "{self.do}" has no use for {" and ".join(extra)}')
-        return self
-
-
-DEFAULT_PLUGINS: dict[str, str] = {
-    "platform": "sensors_sim",
-    "localizer": "odometry",
-    "mapper": "ipabd",
-    "planner": "astar",
-    "controller": "lyapunov_tracker",
-    "avoider": "improved_vfh",
-    "recovery": "wait_and_replan",
-}
-"""Of the roles without which there is no robot."""
-
-
-class LiveTable(Table):
-    """How `up` and `node` spread the nodes; lockstep does not read it."""
-
-    processes: dict[str, list[str]] = Field(
-        default_factory=lambda: {
-            "robot": ["platform", "localizer"],
-            "think": ["mapper", "planner", "goal"],
-            "drive": ["reference", "controller", "avoider", "recovery"],
-            "safe": ["gate"],
-        }
-    )
-    hosts: dict[str, list[str]] = Field(default_factory=dict, description="processes of each host")
-    router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
-    router_host: str | None = Field(default=None, description="host that starts the router; default: none, run it")
-    keys: str | None = Field(default=None, description="folder of certificates, see `navloom keys`")
-    shared_memory: bool = Field(default=False, description="messages of 3 KB and more pass through it on one host")
-    hang_timeout: Positive = Field(default=2.0, description="s a step may take before its process is given up")
-    restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it is left down")
-    restart_window: Positive = Field(default=30.0, description="s")
-
-    @model_validator(mode="after")
-    def _spread_fits(self) -> LiveTable:
-        placed: dict[str, str] = {}
-        for process, nodes in self.processes.items():
-            if not re.fullmatch(r"[A-Za-z0-9_-]+", process):
-                raise ValueError(f'process "{process}": expected letters, digits, _ and -')
-            for node in nodes:
-                if node in placed:
-                    raise ValueError(f'"{node}" is in the processes {placed[node]} and {process}')
-                placed[node] = process
-        missing = [role for role in (*DEFAULT_PLUGINS, *OWN_NODES) if role not in placed]
-        if missing:
-            raise ValueError(f"processes leave out {', '.join(missing)}")
-        for host, processes in self.hosts.items():
-            for process in processes:
-                if process not in self.processes:
-                    raise ValueError(f'host {host} names "{process}"; processes are {", ".join(self.processes)}')
-        return self
-
-    @model_validator(mode="after")
-    def _hosts_fit(self) -> LiveTable:
-        placed: dict[str, str] = {}
-        for host, processes in self.hosts.items():
-            for process in processes:
-                if process in placed:
-                    raise ValueError(f'"{process}" is on the hosts {placed[process]} and {host}')
-                placed[process] = host
-        if len(set(placed.values())) > 1 and not self.router:
-            raise ValueError('hosts reach each other through a router: give router, as in router = "tls/10.0.0.1:7447"')
-        if self.router_host is not None and (not self.router or self.router_host not in self.hosts):
-            known = f"hosts are {', '.join(self.hosts)}" if self.hosts else "there are no hosts"
-            raise ValueError(f'router_host is "{self.router_host}"; {known if self.router else "router is missing"}')
-        return self
-
-
-class PluginsTable(Table):
-    """Which plugins may be used."""
-
-    blocked: list[str] = Field(default_factory=list, description="role.name, treated as not installed")
+__all__ = ["Config"]
 
 
 class Config(Table):

@@ -6,13 +6,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from navloom.engine.build import System, configure, role_nodes, stride_of
+from navloom.engine.build import stride_of
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import Lockstep, Observer
+from navloom.engine.making import configure, role_nodes
 from navloom.engine.node import Node
 from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
 from navloom.engine.reference import ReferenceNode
 from navloom.engine.stepper import Stepper
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.geometry.footprints import inscribed_radius

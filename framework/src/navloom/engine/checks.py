@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.engine.build import System, stride_of
+from navloom.engine.build import stride_of
 from navloom.engine.needs import needed_sensors
+from navloom.engine.system import System
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import inscribed_radius
 from navloom.geometry.world import Place

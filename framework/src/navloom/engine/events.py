@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from navloom.config.schema import Config, EventTable, PlaceTable
+from navloom.config.schema import Config
+from navloom.config.tables import EventTable, PlaceTable
 from navloom.messages import Goal, OperatorRequest, Point2D
 
 __all__ = ["schedule"]

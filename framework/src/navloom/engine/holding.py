@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from navloom.config.loader import leaves
-from navloom.config.schema import NodeTable
-from navloom.engine.build import System
+from navloom.config.tables import NodeTable
+from navloom.engine.system import System
 from navloom.roles import Platform
 
 __all__ = ["holding"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from navloom.engine.build import System
 from navloom.engine.parts import Part
+from navloom.engine.system import System
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE
 from navloom.roles import ROLES, Platform, Role

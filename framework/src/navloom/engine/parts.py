@@ -8,7 +8,8 @@ from typing import Any
 
 from navloom.config import ConfigError, check_params
 from navloom.config.problems import Gathered
-from navloom.config.schema import Config, RoleTable
+from navloom.config.schema import Config
+from navloom.config.tables import RoleTable
 from navloom.engine.catalogue import Catalogue, carries_truth, node_plugin
 from navloom.engine.graph import GraphError, order
 from navloom.engine.node_plugin import NodePlugin

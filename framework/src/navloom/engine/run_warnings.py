@@ -12,9 +12,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from navloom.engine.build import System, stride_of
+from navloom.engine.build import stride_of
 from navloom.engine.door import notes_of
 from navloom.engine.stepper import Stepper
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.messages import Message, RangeScan, Sweep
 from navloom.messages.packing import writer_of

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from navloom.config import ConfigError
-from navloom.engine.build import System
+from navloom.engine.system import System
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running
 from navloom.hosting.network import Network, network_of
 from navloom.hosting.node_process import Share

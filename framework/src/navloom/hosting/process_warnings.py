@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 
 from navloom.engine import run_warnings
-from navloom.engine.build import System, stride_of
+from navloom.engine.build import stride_of
 from navloom.engine.run_warnings import Heard, RunWarning, RunWarnings, Volume
+from navloom.engine.system import System
 from navloom.live.cell import Cell, Source
 from navloom.live.live import LiveRunner
 from navloom.plugins.owners import Owned, Owners

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from navloom.config.schema import ROLE_TABLES, Config
+from navloom.config.schema import Config
+from navloom.config.tables import ROLE_TABLES
 from navloom.plugins import Discovery
 from navloom.plugins.registry import NODE
 

@@ -15,10 +15,12 @@ from functools import cache
 from typing import Any
 
 from navloom.config import ConfigError
-from navloom.engine.build import System, changed_params, configure
+from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
+from navloom.engine.making import configure
 from navloom.engine.role_nodes import LocalizerNode
+from navloom.engine.system import System
 from navloom.entry_kinds import TRACEBACK
 from navloom.hosting.process_warnings import ProcessWarnings
 from navloom.hosting.provenance import distributions

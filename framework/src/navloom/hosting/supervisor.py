@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from navloom.config import Loaded
-from navloom.config.schema import LiveTable
+from navloom.config.tables import LiveTable
 from navloom.hosting.descendants import PROCESS, Descendant, descendants, end_all, left_of, mark, reap_orphans
 from navloom.hosting.directory import Fate, RobotFolder
 from navloom.hosting.folder_keeper import FolderKeeper

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from navloom.config import ConfigError
-from navloom.config.schema import LiveTable
-from navloom.engine.build import System
+from navloom.config.tables import LiveTable
+from navloom.engine.system import System
 from navloom.hosting.network import Network
 from navloom.hosting.node_main import CONTROL_PRIORITY
 from navloom.hosting.node_process import longest_step

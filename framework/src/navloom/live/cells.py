@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
-from navloom.engine.build import System
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.node import Node
 from navloom.engine.ports import Input
 from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
+from navloom.engine.system import System
 from navloom.engine.wiring import Slot, Wire, make_wire
 from navloom.live.cell import Cell, Feed, Source
 from navloom.live.mailbox import Mailbox

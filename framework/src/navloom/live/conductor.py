@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from navloom.engine.build import System
 from navloom.engine.lockstep import Observer, RunLog
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.errors import NavloomError
 from navloom.live.barrier import Barrier

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from navloom.engine.build import System
+from navloom.engine.system import System
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.memory import Memory
 from navloom.live.run_clock import RunClock

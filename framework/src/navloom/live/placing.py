@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from navloom.config.schema import OWN_NODES, ROLE_TABLES, Config
+from navloom.config.schema import Config
+from navloom.config.tables import OWN_NODES, ROLE_TABLES
 from navloom.live.cell import Source
 
 __all__ = ["goes_first", "spread"]

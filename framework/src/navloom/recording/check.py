@@ -8,8 +8,9 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from navloom.config import Loaded
-from navloom.engine.build import System, assemble
+from navloom.engine.build import assemble
 from navloom.engine.catalogue import catalogue_of
+from navloom.engine.system import System
 from navloom.messages import Message
 from navloom.recording.comparing import ReplayDifference, first_difference, is_same
 from navloom.recording.outcomes import Outcomes

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
-from navloom.engine.build import assemble, make_plugins, role_nodes
+from navloom.engine.build import assemble
 from navloom.engine.differences import differences
 from navloom.engine.fed import FedNode
+from navloom.engine.making import make_plugins, role_nodes
 from navloom.engine.node import Tick
 from navloom.engine.reference import ReferenceNode
 from navloom.geometry.angles import wrap

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 from navloom.config import ConfigError
 from navloom.engine.assembly import own_node
-from navloom.engine.build import System, configure, make_plugins, role_nodes
 from navloom.engine.events import schedule
 from navloom.engine.fed import FedNode
+from navloom.engine.making import configure, make_plugins, role_nodes
 from navloom.engine.node import Node, Tick
 from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.system import System
 from navloom.engine.told import GateTold, GoalTold
 from navloom.messages import Command, Envelope, Message, OperatorRequest, Parameters, Selection, StepReport
 from navloom.messages.codec import encode, schema_label

@@ -17,7 +17,7 @@ from navloom.engine.differences import differences, is_differing
 from navloom.messages import Envelope, HandOver, Message, StepRecord
 
 if TYPE_CHECKING:
-    from navloom.engine.build import System
+    from navloom.engine.system import System
 
 __all__ = ["Disagreement", "ShadowWatch", "shadow_table"]
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.loader import parse_override
-from navloom.config.schema import ROLE_TABLES, Config
+from navloom.config.schema import Config
+from navloom.config.tables import ROLE_TABLES
 from navloom.engine.build import assemble
 from navloom.engine.differences import differences
 from navloom.messages import MapUpdate, Message, PoseEstimate

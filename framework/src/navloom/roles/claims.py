@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from navloom.roles.base import Role
-
-__all__ = ["PURPOSE", "Claim", "claims_of"]
+__all__ = ["PURPOSE", "Claim"]
 
 
 class Claim(StrEnum):
@@ -62,8 +58,3 @@ PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
     }
 )
 """What each role is for: its plugins claim it unless they say why not in `disclaims`."""
-
-
-def claims_of(cls: type[Role]) -> frozenset[Claim]:
-    """What is demanded of a plugin: the purpose of its role and its own claims, less what it disclaims."""
-    return (PURPOSE.get(cls.role, frozenset()) | frozenset(cls.claims)) - frozenset(cls.disclaims)

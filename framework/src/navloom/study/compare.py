@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from navloom.config import ConfigError, Loaded, load_config
-from navloom.config.schema import ROLE_TABLES
-from navloom.engine.build import System, assemble
+from navloom.config.tables import ROLE_TABLES
+from navloom.engine.build import assemble
 from navloom.engine.checks import check_task
+from navloom.engine.system import System
 from navloom.plugins import PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.study.episode_key import EpisodeKey

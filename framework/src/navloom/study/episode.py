@@ -13,11 +13,13 @@ import numpy as np
 from navloom.config import Loaded
 from navloom.engine import run_warnings
 from navloom.engine.assembly import lockstep_of
-from navloom.engine.build import System, assemble, make_plugins
+from navloom.engine.build import assemble
 from navloom.engine.checks import check_task
 from navloom.engine.inspecting import StepInspector, some_ticks
 from navloom.engine.lockstep import Lockstep, Observer, RunLog
+from navloom.engine.making import make_plugins
 from navloom.engine.run_warnings import RunWarning, RunWarnings
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.messages import GoalResult, Point2D
 from navloom.plugins import Discovery

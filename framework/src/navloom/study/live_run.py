@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from navloom.config import Loaded
-from navloom.engine.build import System, assemble
+from navloom.engine.build import assemble
 from navloom.engine.checks import check_drive, check_task
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
+from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter
 from navloom.hosting.network import network_of
 from navloom.hosting.robot import LiveRobot

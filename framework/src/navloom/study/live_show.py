@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 
-from navloom.engine.build import System
+from navloom.engine.system import System
 from navloom.live.cells import all_sources
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.switchboard import Switchboard

@@ -10,8 +10,8 @@ from typing import Any
 
 from navloom.config import ConfigError, Loaded, load_config
 from navloom.config.loader import leaves
-from navloom.config.schema import ROLE_TABLES, AlternativeTable
-from navloom.engine.build import System
+from navloom.config.tables import ROLE_TABLES, AlternativeTable
+from navloom.engine.system import System
 from navloom.plugins import Discovery
 from navloom.plugins.registry import NODE
 

@@ -17,8 +17,8 @@ from navloom.geometry.world import Place, World
 from navloom.messages import GoalResult
 
 if TYPE_CHECKING:
-    from navloom.engine.build import System
     from navloom.engine.lockstep import RunLog
+    from navloom.engine.system import System
     from navloom.study.recorder import Recorder
 
 __all__ = ["FALSE_SUCCESS", "TRUTH_MARGIN", "Trail", "WayLengths", "lost_trail", "trail_of", "ways_of"]

@@ -15,7 +15,7 @@ from navloom.messages import Pose2D
 from navloom.viewer.colours import ACTOR, Colour
 
 if TYPE_CHECKING:
-    from navloom.engine.build import System
+    from navloom.engine.system import System
 
 __all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of"]
 

@@ -1,4 +1,4 @@
-"""`navloom config`: what holds, whether it fits, and what a config may contain."""
+"""`navloom config`: the values in effect, a check, and what a config may contain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ app = App(help="Show, check and describe configs.", no_args_is_help=True)
 
 @app.command()
 def show(given: ConfigOptions, as_json: AsJson = False) -> None:
-    """Every value that holds and where it came from: default, file or --set."""
+    """Print every value that is in effect and its origin: default, file or --set."""
     from navloom.cli.output import print_json, print_table
     from navloom.engine.build import assemble
     from navloom.engine.holding import holding
@@ -56,8 +56,9 @@ def as_toml(value: Any) -> str:
 def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     """Check that a config fits and can drive: plugins, parameters, world and wiring, without running it."""
     from navloom.cli.output import print_json
-    from navloom.engine.build import assemble, try_plugins
+    from navloom.engine.build import assemble
     from navloom.engine.checks import check_drive, check_task, is_real
+    from navloom.engine.making import try_plugins
     from navloom.hosting.network import network_of
 
     loaded = given.load()

@@ -1,4 +1,4 @@
-"""`navloom graph`: who reads what from whom."""
+"""`navloom graph`: the connections between nodes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def graph(
 
 
 def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool) -> None:
-    """Who reads what from whom by a config."""
+    """The connections that a config makes."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
     from navloom.engine.build import assemble
@@ -80,7 +80,7 @@ def _carried(port: Any) -> str:
 
 
 def _live_graph(robot: RobotOptions, as_json: bool, dot: bool) -> None:
-    """Who is there, what each publishes, and whose messages it has received."""
+    """The nodes, what each publishes, and whose messages it has received."""
     from navloom.cli.live.live_graph import live_edges, live_nodes, print_dot, print_nodes
     from navloom.cli.output import print_json
     from navloom.operating.client import ClientError

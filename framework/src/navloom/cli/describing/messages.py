@@ -56,7 +56,7 @@ def messages(
 
 
 def _known() -> Iterator[tuple[type[Message], str]]:
-    """Every message and its distribution, the framework's first. Those of a broken one are told on standard error."""
+    """Every message and its distribution, the framework's first. Broken distributions are logged."""
     from navloom.installed import framework_version
     from navloom.messages import SCHEMAS
     from navloom.plugins import Discovery, PluginError

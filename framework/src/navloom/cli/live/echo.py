@@ -16,7 +16,7 @@ __all__ = ["echo"]
 ENTRIES = 6
 """Of a list at most, where people read it."""
 PATIENCE = 2.0
-"""s without a message after which that is said."""
+"""Longest silence before it is logged, s."""
 
 
 def echo(

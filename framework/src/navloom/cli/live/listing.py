@@ -1,4 +1,4 @@
-"""`navloom list`: who is there."""
+"""`navloom list`: the nodes of a robot."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["list_nodes"]
 
 SHOWN = ("plugin", "process", "pid", "host")
 LONG = 0.5
-"""s in one step after which a node is called busy."""
+"""Duration of a step from which a node counts as busy, s."""
 QUIET = ("streams", "places", "hosts")
-"""What a node says of itself that is no row of a table; `navloom graph` and `navloom hz` show it."""
+"""Parts of a description that are not in the table; `navloom graph` and `navloom hz` show them."""
 
 
 def list_nodes(
@@ -40,13 +40,13 @@ def list_nodes(
 
 
 def _tick(node: Mapping[str, Any]) -> int | None:
-    """Of its last step; None before the first."""
+    """Tick of its last step; None before the first."""
     tick: int | None = node["tick"]
     return None if tick is None or tick < 0 else tick
 
 
 def state(node: Mapping[str, Any]) -> str:
-    """What a node is at, in words."""
+    """State of a node, in words."""
     if not node["answers"]:
         return "does not answer"
     words = "active" if node["active"] else "shadow" if node["enabled"] else "waiting"

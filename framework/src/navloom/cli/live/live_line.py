@@ -1,4 +1,4 @@
-"""One line that says how a drive goes: rewritten on a terminal, a line now and then elsewhere."""
+"""One line with the progress of a drive: rewritten on a terminal, printed now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LiveLine:
         self._last: tuple[str, float] | None = None
 
     def show(self, text: str, kind: str) -> None:
-        """Show the line; `kind` is what of it is worth a line of its own as soon as it changes."""
+        """Show the line. Without a terminal, a change of `kind` prints it at once."""
         if self._is_terminal:
             print(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}", end="", file=self._stream, flush=True)
             self._is_open = True
@@ -37,14 +37,14 @@ class LiveLine:
             print(text, file=self._stream, flush=True)
 
     def end(self) -> None:
-        """What is printed next begins a line."""
+        """End the line: the next print starts a new one."""
         if self._is_open:
             print(file=self._stream, flush=True)
         self._is_open = False
 
 
 def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
-    """How a goal goes, on one line, and what of it is worth a line of its own: see `LiveLine`.
+    """The progress of a goal on one line, and its kind: see `LiveLine`.
 
     Args:
         feedback: The goal's newest.

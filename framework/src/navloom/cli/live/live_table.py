@@ -1,4 +1,4 @@
-"""What `navloom up` shows while a robot is up: a table that is drawn anew where somebody looks, lines elsewhere."""
+"""What `navloom up` shows while a robot is up: a table that is redrawn on a terminal, log lines elsewhere."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class StatusTable:
             self.say("starting; the first run compiles kernels, later ones load them")
 
     def look(self, robot: Any) -> None:
-        """Draw, where it is time."""
+        """Redraw the table if it is due."""
         now = time.monotonic()
         if self._live is None:
             self._tell_changes()

@@ -148,7 +148,7 @@ def set_params(
 
 
 def _target(navigator: Any, text: str) -> tuple[str, str]:
-    """Role and instance of a plugin; where none is named, the active one. Raises Refused where there is no such."""
+    """Role and instance of a plugin, by default the active one. Raises Refused if there is none."""
     from navloom.operating.client import ClientError, Refused
     from navloom.plugins.registry import nearest
 

@@ -54,7 +54,7 @@ def _summary(
 def rows(
     name: str, nodes: Sequence[Mapping[str, Any]], words: Mapping[str, Any], changed: Mapping[str, Sequence[str]]
 ) -> list[tuple[str, str]]:
-    """What is printed of a robot, line by line; without what there is nothing to say of."""
+    """The printed lines; rows without a value are left out."""
     from navloom.operating.looking import missing
 
     clock = max(node["clock_ns"] for node in nodes)
@@ -107,7 +107,7 @@ def _result(result: Any) -> str:
 
 
 def _localizer(feedback: Any) -> str:
-    """Empty where it is tracking, or where the goal has not said."""
+    """Empty while it is tracking, or if the goal has not reported it."""
     from navloom.operating.looking import WHERE_IT_IS
 
     return f"{feedback.localizer}; {WHERE_IT_IS}" if feedback is not None and feedback.localizer else ""
@@ -127,7 +127,7 @@ def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tup
 
 
 def _why_stopped(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """Why nothing drives, and what to do; both empty where something does, or the gate has said nothing."""
+    """Why the robot is stopped, and the remedy; both empty if it drives or the gate has not reported."""
     from navloom.operating.looking import NO_GOAL, why_stopped
 
     gate, feedback = words["gate/status"], words["goal/feedback"]

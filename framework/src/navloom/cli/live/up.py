@@ -19,9 +19,9 @@ from navloom.cli.summary import is_reached, print_summary, tell_faults
 __all__ = ["down", "up"]
 
 DOWN = 15.0
-"""s a robot may take to end."""
+"""Longest shutdown of a robot, s."""
 LEFT = 2.0
-"""Time that what a robot has left may take to end in order, before it is killed, s."""
+"""Longest orderly shutdown of orphans before they are killed, s."""
 
 
 def up(
@@ -70,7 +70,7 @@ def down(
     robot: RobotName = None,
     every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
 ) -> None:
-    """End a robot that is up on this host: it stops, then its processes end in order. Ends also what one has left."""
+    """Shut down a robot on this host: it stops, then its processes end in order. Ends orphaned processes too."""
     from navloom.hosting.directory import DirectoryError, robots
     from navloom.operating.joining import find_robot
 
@@ -95,14 +95,14 @@ def down(
 
 
 def _end_left(robot: str | None) -> bool:
-    """End what robots have left whose `navloom up` is gone, and say so; whether there was anything."""
+    """End orphans of robots whose `navloom up` is gone, and print them. Returns whether there were any."""
     from navloom.hosting.descendants import end_all
     from navloom.operating.host_faults import strays
 
     names = sorted(strays(robot))
     for name in names:
         ended = end_all(lambda name=name: strays(name).get(name, []), LEFT)  # type: ignore[misc]
-        typer.echo(f"{name}: ended what was left: {', '.join(map(str, ended))}")
+        typer.echo(f"{name}: ended orphaned processes: {', '.join(map(str, ended))}")
     return bool(names)
 
 
@@ -124,7 +124,7 @@ def _end(running: Any) -> None:
     folder = RobotFolder(running.realm, running.robot)
     limit = time.monotonic() + DOWN
     while time.monotonic() < limit:
-        now = folder.read()  # None once nobody holds the robot's lock any more
+        now = folder.read()  # None once the robot's lock is free
         if now is None or now.pid != running.pid:
             return
         time.sleep(0.02)
@@ -167,7 +167,7 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
 
 
 def _beside(record: Path | None, say: Callable[[str], None], cut: list[str]) -> Callable[[Any], Any] | None:
-    """What is begun beside a robot once it is up: a recorder, where one is asked for; `cut` gets why it failed."""
+    """Starts a recorder beside a robot that is up, if one is requested; `cut` gets the reason if it fails."""
     if record is None:
         return None
     from navloom.recording.beside import recorder_beside

@@ -1,4 +1,4 @@
-"""`navloom record`: keep everything a live robot says."""
+"""`navloom record`: record the messages of a live robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navloom.cli.output import LOG
 __all__ = ["record"]
 
 GONE = 5.0
-"""s without the robot after which the recording ends."""
+"""Longest absence of the robot before the recording ends, s."""
 
 
 def record(
@@ -58,7 +58,7 @@ def record(
 
 
 def _stay(recorder: Any, event: Any, until: float | None) -> str:
-    """Wait for the end; gives why it came, where nobody asked for it."""
+    """Wait for the end. Returns the reason if the user did not request it."""
     heard = time.monotonic()
     while not event.wait(0.1) and not recorder.failure:
         now = time.monotonic()
@@ -72,7 +72,7 @@ def _stay(recorder: Any, event: Any, until: float | None) -> str:
 
 
 def _tell(recorder: Any, path: Path, seconds: float, as_json: bool) -> None:
-    """What is in the file and what is not."""
+    """Print what is in the file and what is missing."""
     from navloom.cli.output import print_json, print_table
 
     size = path.stat().st_size

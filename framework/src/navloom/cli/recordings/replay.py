@@ -119,7 +119,7 @@ def replay(
 
 
 def tell_reading(recording: Any) -> None:
-    """Say what a user should know of a recording: how it ends, and which messages in it are not known here."""
+    """Log what a user should know of a recording: an incomplete end, and messages that are unknown here."""
     from navloom.plugins.opening import OPENER
 
     if recording.header.config is not None:

@@ -12,7 +12,7 @@ __all__ = ["can_draw", "tell_substitute"]
 
 
 def can_draw() -> bool:
-    """Whether there is matplotlib; says what to install where there is none, and that the rest is done."""
+    """Whether matplotlib is installed; if not, logs what to install, and that the rest is complete."""
     from navloom.config import ConfigError
     from navloom.report.plotting import need_matplotlib
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["view"]
 
 GONE = 5.0
-"""s without the robot after which there is nothing more to see."""
+"""Longest absence of the robot before the command ends, s."""
 
 
 def view(

@@ -30,10 +30,15 @@ def check(
     list_: Annotated[
         bool, typer.Option("--list", help="List the checks, or those of ROLE.NAME, and run none.")
     ] = False,
+    hardware: Annotated[
+        str | None,
+        typer.Option(metavar="CONFIG", help="Try this config's real platform with its hardware; nothing moves."),
+    ] = None,
+    drive: Annotated[bool, typer.Option("--drive", help="With --hardware: drive a short way, turn and stop.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Check one plugin in a process of its own. Exit 0: it passes; 1: a check found a fault."""
-    from navloom.cli.output import print_json, progress_line, say_so
+    from navloom.cli.output import progress_line, say_so
     from navloom.config import ConfigError
     from navloom.testing.runner import check_plugin
     from navloom.testing.tiers import TIERS
@@ -45,6 +50,13 @@ def check(
     if name is None:
         raise ConfigError("ROLE.NAME is missing, as in navloom check avoider.vff; --list lists the checks")
     _refuse_missing(name)
+    if drive and hardware is None:
+        raise ConfigError("--drive: moves real hardware, so it needs --hardware CONFIG")
+    if hardware is not None:
+        from navloom.testing.hardware import check_hardware
+
+        _end(check_hardware(hardware, name, set_ or (), drive, say_so), as_json)
+        return
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     with progress_line(f"checking {name}") as update:
@@ -57,12 +69,19 @@ def check(
             out=out,
             progress=lambda one, done, total: update(description=one, completed=done, total=total),
         )
+    _end(report, as_json)
+
+
+def _end(report: Report, as_json: bool) -> None:
+    """Print a report; exit code 1 where a check failed."""
+    from navloom.cli.output import print_json, say_so
+
     if as_json:
         print_json(report.to_json())
     else:
         _print(report)
     if report.failed:
-        say_so(f"{name} fails {len(report.failed)} of {len(report.results)} checks")
+        say_so(f"{report.plugin} fails {len(report.failed)} of {len(report.results)} checks")
         raise typer.Exit(1)
 
 

@@ -26,7 +26,7 @@ __all__ = ["Variadic", "compare"]
 
 MANY = ("--worlds", "--vary", "--set")
 TOLD = 10.0
-"""s between lines of progress where no terminal is."""
+"""Interval between lines of progress without a terminal, s."""
 SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 
 
@@ -92,7 +92,7 @@ def compare(
     view: ViewOptions,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
-    """Run methods over worlds and seeds in closed loop. The same command goes on where it was interrupted.
+    """Run methods over worlds and seeds in closed loop. The same command continues an interrupted study.
 
     With --view, --web, --viewer or --rerun the methods drive side by side in one picture instead, in the first world
     with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted, or

@@ -20,9 +20,9 @@ from navloom.cli.summary import is_reached, print_summary, tell_faults
 __all__ = ["recorded", "run"]
 
 STALLED = 10.0
-"""s without a tick after which it is said what a run is at."""
+"""Longest time without a tick before the line that keeps the run is logged, s."""
 COMPILING = 12
-"""How many times as long the first tick may take to come."""
+"""Factor by which the first tick may take longer."""
 COMPILER = {"numba", "llvmlite"}
 BENEATH = sys.stdlib_module_names | COMPILER
 """Modules in which a line tells a user nothing."""
@@ -78,7 +78,7 @@ def run(
 def watched_for_stalls(
     progress: Callable[[float, float], None], patience: float = STALLED
 ) -> Iterator[Callable[[float, float], None]]:
-    """A progress function; where it is not called for s, the line of code that keeps the run is named on the way.
+    """A progress function. If it is not called for `patience`, s, the line of code that keeps the run is logged.
 
     Before the first tick kernels may be compiled: until then it is given `COMPILING` times as long.
     """
@@ -118,7 +118,7 @@ def _where(frame: FrameType) -> str:
 
 @contextmanager
 def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
-    """The observer that writes a recording, if one is asked for. A disk that is full ends it, not the run."""
+    """The observer that writes a recording, if one is requested. A full disk ends the recording, not the run."""
     if path is None:
         yield None
         return
@@ -134,6 +134,6 @@ def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
         with LockstepRecorder(writer, log_of("recording").warning) as recorder:
             yield recorder
     except BaseException:
-        if not writer.messages:  # the run was refused: there is nothing in it
+        if not writer.messages:  # the run was refused: the file is empty
             writer.discard()
         raise

@@ -9,7 +9,8 @@ from typing import Any
 
 from navloom.config import ConfigError
 from navloom.navigation.trajectory import warm_up
-from navloom.roles.claims import PURPOSE, Claim, claims_of
+from navloom.roles import Role
+from navloom.roles.claims import PURPOSE, Claim
 from navloom.testing.behaviour.avoiders import AVOIDERS
 from navloom.testing.behaviour.bodies import PLATFORMS, RECOVERIES
 from navloom.testing.behaviour.controllers import CONTROLLERS
@@ -81,6 +82,11 @@ def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Shown]:
             yield _finding(behaviour, bench, make, failed)
         return
     yield _shown(behaviour, bench, failed)
+
+
+def claims_of(cls: type[Role]) -> frozenset[Claim]:
+    """What is demanded of a plugin: the purpose of its role and its own claims, less what it disclaims."""
+    return (PURPOSE.get(cls.role, frozenset()) | frozenset(cls.claims)) - frozenset(cls.disclaims)
 
 
 def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[tuple[int, Scene, Measured]]) -> Finding:

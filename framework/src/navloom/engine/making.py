@@ -1,0 +1,167 @@
+"""Plugins made of a checked config, and the nodes that run them."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from pydantic import ValidationError
+
+from navloom.config import ConfigError, check_params
+from navloom.config.problems import Gathered, problems_of
+from navloom.engine.catalogue import role_node
+from navloom.engine.changes import blamed_on_event, changed_params, set_events
+from navloom.engine.parts import Part
+from navloom.engine.random_streams import stream_source
+from navloom.engine.stepper import fault_text
+from navloom.engine.system import System
+from navloom.messages.packing import writer_of
+from navloom.messages.typed import typed_reader
+from navloom.navigation import blocking, handover, monitor, projection, trajectory
+from navloom.navigation.handover import HandOverRule
+from navloom.plugins import PluginError
+from navloom.roles import Context, Role
+
+__all__ = ["configure", "make_plugins", "role_nodes", "try_plugins"]
+
+Progress = Callable[[str], None]
+YOUNG_OBJECTS = 10_000
+"""Objects made between two looks of the garbage collector at the newest; Python's default, 700, is a dozen ticks."""
+DIAGNOSTICS_RATE_HZ = 2.0
+"""How often an avoider says why, unless its table says otherwise, Hz."""
+
+
+def make_plugins(
+    system: System, progress: Progress = lambda text: None, only: Collection[tuple[str, str]] | None = None
+) -> None:
+    """Make every plugin, or those of some instances, and compile their kernels, so that no tick does.
+
+    Raises:
+        ConfigError: A plugin refuses its world, sensors or map.
+    """
+    progress("preparing the framework")
+    for warm_up in (blocking.warm_up, handover.warm_up, monitor.warm_up, trajectory.warm_up, projection.warm_up):
+        warm_up()
+    for spec in system.specs:
+        for port in spec.ports:
+            writer_of(port.carries)
+            if only is not None:  # not all run in this process: messages come as bytes
+                typed_reader(port.carries)
+    warmed: set[type[Role]] = set()
+    for (role, instance), part in system.parts.items():
+        if only is not None and (role, instance) not in only:
+            continue
+        if part.cls not in warmed:
+            progress(f"preparing {role} {part.cls.name}")
+            with _blamed(part, "warm_up"):
+                part.cls.warm_up()
+            warmed.add(part.cls)
+        part.plugin = _made(system, part)
+    _spare_what_is_loaded()
+
+
+@cache
+def _spare_what_is_loaded() -> None:
+    """Have the garbage collector pass over the libraries from now on: a look at all of them takes a tick or two.
+
+    It also looks at new objects less often than by default: messages hold no cycles, so it finds next to nothing.
+    """
+    gc.freeze()
+    gc.set_threshold(YOUNG_OBJECTS)
+
+
+def try_plugins(system: System) -> None:
+    """Make every plugin once and keep none, without compiling: for what only a plugin itself can refuse.
+
+    A real platform is left out, since it would take the robot's ports.
+
+    Raises:
+        ConfigError, PluginError: One line a plugin that cannot be made.
+    """
+    problems = Gathered()
+    for part in system.parts.values():
+        if part.role != "platform" or getattr(part.cls, "is_simulated", False):
+            with problems.gather():
+                _made(system, part)
+    problems.refuse(system.loaded.error)
+
+
+def _made(system: System, part: Part) -> Role:
+    """A new plugin, which takes the parameters of events too."""
+    config, role, instance = system.config, part.role, part.table.instance
+    context = Context(
+        instance=instance,
+        period=config.run.period,
+        robot=system.robot,
+        stream=stream_source(config.run.seed, role, instance),
+        start=system.true_start if role == "platform" else system.start,
+        sensors=system.sensors if role == "platform" else (),
+        world=system.world if role == "platform" else None,
+        map=system.map if role in ("mapper", "localizer") else None,
+        diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
+    )
+    with _blamed(part, "__init__"):
+        plugin = part.cls(part.params, context)
+    if role != "platform":  # a second one might take the robot's ports from the first
+        _try_set_events(system, part, context)
+    return plugin
+
+
+def _try_set_events(system: System, part: Part, context: Context) -> None:
+    """Refuse parameter changes that the plugin will not take when their time comes."""
+    values: dict[str, Any] = part.params.model_dump(exclude_unset=True)
+    for number, event, source in sorted(set_events(system.config), key=lambda entry: entry[1].at):
+        if source == (part.role, part.table.instance):
+            values |= event.values
+            with blamed_on_event(number), _blamed(part, "configure"):
+                stream = stream_source(system.config.run.seed, *source)
+                part.cls(check_params(part.cls.Params, values, part.place), replace(context, stream=stream))
+
+
+@contextmanager
+def _blamed(part: Part, verb: str) -> Iterator[None]:
+    """Say whose fault it is where a plugin cannot be made: the config's, which it refuses, or its own."""
+    try:
+        yield
+    except ValidationError as error:
+        raise ConfigError(*problems_of(error, part.cls.Params, part.place)) from None
+    except ValueError as error:
+        raise ConfigError(f"{part.place} ({part.cls.name}): {error}") from None
+    except (Exception, SystemExit) as error:
+        text = fault_text(error, part.cls)
+        raise PluginError(f"{part.place}.plugin: {part.cls.name} fails in {verb}: {text}") from None
+
+
+def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) -> dict[tuple[str, str], Any]:
+    """A node for each plugin, or for those of some instances."""
+    rules = system.config.navigation
+    nodes = {}
+    for key in system.parts if only is None else [key for key in system.parts if key in only]:
+        rule = None
+        if key[0] == "avoider":
+            rule = HandOverRule(rules.handover, rules.handover_release, margin=rules.corridor_margin)
+        look_ahead = rules.look_ahead if rules.handover_own_way else 0.0
+        nodes[key] = role_node(system.plugin(*key), rule, look_ahead, system.goal_tolerance)
+    return nodes
+
+
+def configure(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> None:
+    """Change some of an instance's parameters, all or none: a plugin that refuses them is as it was before.
+
+    Raises:
+        ConfigError: They do not fit, or not together; PluginError: the plugin breaks at them.
+    """
+    params = changed_params(system, role, instance, assignments)
+    plugin = system.plugin(role, instance)
+    before = dict(vars(plugin))
+    try:
+        with _blamed(system.parts[(role, instance)], "configure"):
+            plugin.configure(params)
+    except BaseException:
+        vars(plugin).clear()
+        vars(plugin).update(before)
+        raise

@@ -1,0 +1,270 @@
+"""The platform of a config with its real hardware: what it reports, how soon, and, only where asked, how it drives."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from navloom.config import ConfigError, Loaded, load_config
+from navloom.engine.build import assemble
+from navloom.engine.door import AnswerError, PlatformDoor
+from navloom.engine.making import make_plugins
+from navloom.engine.system import System
+from navloom.messages import Pose2D, Twist2D
+from navloom.plugins import Discovery
+from navloom.roles import Platform, PlatformInput, PlatformOutput
+from navloom.testing.findings import Finding, Report, Result, Shown
+
+__all__ = ["HARDWARE", "check_hardware"]
+
+HARDWARE = "hardware"
+"""Tier of these checks."""
+LISTENING, DRIVING = 3.0, 1.5
+"""How long it is listened to at rest, and driven each way, s."""
+GENTLE, TURNING = 0.1, 0.3
+"""Speed of the drive, m/s and rad/s, or a quarter of the robot's limit where that is less."""
+STILL = Twist2D(0.0, 0.0, 0.0)
+REST, REST_TURN = 0.01, 0.02
+"""What odometry may move while the robot is to stand, m and rad."""
+CLOSING = 2.0
+"""Longest `close`, s."""
+Found = Finding | Shown
+
+
+@dataclass
+class _Heard:
+    """What a platform said while it was asked each tick.
+
+    Attributes:
+        outputs: With the run clock at which each came, ns.
+        faults: What `advance` and `drive` raised.
+        calls: Duration of each call of them, s.
+    """
+
+    outputs: list[tuple[int, PlatformOutput]] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    calls: list[float] = field(default_factory=list)
+
+    @property
+    def poses(self) -> list[Pose2D]:
+        """By odometry."""
+        return [output.odometry.pose for _, output in self.outputs]
+
+
+def check_hardware(
+    config: str, name: str, changes: Sequence[str] = (), drives: bool = False, say: Callable[[str], None] = print
+) -> Report:
+    """Try the platform of a config. It is commanded zero all the time, unless `drives`.
+
+    Args:
+        config: Path or shipped name.
+        name: As `platform.serial_base`: what the config must name.
+        changes: Parameters of the platform, as `port="/dev/ttyUSB0"`.
+        drives: Let it drive a short way forward and turn, and see it stop.
+        say: Told what is under way.
+
+    Raises:
+        ConfigError: The config names another platform, or a simulated one.
+    """
+    loaded = load_config(config, [f"platform.{change}" for change in changes])
+    plugin = f"platform.{loaded.config.platform.plugin}"
+    if name != plugin:
+        raise ConfigError(f"--hardware {config}: its platform is {plugin}, and {name} is to be checked")
+    system = assemble(loaded, Discovery(loaded.config.plugins.blocked))
+    source = ("platform", loaded.config.platform.instance)
+    part = system.parts[source]
+    if part.cls.is_simulated:  # type: ignore[attr-defined]
+        raise ConfigError(f"{name}: is simulated, so it has no hardware: leave --hardware out")
+    make_plugins(system, lambda text: None, {source})
+    platform = system.plugin(*source)
+    assert isinstance(platform, Platform)
+    trial = _Trial(system, loaded, platform, say)
+    results = list(trial.run(drives))
+    options = (f"--hardware {Path(config)}", *(f"--set {change}" for change in changes), *["--drive"] * drives)
+    return Report(name, "", "", loaded.config.run.seed, tuple(results), options)
+
+
+class _Trial:
+    """One platform on trial."""
+
+    def __init__(self, system: System, loaded: Loaded, platform: Platform, say: Callable[[str], None]) -> None:
+        self.robot, self.platform, self.say = system.robot, platform, say
+        self.period, self.deadline = loaded.config.run.period, loaded.config.gate.stop_deadline
+        self.sensors = [spec.name for spec in platform.context.sensors]
+        self._door, self._began, self._tick = PlatformDoor(platform), time.monotonic(), 0
+
+    def run(self, drives: bool) -> Iterator[Result]:
+        """The checks, one after the other; the port is given up at the end, whatever happens."""
+        try:
+            self.say(f"listening for {LISTENING:g} s; nothing moves")
+            heard = self._play(STILL, LISTENING)
+            yield self._result("reports", self._reports(heard))
+            yield self._result("timely", self._timely(heard))
+            yield self._result("fresh", self._fresh(heard))
+            yield self._result("stands", self._stands(heard))
+            yield self._result("sensors", self._sensors(heard))
+            for check, run in (("drives", self._drives), ("turns", self._turns), ("stops_alone", self._stops_alone)):
+                is_able = drives and bool(heard.outputs)
+                reason = "it reported nothing" if drives else "it would move the robot: add --drive"
+                yield self._result(check, run()) if is_able else Result(check, HARDWARE, "not_run", reason=reason)
+        finally:
+            closing = self._closes()
+        yield self._result("closes", closing)
+
+    def _result(self, check: str, found: Sequence[Found]) -> Result:
+        findings = tuple(one for one in found if isinstance(one, Finding))
+        shown = tuple(one for one in found if isinstance(one, Shown))
+        return Result(check, HARDWARE, "failed" if findings else "passed", findings, shown)
+
+    def _play(self, command: Twist2D, seconds: float, is_told: bool = True) -> _Heard:
+        """Call the platform as a live robot does, at the control tick."""
+        heard, ends = _Heard(), self._tick + max(1, round(seconds / self.period))
+        while self._tick < ends:
+            self._tick += 1
+            time.sleep(max(0.0, self._began + self._tick * self.period - time.monotonic()))
+            at_ns = round(self._tick * self.period * 1e9)
+            begun = time.monotonic()
+            try:
+                given = PlatformInput(command if is_told else STILL, None, at_ns)
+                if is_told:
+                    self.platform.drive(command, at_ns)
+                    heard.calls.append(time.monotonic() - begun)
+                    begun = time.monotonic()
+                output = self._door.check(self.platform.advance(given), given)
+                heard.outputs.append((at_ns, output))
+            except AnswerError as error:
+                heard.faults.append(str(error))
+            except Exception as error:
+                heard.faults.append(f"{type(error).__name__}: {error}")
+            heard.calls.append(time.monotonic() - begun)
+        return heard
+
+    def _reports(self, heard: _Heard) -> list[Found]:
+        if not heard.outputs:
+            why = heard.faults[-1] if heard.faults else "it was silent"
+            return [Finding(f"reported nothing in {LISTENING:g} s: {why}", "odometry each tick: see cable and power")]
+        late = [
+            fault for fault in heard.faults[len(heard.faults) // 2 :] if len(heard.faults) > LISTENING / self.period / 2
+        ]
+        if late:
+            return [Finding(f"failed in {len(heard.faults)} ticks, the last: {late[-1]}", "a report each tick")]
+        return [Shown(f"{len(heard.outputs)} reports, {len(heard.faults)} ticks without one")]
+
+    def _timely(self, heard: _Heard) -> list[Found]:
+        calls = np.array(heard.calls[2:] or heard.calls)
+        worst, limit = float(calls.max()), self.deadline / 2.0
+        shown = Shown(f"calls took {1e3 * float(np.median(calls)):.1f} ms at the median, {1e3 * worst:.1f} ms at most")
+        if worst <= limit:
+            return [shown]
+        expected = f"at most {1e3 * limit:.0f} ms, half of gate.stop_deadline: read the port in a thread"
+        return [shown, Finding(f"took {1e3 * worst:.0f} ms in a call of drive or advance", expected)]
+
+    def _fresh(self, heard: _Heard) -> list[Found]:
+        if not heard.outputs:
+            return []
+        ages = np.array([at_ns - output.odometry.stamp_ns for at_ns, output in heard.outputs]) * 1e-9
+        shown = Shown(
+            f"odometry was {1e3 * float(np.median(ages)):.0f} ms old at the median, {1e3 * ages.max():.0f} at most"
+        )
+        if float(np.median(ages)) <= self.deadline:
+            return [shown]
+        expected = f"at most {1e3 * self.deadline:.0f} ms, gate.stop_deadline"
+        return [shown, Finding(f"gave odometry that is {1e3 * float(np.median(ages)):.0f} ms old", expected)]
+
+    def _stands(self, heard: _Heard) -> list[Found]:
+        if not heard.poses:
+            return []
+        way, turn = _moved(heard.poses[0], heard.poses[-1])
+        if abs(way) <= REST and abs(turn) <= REST_TURN:
+            return []
+        return [Finding(f"moved {way:.3f} m and {turn:.3f} rad by its odometry while zero was commanded",
+                        "a robot that stands, and odometry that stands with it")]  # fmt: skip
+
+    def _sensors(self, heard: _Heard) -> list[Found]:
+        found: list[Found] = []
+        for name in self.sensors:
+            count = sum(name in output.scans for _, output in heard.outputs)
+            if count:
+                found.append(Shown(f"{name}: {count / LISTENING:.1f} Hz"))
+            else:
+                found.append(Finding(f"gave nothing of the sensor {name}", f"a message within {LISTENING:g} s"))
+        return found
+
+    def _drives(self) -> list[Found]:
+        speed = min(GENTLE, self.robot.max_linear / 4.0)
+        self.say(f"driving {speed:g} m/s for {DRIVING:g} s")
+        return self._moves(Twist2D(speed, 0.0, 0.0), speed, 0, "m/s forward")
+
+    def _turns(self) -> list[Found]:
+        speed = min(TURNING, self.robot.max_angular / 4.0)
+        self.say(f"turning {speed:g} rad/s to the left for {DRIVING:g} s")
+        return self._moves(Twist2D(0.0, 0.0, speed), speed, 1, "rad/s to the left")
+
+    def _moves(self, command: Twist2D, speed: float, axis: int, unit: str) -> list[Found]:
+        """Drive, stop, and compare with odometry; `axis` is 0 for the way and 1 for the turn."""
+        driven, stopped = self._play(command, DRIVING), self._play(STILL, 1.0)
+        found: list[Found] = []
+        if len(driven.poses) < 2 or len(stopped.poses) < 2:
+            why = (driven.faults + stopped.faults or ["no odometry"])[-1]
+            return [Finding(f"could not be driven: {why}", "odometry while it drives")]
+        expected = speed * self.period * (len(driven.poses) - 1)
+        share = _moved(driven.poses[0], driven.poses[-1])[axis] / expected
+        found.append(Shown(f"odometry shows {share:.0%} of the {speed:g} {unit} that were commanded"))
+        if not 0.5 <= share <= 1.2:
+            found.append(Finding(f"moved {share:.0%} of {expected:.2f} at {speed:g} {unit}, by its odometry",
+                                 "50 to 120 %: see sign, wheels and ticks_per_turn"))  # fmt: skip
+        after = stopped.poses[len(stopped.poses) // 2 :]
+        if abs(_moved(after[0], after[-1])[axis]) > (REST, REST_TURN)[axis]:
+            found.append(Finding("still moved 0.5 s after zero was commanded", "a stop at once"))
+        return found
+
+    def _stops_alone(self) -> list[Found]:
+        """The platform's loop hangs while the robot drives: it must stop by itself."""
+        speed = min(GENTLE, self.robot.max_linear / 4.0)
+        self.say(f"driving {speed:g} m/s for 0.5 s, and then falling silent")
+        self._play(Twist2D(speed, 0.0, 0.0), 0.5)
+        self._tick += max(1, round(1.0 / self.period))  # nothing is called for a second
+        first = self._play(STILL, self.period, is_told=False)
+        second = self._play(STILL, 0.5, is_told=False)
+        self._play(STILL, 0.2)
+        if not first.poses or not second.poses:
+            return [
+                Finding(f"gave no odometry: {(first.faults + second.faults or [''])[-1]}", "odometry after the silence")
+            ]
+        way, _ = _moved(first.poses[-1], second.poses[-1])
+        if abs(way) <= REST:
+            return []
+        return [Finding(f"drove on for {way:.2f} m in 0.5 s though nothing was called for 1 s",
+                        "a watchdog in the driver or the base that stops it within 0.5 s")]  # fmt: skip
+
+    def _closes(self) -> list[Found]:
+        """`drive` with zero and `close`, as at the end of a live robot; in a thread, as it may hang."""
+        errors: list[str] = []
+
+        def close() -> None:
+            with suppress(Exception):  # where its port is gone it cannot be told
+                self.platform.drive(STILL, round((self._tick + 1) * self.period * 1e9))
+            try:
+                self.platform.close()
+            except Exception as error:
+                errors.append(f"{type(error).__name__}: {error}")
+
+        thread = threading.Thread(target=close, daemon=True)
+        thread.start()
+        thread.join(CLOSING)
+        if thread.is_alive():
+            return [Finding(f"close() took more than {CLOSING:g} s", "an end of its thread and its port at once")]
+        return [Finding(f"close() raises {error}", "no error: its ports are given up") for error in errors]
+
+
+def _moved(before: Pose2D, after: Pose2D) -> tuple[float, float]:
+    """Way along the first heading, m, and turn, rad."""
+    way = (after.x - before.x) * math.cos(before.heading) + (after.y - before.y) * math.sin(before.heading)
+    return way, math.remainder(after.heading - before.heading, math.tau)

@@ -342,7 +342,7 @@ def test_a_ring_is_silent_where_one_of_its_sonars_is():
     robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
     ring = base_sources.Ranges(("/a", "/b"), (planar(0.1, 0, 0), planar(0, 0.1, 1.0)), SECOND // 2)
     for topic in ("/a", "/b"):
-        said.say(topic, "sensor_msgs/msg/Range", SECOND, SECOND, min_range=0.1, max_range=3.0, range=1.0)
+        said.say(topic, "sensor_msgs/msg/Range", 100 * SECOND, SECOND, min_range=0.1, max_range=3.0, range=1.0)
     assert ring.read(robot, SECOND)[0].bearings.tolist() == [0.0, 1.0]
-    said.say("/a", "sensor_msgs/msg/Range", 2 * SECOND, 2 * SECOND, min_range=0.1, max_range=3.0, range=1.0)
+    said.say("/a", "sensor_msgs/msg/Range", 101 * SECOND, 2 * SECOND, min_range=0.1, max_range=3.0, range=1.0)
     assert ring.read(robot, 2 * SECOND) is None

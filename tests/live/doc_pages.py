@@ -57,6 +57,9 @@ STAND_INS = {
     ("paper.md", "navloom paper"): "navloom paper --help",
     ("bench.md", "navloom bench"): "navloom bench --help",
     ("performance.md", "navloom bench"): "navloom bench --help",
+    ("writing-a-plugin.md", "navloom check avoider.gap"): (
+        "navloom check avoider.gap --plugin my_avoider.py --only signatures --only answers"
+    ),
     ("README.md", "navloom compare"): SHORT_STUDY,
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",

@@ -45,6 +45,11 @@ thread.join()
 """
 
 
+WATCHED = CALLER.replace(
+    "dump_when_broken()\nsignal", "from navloom.crash_watch import watch_over\nwatch_over({whole})\nsignal"
+)
+
+
 def ended(folder: Path, how: str) -> tuple[int, Path]:
     """Exit code and log of a process in which a plugin ends the process."""
     (folder / "torn_plugin.py").write_text(PLUGIN, "utf-8")
@@ -101,3 +106,35 @@ def test_of_a_package_it_is_the_innermost_line(tmp_path: Path) -> None:
         crashed_at(dump.replace("role_nodes", "own_nodes").replace(str(tmp_path), f"{here}/navloom/navigation")) == ""
     )
     assert crashed_at("") == crashed_at("drive: ready\n") == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs memory that two processes share by its number")
+@pytest.mark.parametrize("is_whole", [False, True])
+def test_beside_a_command_the_crash_is_one_message(tmp_path: Path, is_whole: bool) -> None:
+    (tmp_path / "torn_plugin.py").write_text(PLUGIN, "utf-8")
+    script = WATCHED.format(folder=str(tmp_path), how="segv", whole=is_whole)
+    process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    ready, told, *more = process.stderr.splitlines()
+    assert process.returncode == -signal.SIGSEGV and ready == "think: ready"
+    said = "navloom: the process broke in code in C: Segmentation fault at torn_plugin.py:5, in avoid"
+    assert told == (said if is_whole else f"{said}; --traceback prints all lines")
+    assert more[:1] == (["Fatal Python error: Segmentation fault"] if is_whole else [])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs memory that two processes share by its number")
+def test_a_command_that_ends_in_order_leaves_nobody_beside_it() -> None:
+    script = "from navloom.crash_watch import watch_over\nwatch_over(False)\nprint('done')\nraise SystemExit(3)"
+    process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    # Its output ends with it: who else holds standard error would keep `run` waiting.
+    assert (process.returncode, process.stdout, process.stderr) == (3, "done\n", "")
+
+
+def test_of_code_that_holds_the_gil_it_is_said_how_to_end_it() -> None:
+    from navloom.crash_watch import _message
+
+    here = os.path.dirname(os.path.dirname(os.path.abspath(crashed_at.__code__.co_filename)))
+    dump = "Timeout (0:00:15)!\nThread 0x00007f0000000001 (most recent call first):\n"
+    dump += '  File "/lib/mine.py", line 18 in avoid\n'
+    dump += f'  File "{here}/navloom/engine/role_nodes.py", line 283 in step\n'
+    said = "navloom: no tick for 15 s: the run is at mine.py:18, in avoid, which holds the GIL; `kill 7` ends it\n"
+    assert _message(dump, 7, is_whole=False) == said

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 __all__ = ["main"]
+
+RUNS_PLUGINS = {"check", "map", "plan", "replay", "run"}
+"""Commands in whose process plugins run."""
 
 
 def main() -> None:
@@ -24,11 +28,16 @@ def main() -> None:
 
 def _run() -> None:
     """The command line as a process of its own: it ends, and code in C that breaks it is shown by its Python lines."""
-    from navloom.cli import main as run
-    from navloom.cli.leaving import end_in_time
+    from navloom.crash_watch import watch_over
     from navloom.crashes import dump_when_broken
 
-    dump_when_broken()
+    if sys.argv[1:2] and sys.argv[1] in RUNS_PLUGINS:
+        watch_over("--traceback" in sys.argv or bool(os.environ.get("NAVLOOM_TRACEBACK")))
+    else:
+        dump_when_broken()
+    from navloom.cli import main as run
+    from navloom.cli.leaving import end_in_time
+
     try:
         run()
     except SystemExit as ended:

@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from time import monotonic
-from typing import Any
+from typing import IO, Any
 
-from navloom.crashes import dump_when_broken
+from navloom.crashes import crashed_at, dump_when_broken
 from navloom.study.rows import EpisodeTask, Row, episode_row, lost_row
 
 __all__ = ["Agenda", "PoolError", "Workers", "cores", "run_on_executor", "run_on_processes"]
@@ -80,6 +81,7 @@ class Worker:
 
     process: BaseProcess
     connection: Connection
+    dump: IO[str] | None = None
     is_ready: bool = False
     task: EpisodeTask | None = None
     world: str | None = None
@@ -156,11 +158,13 @@ class Workers:
 
     def _start(self) -> Worker:
         ours, theirs = self._context.Pipe()
-        process = self._context.Process(target=serve, args=(theirs,), daemon=True, name="navloom episodes")
+        dump = NamedTemporaryFile("r", prefix="navloom-", errors="replace")  # noqa: SIM115  (as long as the worker)
+        given = (theirs, dump.name)
+        process = self._context.Process(target=serve, args=given, daemon=True, name="navloom episodes")
         with _one_thread():
             process.start()
         theirs.close()
-        return Worker(process, ours)
+        return Worker(process, ours, dump)
 
     def _employ(self, worker: Worker) -> None:
         worker.task = self.agenda.take(worker.world)
@@ -199,7 +203,8 @@ class Workers:
         worker.process.join()
         worker.connection.close()
         self.workers.remove(worker)
-        how = _ending(worker.process.exitcode)
+        place = crashed_at(worker.dump.read()) if worker.dump is not None else ""
+        how = _ending(worker.process.exitcode) + (f" at {place}" if place else "")
         if worker.task is not None:
             self.lost += 1
             self.on_row(lost_row(worker.task, reason or f"the worker process {how}", monotonic() - worker.began))
@@ -252,12 +257,13 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def serve(connection: Connection) -> None:
+def serve(connection: Connection, dump: str) -> None:
     """What a worker does: take a task, give a row, until there is none or nobody asks any more."""
     # Ctrl-C reaches the whole group: it is for the one who keeps the journal. Plugins that print must not spoil --json.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
-    dump_when_broken()
+    with suppress(OSError):
+        dump_when_broken(os.open(dump, os.O_WRONLY | os.O_APPEND))
     said = 0.0
 
     def beat() -> None:

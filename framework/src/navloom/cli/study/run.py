@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import sys
 import threading
 import time
@@ -16,6 +17,7 @@ import typer
 from navloom.cli.options import Record, RunOptions, ViewOptions
 from navloom.cli.output import LOG, log_of, print_json, say_so, stage
 from navloom.cli.summary import is_reached, print_summary, tell_faults
+from navloom.crash_watch import dump_file, is_watched
 
 __all__ = ["recorded", "run"]
 
@@ -87,6 +89,8 @@ def watched_for_stalls(
 
     def tell(done: float, total: float) -> None:
         moved[0], limits[0] = time.monotonic(), patience
+        if is_watched():  # code that holds the GIL keeps the thread below from saying so
+            faulthandler.dump_traceback_later(1.5 * patience, file=dump_file())
         progress(done, total)
 
     def look() -> None:
@@ -95,6 +99,7 @@ def watched_for_stalls(
             last, limit = moved[0], limits[0]
             if last != told and time.monotonic() - last > limit:
                 told = last
+                faulthandler.cancel_dump_traceback_later()
                 LOG.warning(f"no tick for {limit:g} s: {_where(sys._current_frames()[runs])}; Ctrl-C ends it")
 
     thread = threading.Thread(target=look, daemon=True)
@@ -102,6 +107,7 @@ def watched_for_stalls(
     try:
         yield tell
     finally:
+        faulthandler.cancel_dump_traceback_later()
         ended.set()
         thread.join()
 

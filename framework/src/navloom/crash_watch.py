@@ -1,0 +1,86 @@
+"""A small process beside a command that runs plugins: it says in one message where code in C broke it, or holds it.
+
+No code of the broken process can say so itself. Keep the imports light: it is forked off before all others.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import sys
+
+from navloom.crashes import crashed_at, dump_when_broken
+
+__all__ = ["dump_file", "is_watched", "watch_over"]
+
+LOOK = 0.5
+"""Time between two looks, s."""
+MOST = 1 << 20
+"""What is read of a dump, bytes."""
+_STANDARD_ERROR = 2
+_file = _STANDARD_ERROR
+
+
+def dump_file() -> int:
+    """Open file that Python prints dumps to: standard error, or what the watching process reads."""
+    return _file
+
+
+def is_watched() -> bool:
+    """Whether a process watches over this one."""
+    return _file != _STANDARD_ERROR
+
+
+def watch_over(is_whole: bool) -> None:
+    """Fork the process that watches over this one.
+
+    Args:
+        is_whole: It prints the whole dump below its message.
+    """
+    global _file
+    if sys.platform == "linux":
+        try:
+            dump = os.memfd_create("dump", os.MFD_CLOEXEC)
+            reading, writing = os.pipe()
+            if os.fork() == 0:
+                os.close(writing)
+                _watch(reading, dump, os.getppid(), is_whole)
+            os.close(reading)
+            _file = dump
+        except OSError:
+            pass
+    dump_when_broken(_file)
+
+
+def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
+    """In the watching process: read what Python prints until the command's process is gone."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    os.close(0)
+    os.close(1)
+    seen = 0
+    while True:
+        is_over = bool(select.select([reading], [], [], LOOK)[0])
+        text = os.pread(dump, MOST, seen).decode("utf-8", "replace")
+        if text and (is_over or text.endswith("\n")):
+            seen += len(text.encode())
+            os.write(_STANDARD_ERROR, _message(text, pid, is_whole).encode("utf-8", "replace"))
+        if is_over:
+            os._exit(0)
+
+
+def _message(dump: str, pid: int, is_whole: bool) -> str:
+    """What a dump says, in one line; with the dump where it names no plugin."""
+    place = crashed_at(dump)
+    at = f" at {place}" if place else ""
+    late = re.match(r"Timeout \((\d+):(\d+):(\d+)", dump)
+    if late:
+        seconds = 3600 * int(late[1]) + 60 * int(late[2]) + int(late[3])
+        said = f"no tick for {seconds} s: the run is{at or ' in code in C'}, which holds the GIL; `kill {pid}` ends it"
+    else:
+        what = re.match(r"Fatal Python error: (.*)", dump)
+        said = f"the process broke in code in C: {what[1] if what else 'unknown error'}{at}"
+        said += "" if is_whole or not place else "; --traceback prints all lines"
+    return f"navloom: {said}\n" + (dump if is_whole or not place else "")

@@ -27,12 +27,8 @@ class ScanGridParams(Params):
     no_echo_clears: bool = Field(True, description="A reading without an echo frees what lies before the sensor.")
     p_hit: float = Field(0.7, gt=0.5, lt=1.0, description="Occupancy that one echo of a beam speaks for.")
     p_passed: float = Field(0.4, gt=0.0, lt=0.5, description="Occupancy that one beam that passed speaks for.")
-    p_cone_hit: float = Field(
-        0.6, gt=0.5, lt=1.0, description="Probability that a cone's echo speaks for, on its axis."
-    )
-    p_cone_passed: float = Field(
-        0.3, gt=0.0, lt=0.5, description="Probability that a passing cone speaks for, at its sensor."
-    )
+    p_cone_hit: float = Field(0.6, gt=0.5, lt=1.0, description="Probability of a cone, on the axis at its echo.")
+    p_cone_passed: float = Field(0.3, gt=0.0, lt=0.5, description="Probability of a cone, right before the sensor.")
     p_lowest: float = Field(0.12, gt=0.0, lt=0.5, description="No cell is held freer than this.")
     p_highest: float = Field(0.97, gt=0.5, lt=1.0, description="No cell is held more occupied than this.")
     thickness: float = Field(0.0, ge=0.0, le=2.0, description="Depth of obstacles along a beam, m; 0: one cell.")

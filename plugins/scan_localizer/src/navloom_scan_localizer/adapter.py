@@ -32,7 +32,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
     """Corrects odometry by matching laser scans with the map of its context."""
 
     name = "scan_matching"
-    claims = {Claim.CORRECTS_DRIFT, Claim.TRANSLATION, Claim.ROTATION}
+    claims = {Claim.CORRECTS_DRIFT}
     accepts = (RangeScan,)
     needs_map = True
     needs_sensor = True
@@ -79,7 +79,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
     """Corrects wheel odometry by matching each scan with the surfaces that the scans before it saw."""
 
     name = "scan_odometry"
-    claims = {Claim.CORRECTS_DRIFT, Claim.TRANSLATION, Claim.ROTATION}
+    claims = {Claim.CORRECTS_DRIFT}
     accepts = (RangeScan,)
     needs_sensor = True
 

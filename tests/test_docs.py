@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import re
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -93,6 +94,9 @@ def test_the_readmes_swap_changes_the_avoider_that_drives(tmp_path: Path) -> Non
     assert by_avoider[1][0] == 6.0
 
 
+WRITING = TOP / "docs" / "writing-a-plugin.md"
+
+
 class Drove:
     """Who drives, from which s of run time on."""
 
@@ -153,7 +157,7 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    _in_one_file, controller, node, avoider, observer, command = blocks(TOP / "docs" / "writing-a-plugin.md", "python")
+    _in_one_file, controller, node, avoider, observer, command, *_tests = blocks(WRITING, "python")
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
     for source in (node, avoider):
@@ -177,6 +181,16 @@ def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
     cls = registry.messages["Tracks"]
     assert cls.schema_name == "navloom_people.Tracks"
     del SCHEMAS[cls.schema_name]
+
+
+def test_the_unit_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    avoider, *_, test, checks = blocks(WRITING, "python")
+    module = ModuleType("my_avoider")
+    vars(module).update(executed(avoider, "my_avoider"))
+    monkeypatch.setitem(sys.modules, "my_avoider", module)
+    executed(test, "test_my_avoider")["test_it_stops_where_there_is_no_way"]()
+    (mark,) = executed(checks, "test_checks")["test_it_passes"].pytestmark
+    assert (mark.name, mark.args) == ("navloom_plugin", ("avoider.gap",))
 
 
 def executed(source: str, module: str) -> dict[str, Any]:

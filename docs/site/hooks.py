@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 from typing import Any
@@ -43,9 +44,15 @@ def on_page_markdown(markdown: str, page: Any, **given: Any) -> str:
 
 
 def _with_anchor(heading: re.Match[str]) -> str:
-    """A message's heading, below the name by which the types of the reference link to it."""
-    anchor = f"[](){{#navloom.messages.{heading[1]}}}\n" if f"navloom.{heading[1]}" in SCHEMAS else ""
-    return anchor + heading[0]
+    """A message's heading, below the name by which the types of the reference link to it, and above its constructor."""
+    cls: Any = SCHEMAS.get(f"navloom.{heading[1]}")
+    if cls is None:
+        return heading[0]
+    made = ", ".join(
+        one.name if one.default is dataclasses.MISSING else f"{one.name}={one.default!r}"
+        for one in dataclasses.fields(cls)
+    )
+    return f"[](){{#navloom.messages.{heading[1]}}}\n{heading[0]}\n\n`{heading[1]}({made})`"
 
 
 def _from_top(target: str) -> str:

@@ -17,6 +17,7 @@ NOT_RUN = {
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",
+    ("viewing.md", "navloom view --foxglove"): "serves until Ctrl-C; framework/tests/viewer looks at what it serves",
     ("deploying.md", "navloom metrics"): "serves until Ctrl-C; framework/tests/operating asks it",
     ("deploying.md", "docker compose"): "needs docker",
     ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
@@ -57,6 +58,9 @@ STAND_INS = {
     ("paper.md", "navloom paper"): "navloom paper --help",
     ("bench.md", "navloom bench"): "navloom bench --help",
     ("performance.md", "navloom bench"): "navloom bench --help",
+    ("writing-a-plugin.md", "navloom check avoider.gap"): (
+        "navloom check avoider.gap --plugin my_avoider.py --only signatures --only answers"
+    ),
     ("README.md", "navloom compare"): SHORT_STUDY,
     ("adding-worlds.md", "navloom compare"): "navloom run building --plugin pillars.py --set world.ref=two_pillars",
     ("tutorial.md", "navloom check"): "navloom check avoider.clear_way --plugin clear_way.py --list",

@@ -127,7 +127,7 @@ def test_list_has_every_node_with_its_process(robot: Up, look: Look) -> None:
     assert rows["gate main"].endswith("active")
 
 
-def test_status_says_who_is_in_charge_and_why_it_stands(robot: Up, look: Look) -> None:
+def test_status_says_who_is_active_and_why_it_is_stopped(robot: Up, look: Look) -> None:
     found = as_json(look, robot, "status")
     assert (found["robot"], found["nodes"]) == ("lab/r1", len(NODES))
     assert found["missing_nodes"] == found["silent_nodes"] == []
@@ -136,7 +136,7 @@ def test_status_says_who_is_in_charge_and_why_it_stands(robot: Up, look: Look) -
     assert found["goal_result"] is None and found["run_clock_s"] > 0.0
 
     code, out, err = look(robot, "status")
-    rows = {line[:11].rstrip(): line[11:] for line in out.splitlines()}
+    rows = {line[:10].rstrip(): line[10:] for line in out.splitlines()}
     assert (code, err) == (0, "")
     assert rows["robot"].startswith("lab/r1, run clock ") and rows["goal"] == "none"
     assert "controller toy_chaser" in rows["active"] and "missing" not in rows

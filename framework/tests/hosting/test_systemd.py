@@ -168,7 +168,7 @@ def test_of_a_node_that_hangs_the_line_of_its_plugin_is_named() -> None:
     assert process.hung == f"controller lyapunov_tracker has been in one step for 0.1 s: {place}"
 
 
-def test_the_watchdog_is_fed_until_a_node_in_charge_hangs() -> None:
+def test_the_watchdog_is_fed_until_an_active_node_hangs() -> None:
     process = NodeProcess(assemble(load_config("paper", ["live.hang_timeout=0.3"])), Share("x", (), Link("peer")))
     stepper = SimpleNamespace(active=True, busy_since_ns=None, node=None)
     process.runners = {("controller", "lyapunov_tracker"): _runner(stepper)}

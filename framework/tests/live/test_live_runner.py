@@ -225,7 +225,7 @@ def test_a_message_that_was_only_overtaken_is_passed_over(clock: Clock) -> None:
     assert mapper.cell.stepper.stepped == 300 and len(node.poses) == 1
 
 
-def test_an_instance_in_charge_steps_after_its_process_began_anew_though_nobody_woke_it() -> None:
+def test_an_active_instance_steps_after_its_process_restarted_without_a_wake_up() -> None:
     node = Listener()
     mapper = hosted("mapper", node)
     mapper.cell.stepper.enabled = mapper.cell.stepper.active = False  # as an alternative that is no shadow begins

@@ -82,7 +82,7 @@ def test_what_is_missing_is_named(shelf: Shelf) -> None:
     assert found.missing == ["given (controller.command number 9 and 1 more)"] and speeds(found.given["given"]) == [0.8]
 
 
-def test_the_instance_in_charge_is_read_and_what_waited_stays(shelf: Shelf) -> None:
+def test_the_active_instance_is_read_and_what_waited_stays(shelf: Shelf) -> None:
     chosen = Chosen(load_config("paper").config)
     chosen.learn(Selection(1, 5, ("controller other",)))
     assert feed("latest", shelf, step({"given": (4,)}, epoch=1), chosen).given["given"].twist.vx == pytest.approx(0.8)

@@ -173,7 +173,7 @@ def test_another_plugin_takes_the_place_of_the_recorded_one_in_the_config(tmp_pa
     assert (other.plugin, other.instance, other.params) == ("lyapunov_tracker", "lyapunov_tracker", {})
 
 
-def test_a_substitute_is_compared_tick_by_tick_with_the_one_in_charge(
+def test_a_substitute_is_compared_tick_by_tick_with_the_active_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from navloom.recording import substitutes

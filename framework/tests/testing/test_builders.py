@@ -51,6 +51,11 @@ def test_a_scan_of_a_world_is_that_of_geometry():
     assert mounted.ranges == pytest.approx([1.8]) and mounted.origins.tolist() == [[0.2, 0.1]]
 
 
+def test_a_ray_along_a_wall_does_not_meet_it():
+    assert scan(wall_ahead(2.0, width=2.0), at=(0.0, 5.0), beams=1).ranges.tolist() == [math.inf]
+    assert scan(corridor(2.0), beams=1).ranges.tolist() == [math.inf]
+
+
 def test_a_sweep_meets_wall_and_floor():
     seen = sweep(wall_ahead(2.0), frames=2, beams=1, pitches=(math.radians(-30.0), 0.0), height=0.5)
     assert seen.ranges[:, 0] == pytest.approx([0.5 / math.sin(math.radians(30.0)), 2.0])

@@ -98,7 +98,7 @@ def test_the_same_seed_gives_the_same_drive() -> None:
     np.testing.assert_array_equal(door(1.6, 8).track, door(1.6, 8).track)
 
 
-def test_in_charge_from_the_start_it_passes_obstacle_o() -> None:
+def test_driving_from_the_start_it_passes_obstacle_o() -> None:
     found = run_episode(load_config("paper", ['avoider={plugin="dwa"}'])).summary()
     assert (found["outcome"], found["collisions"], found["recoveries"]) == ("succeeded", 0, 0)
 

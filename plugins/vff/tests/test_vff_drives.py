@@ -109,7 +109,7 @@ def test_swapped_in_while_the_other_avoider_drives_it_ends_the_papers_experiment
     assert any(not engaged and time > 7.0 for time, engaged in episode.recorder.engaged)
 
 
-def test_in_charge_from_the_start_it_passes_obstacle_o() -> None:
+def test_driving_from_the_start_it_passes_obstacle_o() -> None:
     found = run_episode(load_config("paper", ['avoider={plugin="vff"}'])).summary()
     assert (found["outcome"], found["collisions"], found["recoveries"]) == ("succeeded", 0, 0)
 

@@ -132,7 +132,8 @@ class Context:
         instance: Name of this instance.
         period: Control tick, s.
         robot: The robot.
-        stream: Gives the random stream of a name; its seed comes from (run seed, role, instance, name).
+        stream: Gives the random stream of a name; its seed comes from (run seed, role, instance, name). Asked again,
+            the same stream continues.
         start: Where the robot starts, map frame.
         sensors: For a Platform: the sensors to provide.
         world: For a Platform: the ground truth, where there is one.

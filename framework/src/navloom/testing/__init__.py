@@ -1,58 +1,22 @@
 """For authors of plugins: builders for unit tests, small scenes, and the checks behind `navloom check`."""
 
-from navloom.testing.builders import (
-    avoider_input,
-    context,
-    controller_input,
-    empty_diagnostics,
-    estimate,
-    extras,
-    localizer_input,
-    make,
-    map_update,
-    mapper_input,
-    planner_input,
-    platform_input,
-    pose,
-    readings_of,
-    recovery_input,
-    robot,
-    scan,
-    sweep,
-    track,
-    trajectory,
-)
-from navloom.testing.samples import sample
-from navloom.testing.scenes import box, closed, corridor, door, grid, open_floor, room, wall_ahead
+from __future__ import annotations
 
-__all__ = [
-    "avoider_input",
-    "box",
-    "closed",
-    "context",
-    "controller_input",
-    "corridor",
-    "door",
-    "empty_diagnostics",
-    "estimate",
-    "extras",
-    "grid",
-    "localizer_input",
-    "make",
-    "map_update",
-    "mapper_input",
-    "open_floor",
-    "planner_input",
-    "platform_input",
-    "pose",
-    "readings_of",
-    "recovery_input",
-    "robot",
-    "room",
-    "sample",
-    "scan",
-    "sweep",
-    "track",
-    "trajectory",
-    "wall_ahead",
-]
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from navloom.testing.builders import *  # noqa: F403
+    from navloom.testing.samples import *  # noqa: F403
+    from navloom.testing.scenes import *  # noqa: F403
+
+_MODULES = ("navloom.testing.builders", "navloom.testing.scenes", "navloom.testing.samples")
+
+
+def __getattr__(name: str) -> Any:
+    """Fetch a public name from its module: late, since pytest imports this package in every session."""
+    if not name.startswith("_"):
+        for module in map(import_module, _MODULES):
+            if name in module.__all__:
+                return getattr(module, name)
+    raise AttributeError(f"module 'navloom.testing' has no attribute {name!r}")

@@ -5,22 +5,33 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
+from navloom.plugins.registry import NODE
 from navloom.testing.findings import Finding, NotRun
 from navloom.testing.guard import GUARD
 from navloom.testing.inputs import Scene, made_scenes
+from navloom.testing.nodes import NodePlayer
 from navloom.testing.player import Fault, Player, first_difference
 from navloom.testing.subject import Request, Subject
 
-__all__ = ["CLOCK", "USUAL", "Bench", "alike"]
+__all__ = ["CLOCK", "OTHER_CLOCK", "OTHER_SEEDS", "USUAL", "Bench", "alike"]
 
 USUAL = "usual"
 CLOCK = (1_700_000_000.0, 0.001)
 """Where the clock that plugins see begins, s, and how it moves with each look at it: alike in every play."""
+OTHER_CLOCK = (1_900_000_000.0, 7.3)
+OTHER_SEEDS = 4711
+PLAY_TIME = 2.0
+"""How long one play of all scenes may take, s: scenes of slower plugins are cut to fewer steps."""
+STEPS_OF_SLOW = 10
+"""Steps of the scenes that are left when one play of the others took that long."""
+FEWEST_STEPS = 4
 
 
 class Bench:
@@ -35,26 +46,37 @@ class Bench:
 
     def __init__(self, subject: Subject, request: Request, out: Path | None = None) -> None:
         self.subject, self.request, self.seed, self.out = subject, request, request.seed, out
+        self._scenes = made_scenes(subject, self.seed)
         self._plays: dict[str, list[bytes] | tuple[Fault, int]] = {}
 
-    @cached_property
+    @property
     def scenes(self) -> tuple[Scene, ...]:
-        """Every scene of the plugin's kind."""
-        return made_scenes(self.subject, self.seed)
+        """Every scene of the plugin's kind, each of which was played once; those of slow plugins are cut short."""
+        if not self._plays:
+            begun = perf_counter()
+            kept = []
+            for scene in self._scenes:
+                is_late = perf_counter() - begun > PLAY_TIME
+                kept.append(replace(scene, inputs=scene.inputs[:STEPS_OF_SLOW]) if is_late else scene)
+                self._plays[scene.name] = self._first_play(kept[-1])
+            self._scenes = tuple(kept)
+            self._cut_to(PLAY_TIME / (perf_counter() - begun))
+        return self._scenes
 
     def player(self, scene: Scene, params: object = None) -> Player:
         """A new object of the plugin for a scene. Raises Fault."""
-        return Player(self.subject, scene.context, self.seed, params)
+        kind = NodePlayer if self.subject.kind == NODE else Player
+        return kind(self.subject, scene.context, self.seed, params)
 
-    def play(self, scene: Scene, params: object = None) -> list[bytes]:
-        """The answers of a new object to a scene, under the conditions of every play. Raises Fault."""
-        with alike():
+    def play(
+        self, scene: Scene, params: object = None, *, seeds: int = 1, clock: tuple[float, float] = CLOCK
+    ) -> list[bytes]:
+        """The answers of a new object to a scene, under the conditions of every play or others. Raises Fault."""
+        with alike(seeds, clock):
             return self.player(scene, params).play(scene.inputs)
 
     def base(self, scene: Scene) -> list[bytes] | tuple[Fault, int]:
         """The answers of the first object that played a scene; or the fault, and the step at which it showed."""
-        if scene.name not in self._plays:
-            self._plays[scene.name] = self._first_play(scene)
         return self._plays[scene.name]
 
     def answers(self, scene: Scene) -> list[bytes]:
@@ -78,6 +100,39 @@ class Bench:
             raise NotRun("it plays no scene to its end: see the check `answers`")
         return scenes
 
+    def steady(self) -> list[Scene]:
+        """Sound scenes, for checks that compare plays.
+
+        Raises:
+            NotRun: There is none, or plays differ already where nothing but the checked cause may differ.
+        """
+        scenes = self.sound()
+        for name, found in (
+            ("repeats", self.unrepeated), ("global_random", self.led_by_seeds), ("wall_clock", self.led_by_clock),
+        ):  # fmt: skip
+            if found is not None:
+                raise NotRun(f"answers to the same inputs differ anyway: see the check `{name}`")
+        return scenes
+
+    @cached_property
+    def unrepeated(self) -> Finding | None:
+        """The first scene whose second play differs from the first."""
+        return self._difference("in a second play of the same inputs", 1, CLOCK)
+
+    @cached_property
+    def led_by_seeds(self) -> Finding | None:
+        """The first scene that is played differently under other global random seeds."""
+        when = "when random and numpy.random are seeded differently"
+        return self._difference(when, OTHER_SEEDS, CLOCK)
+
+    @cached_property
+    def led_by_clock(self) -> Finding | None:
+        """The first scene that is played differently under another clock, which moves in leaps."""
+        GUARD.deeds.clear()
+        found = self._difference("when the wall clock shows another time", 1, OTHER_CLOCK)
+        reading = next((deed for deed in GUARD.deeds if deed.kind == "clock"), None)
+        return replace(found, place=reading.place) if found is not None and reading is not None else found
+
     def differs(
         self, scene: Scene, given: Sequence[bytes], when: str, expected: str, place: str = ""
     ) -> Finding | None:
@@ -95,6 +150,17 @@ class Bench:
         """What to say of a fault."""
         return Finding(fault.problem, fault.expected, fault.place, given, scene)
 
+    def _difference(self, when: str, seeds: int, clock: tuple[float, float]) -> Finding | None:
+        for scene in self.sound():
+            try:
+                again = self.play(scene, seeds=seeds, clock=clock)
+            except Fault as fault:
+                return self.finding(fault, f"scene {scene.name!r}, {when}", scene.name)
+            found = self.differs(scene, again, when, "the same answer")
+            if found is not None:
+                return found
+        return None
+
     def _first_play(self, scene: Scene) -> list[bytes] | tuple[Fault, int]:
         answers: list[bytes] = []
         with alike():
@@ -105,6 +171,19 @@ class Bench:
             except Fault as fault:
                 return fault, len(answers)
         return answers
+
+    def _cut_to(self, share: float) -> None:
+        """Cut the scenes that went well to a share of their steps, where it is below 1."""
+        if share >= 1.0:
+            return
+        cut = []
+        for scene in self._scenes:
+            base = self._plays[scene.name]
+            if isinstance(base, list):
+                steps = max(FEWEST_STEPS, int(share * len(scene.inputs)))
+                self._plays[scene.name], scene = base[:steps], replace(scene, inputs=scene.inputs[:steps])
+            cut.append(scene)
+        self._scenes = tuple(cut)
 
 
 @contextmanager

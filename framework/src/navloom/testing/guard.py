@@ -9,6 +9,7 @@ import datetime
 import faulthandler
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,13 +23,15 @@ CLOCKS = ("time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_
           "process_time_ns")  # fmt: skip
 KINDS = {
     "os.fork": "process", "os.forkpty": "process", "os.posix_spawn": "process", "os.system": "process",
-    "os.exec": "process", "subprocess.Popen": "process", "_thread.start_new_thread": "thread",
+    "os.exec": "process", "subprocess.Popen": "process",
     "socket.connect": "socket", "socket.bind": "socket", "socket.getaddrinfo": "socket", "open": "file",
     "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
 }  # fmt: skip
 """Events of the interpreter's audit hooks that no verb has a use for, and what they are about."""
 LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
 """Code below which files are read and written for code, not by the plugin."""
+
+MOST_DEEDS = 100
 
 
 class Deed(NamedTuple):
@@ -64,6 +67,7 @@ class Guard:
         os.register_at_fork(after_in_child=lambda: os._exit(0))  # a fork would run the checks a second time
         self._wrap_clocks()
         self._wrap_exit()
+        self._wrap_threads()
 
     @contextmanager
     def within(self, what: str, limit: float = 0.0) -> Iterator[None]:
@@ -97,7 +101,12 @@ class Guard:
             return
         place = self._own_place(sys._getframe(1))
         if place:
-            self.deeds.append(Deed(KINDS[event], f"{event} {_short(given)}".strip(), place))
+            self._keep(Deed(KINDS[event], f"{event} {_short(given)}".strip(), place))
+
+    def _keep(self, deed: Deed) -> None:
+        """Keep the first deeds: a check of memory is on its way."""
+        if len(self.deeds) < MOST_DEEDS:
+            self.deeds.append(deed)
 
     def _own_place(self, frame: FrameType | None) -> str:
         """The plugin's line that a call comes from; empty where it comes from an import or a compiler."""
@@ -116,7 +125,7 @@ class Guard:
         caller = sys._getframe(2)
         if not self.is_own(str(caller.f_globals.get("__name__", ""))):
             return real()
-        self.deeds.append(Deed("clock", name, f"{PurePath(caller.f_code.co_filename).name}:{caller.f_lineno}"))
+        self._keep(Deed("clock", name, f"{PurePath(caller.f_code.co_filename).name}:{caller.f_lineno}"))
         if self._shift is None:
             return real()
         self._readings += 1
@@ -128,6 +137,16 @@ class Guard:
         for name in CLOCKS:
             setattr(time, name, _wrapped(self, name, getattr(time, name)))
         setattr(datetime, "datetime", _shifted_datetime(self))  # noqa: B010  (of a class that is not to change)
+
+    def _wrap_threads(self) -> None:
+        start = threading.Thread.start
+
+        def started(thread: threading.Thread) -> None:
+            if self._depth and (place := self._own_place(sys._getframe(1))):
+                self._keep(Deed("thread", f"Thread {thread.name!r}", place))
+            start(thread)
+
+        setattr(threading.Thread, "start", started)  # noqa: B010  (of a class that is not to change)
 
     def _wrap_exit(self) -> None:
         leave = os._exit

@@ -11,11 +11,13 @@ import numpy as np
 
 from navloom.geometry.world import Box, World
 from navloom.messages import Message, OccupancyGrid, RangeScan, Sweep
+from navloom.plugins.registry import NODE
 from navloom.roles import Context, Platform, SensorSpec
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.testing import builders, scenes
 from navloom.testing.builders import Place
+from navloom.testing.nodes import node_inputs
 from navloom.testing.samples import sample
 from navloom.testing.subject import Subject
 
@@ -54,9 +56,9 @@ def made_scenes(subject: Subject, seed: int) -> tuple[Scene, ...]:
     """The made scenes of a plugin's role."""
     makers: Mapping[str, Callable[[_Maker], Iterator[Scene]]] = {
         "avoider": _avoider, "controller": _controller, "planner": _planner, "mapper": _mapper,
-        "localizer": _localizer, "recovery": _recovery, "platform": _platform,
+        "localizer": _localizer, "recovery": _recovery, "platform": _platform, NODE: _node,
     }  # fmt: skip
-    return tuple(makers[subject.kind](_Maker(subject, seed)))
+    return tuple(makers[subject.kind](_Maker(subject, seed))) if subject.kind in makers else ()
 
 
 def walk(start: Place, speed: float, turn_rate: float, steps: int = STEPS) -> list[tuple[float, float, float]]:
@@ -77,6 +79,7 @@ class _Maker:
     def __init__(self, subject: Subject, seed: int) -> None:
         self.subject = subject
         self.cls = subject.thing
+        self.seed = seed
         self.rng = np.random.default_rng([seed, 2013])
         self.takes_scans = any(issubclass(RangeScan, kind) for kind in self.cls.accepts)
         self.takes_sweeps = any(issubclass(Sweep, kind) for kind in self.cls.accepts)
@@ -337,6 +340,12 @@ def _platform(maker: _Maker) -> Iterator[Scene]:
             for k, command in enumerate([(0.0, 0.0), *commands])
         )
         yield Scene(name, "usual", maker.context((0.0, 0.0, 0.3), sensors=sensors, world=world), inputs, world)
+
+
+def _node(maker: _Maker) -> Iterator[Scene]:
+    for name, topic, is_early in (("a drive", "usual", False), ("before the first messages", "empty", True)):
+        inputs = tuple(node_inputs(maker.cls, maker.seed, is_early=is_early))
+        yield Scene(name, topic, maker.context(), inputs)
 
 
 def _needs_nothing(cls: type[Platform], kind: str) -> bool:

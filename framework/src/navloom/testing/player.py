@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from hashlib import sha256
 from pathlib import PurePath
 from typing import Any
 
@@ -18,6 +19,7 @@ from navloom.engine.door import (
     PlatformDoor,
     TwistDoor,
 )
+from navloom.engine.ports import Out
 from navloom.engine.random_streams import stream_source
 from navloom.messages import Avoidance, Message, RecoveryStep, TrackingCommand
 from navloom.messages.codec import decode, encode, schema_label
@@ -26,7 +28,8 @@ from navloom.roles.extra import Extras
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
 
-__all__ = ["Fault", "Player", "bytes_of", "first_difference", "loosened", "size_of", "through_codec"]
+__all__ = ["Fault", "NOWHERE", "Player", "bytes_of", "digest", "first_difference", "loosened", "rebuilt",
+           "size_of", "through_codec"]  # fmt: skip
 
 NOWHERE = ("", 0, 0, 0, 0, 0)
 """An envelope that says nothing."""
@@ -42,12 +45,13 @@ class Fault(Exception):
         expected: What it should have done.
         place: File and line of its code.
         is_refusal: It raised InputError, its word for data that it cannot use.
-        answer: What it gave, where it gave anything.
+        call: The method that was called.
     """
 
-    def __init__(self, problem: str, expected: str, place: str, is_refusal: bool = False) -> None:
+    def __init__(self, problem: str, expected: str, place: str, is_refusal: bool = False, call: str = "") -> None:
         super().__init__(problem)
-        self.problem, self.expected, self.place, self.is_refusal = problem, expected, place, is_refusal
+        self.problem, self.expected, self.place = problem, expected, place
+        self.is_refusal, self.call = is_refusal, call
 
 
 class Streams:
@@ -88,21 +92,26 @@ class Player:
         self.context = replace(context, stream=self.streams)
         self.params = subject.params if params is None else params
         self.plugin = self._call("__init__", lambda: subject.thing(self.params, self.context))
-        self._verb = getattr(self.plugin, subject.verb)
         self._door = self._new_door()
 
     def step(self, given: Any) -> Any:
         """Call the verb once, and hold the answer against what the framework demands. Raises Fault."""
-        answer = self._call(self.subject.verb, lambda: self._verb(given))
+        answer = self._call(self.subject.verb, lambda: self._step(given))
         try:
             return self._door(answer, given)
         except AnswerError as error:
             problem, _, expected = str(error).rpartition(" (")[0].partition(", expected ")
             raise Fault(problem.partition("() ")[2] or problem, expected, self.subject.place) from None
+        except (AttributeError, TypeError, ValueError) as error:
+            problem = f"gives {type(answer).__name__} with fields that cannot be read: {error}"
+            raise Fault(problem, "the types that the fields declare", self.subject.place) from None
+
+    def _step(self, given: Any) -> Any:
+        return getattr(self.plugin, self.subject.verb)(given)
 
     def play(self, inputs: Iterable[Any]) -> list[bytes]:
-        """The answers to inputs, as bytes. Raises Fault."""
-        return [bytes_of(self.step(given)) for given in inputs]
+        """Hashes of the answers to inputs. Raises Fault."""
+        return [digest(self.step(given)) for given in inputs]
 
     def reset(self) -> None:
         """Reset the plugin; its streams begin again too. Raises Fault."""
@@ -133,14 +142,9 @@ class Player:
         try:
             with GUARD.within(what):
                 return act()
-        except InputError as error:
-            raise Fault(
-                f"{what}() raises InputError: {error}", "an answer, since these data fit", self._line_of(error), True
-            ) from error
         except (Exception, SystemExit, KeyboardInterrupt) as error:
-            raise Fault(
-                f"{what}() raises {type(error).__name__}: {error}", "an answer", self._line_of(error)
-            ) from error
+            problem = f"{what}() raises {type(error).__name__}: {error}"
+            raise Fault(problem, "an answer", self._line_of(error), isinstance(error, InputError), what) from error
 
     def _line_of(self, error: BaseException) -> str:
         """The innermost line of the plugin's own code that an error came through."""
@@ -161,6 +165,8 @@ def bytes_of(value: Any) -> bytes:
         return b"".join(bytes_of(one) for one in value._held.values())
     if isinstance(value, Mapping):
         return b"".join(str(key).encode() + bytes_of(one) for key, one in value.items())
+    if isinstance(value, Out):
+        return value.name.encode()
     if isinstance(value, (tuple, list)):
         return b"".join(map(bytes_of, value)) + b"%d" % len(value)
     if is_dataclass(value) and not isinstance(value, type):
@@ -168,38 +174,43 @@ def bytes_of(value: Any) -> bytes:
     return repr(value).encode()
 
 
-def _rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any], Any]) -> Any:
+def digest(value: Any) -> bytes:
+    """A hash of an answer or an input: equal for equal contents, bit for bit."""
+    return sha256(bytes_of(value)).digest()
+
+
+def rebuilt(value: Any, leaf: Callable[[Message], Message], array: Callable[[Any], Any]) -> Any:
     """An input with its messages and arrays replaced."""
     if isinstance(value, Message):
         return leaf(value)
     if isinstance(value, np.ndarray):
         return array(value)
     if isinstance(value, Extras):
-        return Extras({key: _rebuilt(one, leaf, array) for key, one in value._held.items()})
+        return Extras({key: rebuilt(one, leaf, array) for key, one in value._held.items()})
     if isinstance(value, Mapping):
-        return {key: _rebuilt(one, leaf, array) for key, one in value.items()} if value else value
+        return {key: rebuilt(one, leaf, array) for key, one in value.items()} if value else value
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
-        return tuple(_rebuilt(one, leaf, array) for one in value)
+        return tuple(rebuilt(one, leaf, array) for one in value)
     if is_dataclass(value) and not isinstance(value, type):
-        return type(value)(**{one.name: _rebuilt(getattr(value, one.name), leaf, array) for one in fields(value)})
+        return type(value)(**{one.name: rebuilt(getattr(value, one.name), leaf, array) for one in fields(value)})
     return value
 
 
 def through_codec(given: Any) -> Any:
     """An input whose messages were encoded and decoded, as they are where a plugin runs in another process."""
-    return _rebuilt(given, lambda one: decode(encode(one, NOWHERE), schema_label(type(one)))[0], lambda array: array)
+    return rebuilt(given, lambda one: decode(encode(one, NOWHERE), schema_label(type(one)))[0], lambda array: array)
 
 
 def loosened(given: Any) -> Any:
     """An input whose arrays can be written to, so that a plugin that writes to them is seen to."""
-    return _rebuilt(given, _loose_message, np.array)
+    return rebuilt(given, _loose_message, np.array)
 
 
 def _loose_message(message: Message) -> Message:
     made = object.__new__(type(message))
     for name in message.kinds:
         value = getattr(message, name)
-        type(message).__dict__[name].__set__(made, _rebuilt(value, _loose_message, np.array))
+        type(message).__dict__[name].__set__(made, rebuilt(value, _loose_message, np.array))
     return made
 
 
@@ -207,10 +218,10 @@ def size_of(answer: Any) -> int:
     """Bytes of all messages of an answer."""
     if isinstance(answer, PlatformOutput):
         return sum(len(bytes_of(one)) for one in (answer.odometry, *answer.scans.values()))
-    return len(bytes_of(answer)) if answer is not None else 0
+    return sum(map(size_of, answer)) if isinstance(answer, (list, tuple)) else len(bytes_of(answer))
 
 
-def first_difference(one: Sequence[bytes | str], other: Sequence[bytes | str]) -> int | None:
+def first_difference(one: Sequence[bytes], other: Sequence[bytes]) -> int | None:
     """Number of the first step at which two plays differ; None where they are equal."""
     for number, (here, there) in enumerate(zip(one, other, strict=False)):
         if here != there:

@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath
 from queue import Empty, Queue
 from threading import Thread
@@ -117,11 +117,28 @@ def _place_in(crash: str, folder: str) -> str:
     return ""
 
 
-def digests_of(request: Request, hash_seed: int) -> dict[str, list[str]]:
-    """Hashes of a plugin's answers by scene, from a fresh process with other seeds, another clock and hash seed."""
-    job = {"name": request.name, "params": list(request.params), "seed": request.seed, "out": ""}
-    found: dict[str, list[str]] = {}
+def digests_of(
+    request: Request, hash_seed: int, steps: Mapping[str, int], alike: bool = False
+) -> dict[str, list[bytes]]:
+    """Hashes of a plugin's answers by scene, from a fresh process with another hash seed.
+
+    Args:
+        request: The plugin.
+        hash_seed: Of Python's hashes of texts.
+        steps: How many of each scene.
+        alike: Clock and global random seeds are those of every play; else others.
+    """
+    job = {
+        "name": request.name,
+        "params": list(request.params),
+        "seed": request.seed,
+        "out": "",
+        "alike": alike,
+        "steps": dict(steps),
+    }
+    found: dict[str, list[bytes]] = {}
     with Process({**job, "checks": []}, hash_seed) as process:
         for line in process.lines():
-            found.update(line.get("digests", {}))
+            for scene, answers in line.get("digests", {}).items():
+                found[scene] = [bytes.fromhex(one) for one in answers]
     return found

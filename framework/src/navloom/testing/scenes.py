@@ -124,9 +124,10 @@ def _slab(low: float, high: float, start: Floats, way: Floats) -> tuple[Floats, 
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - start) / way, (high - start) / way
     is_inside = (start >= low) & (start <= high)
-    one = np.where(way == 0.0, np.where(is_inside, -math.inf, math.inf), one)
-    other = np.where(way == 0.0, np.where(is_inside, math.inf, -math.inf), other)
-    return np.minimum(one, other), np.maximum(one, other)
+    enter, leave = np.minimum(one, other), np.maximum(one, other)
+    enter = np.where(way == 0.0, np.where(is_inside, -math.inf, math.inf), enter)
+    leave = np.where(way == 0.0, np.where(is_inside, math.inf, -math.inf), leave)
+    return enter, leave
 
 
 def _box_span(solid: Box, origins: Floats, ways: Floats) -> tuple[Floats, Floats]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from navloom.config import ConfigError, check_params
@@ -83,6 +83,15 @@ class Subject:
         """File and line of its verb, as `adapter.py:31`."""
         found = getattr(self.source, self.verb, None) if self.verb else self.source
         return place_of(found if found is not None else self.source)
+
+    @property
+    def folder(self) -> str:
+        """Folder of its package, or file of its code, to recognise its lines in a crash; empty where there is none."""
+        try:
+            file = Path(inspect.getsourcefile(inspect.unwrap(self.source)) or "")
+        except TypeError:
+            return ""
+        return str(file.parent if "." in str(getattr(self.source, "__module__", "")) else file)
 
     def is_own(self, module: str) -> bool:
         """Whether a module is part of the plugin's code."""

@@ -12,23 +12,24 @@ way, and the file `crash` where, if faulthandler could still tell.
 
 from __future__ import annotations
 
-import inspect
 import json
 import mmap
 import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from hashlib import sha256
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from navloom.errors import NavloomError
-from navloom.testing.bench import Bench, alike
+from navloom.testing.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
 from navloom.testing.checks import Check
 from navloom.testing.findings import Finding, NotRun, Result, Shown
 from navloom.testing.guard import GUARD
+from navloom.testing.inputs import made_scenes
 from navloom.testing.player import Fault
 from navloom.testing.printed import PRINTED
 from navloom.testing.process import MARK_SIZE
@@ -67,7 +68,7 @@ def main() -> None:
         if job["checks"]:
             _run_checks(bench, [one for name in job["checks"] if (one := find_check(name))], tell)
         else:
-            tell({"digests": _digests(bench)})
+            tell({"digests": _digests(bench, job["steps"], bool(job["alike"]))})
     tell({"done": True})
     os._exit(0)  # threads that a plugin left may not keep this process
 
@@ -78,7 +79,7 @@ def _loaded(request: Request, checks: Iterable[str], tell: Tell) -> Subject | No
     try:
         subject = find(request)
         GUARD.is_own = subject.is_own
-        tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": _folder(subject)}})
+        tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": subject.folder}})
         if hasattr(subject.thing, "warm_up"):
             with GUARD.within("warm_up", WARM_UP_LIMIT):
                 subject.thing.warm_up()
@@ -97,15 +98,6 @@ def _loaded(request: Request, checks: Iterable[str], tell: Tell) -> Subject | No
             result = Result(name, found.tier, "not_run", reason="it could not be loaded: see the check `registers`")
         tell({"result": result.to_json()})
     return None
-
-
-def _folder(subject: Subject) -> str:
-    """Folder or file of the plugin's code, to recognise its lines in a crash."""
-    try:
-        file = Path(inspect.getsourcefile(subject.source) or "")
-    except TypeError:
-        return ""
-    return str(file.parent if "." in str(getattr(subject.source, "__module__", "")) else file)
 
 
 def _run_checks(bench: Bench, checks: Iterable[Check], tell: Tell) -> None:
@@ -146,15 +138,19 @@ def _may_be_made(subject: Subject) -> bool:
     return subject.kind != "platform" or bool(subject.thing.is_simulated)
 
 
-def _digests(bench: Bench) -> dict[str, list[str]]:
-    """Hashes of the answers to every scene that is played to its end, in a process with other seeds and clock."""
+def _digests(bench: Bench, steps: dict[str, int], is_alike: bool) -> dict[str, list[str]]:
+    """Hashes of the first answers to some scenes, the first of all plays in this process.
+
+    The last scene is played first: what one leaves behind in the process then meets other scenes than it did there.
+    """
     found = {}
-    for scene in bench.of_topic("usual"):
-        try:
-            with alike(seeds=4711, clock=(1_900_000_000.0, 7.3)):
-                found[scene.name] = [sha256(one).hexdigest() for one in bench.player(scene).play(scene.inputs)]
-        except Fault:
-            continue
+    seeds, clock = (1, CLOCK) if is_alike else (OTHER_SEEDS, OTHER_CLOCK)
+    for scene in reversed(made_scenes(bench.subject, bench.seed)):
+        if scene.name in steps:
+            cut = replace(scene, inputs=scene.inputs[: steps[scene.name]])
+            with suppress(Fault):
+                answers = bench.play(cut, seeds=seeds, clock=clock)
+                found[scene.name] = [one.hex() for one in answers]
     return found
 
 

@@ -17,8 +17,7 @@ __all__ = ["CHECKS"]
 @check("contract", PLAYED, "The process that runs it lives on: it neither exits, crashes nor is killed.")
 def survives(bench: Bench) -> Iterator[Finding]:
     """Play everything once. The runner tells of a process that ended."""
-    for scene in bench.scenes:
-        bench.base(scene)
+    bench.of_topic()
     yield from ()
 
 

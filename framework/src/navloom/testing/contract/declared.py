@@ -10,7 +10,9 @@ from typing import Any, get_args
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from navloom.messages import Message
 from navloom.roles import Params
+from navloom.study import Metric
 from navloom.testing.bench import Bench
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import CLASSES, EVERY
@@ -123,4 +125,33 @@ def _is_angle(name: str) -> bool:
     return name.endswith(("_deg", "_hz", "_ns", "_ms", "_m", "_s"))
 
 
-CHECKS = (registers, signatures, defaults_within_bounds, units, unknown_parameters)
+@check("contract", {"message"}, "Its docstring names each field.", is_static=True)
+def documented(bench: Bench) -> Iterator[Finding]:
+    """Shape, unit and frame belong there: readers of the stream have nothing else."""
+    cls: type[Message] = bench.subject.thing
+    text = cls.__doc__ or ""
+    missing = [name for name, kind in cls.kinds.items() if name not in text and kind.rule != "stamp"]
+    if missing:
+        yield Finding(f"the docstring of {cls.__name__} does not name {', '.join(missing)}",
+                      "each field with its meaning, unit and frame, arrays with their shape")  # fmt: skip
+
+
+@check("contract", {"metric"}, "It says its unit, what it is, and bounds that are in order.", is_static=True)
+def described(bench: Bench) -> Iterator[Finding]:
+    """What the tables of `compare` print."""
+    metric = bench.subject.thing
+    if not isinstance(metric, Metric):
+        yield Finding(f"is a {type(metric).__name__}", "a navloom.Metric")
+        return
+    if not metric.unit:
+        yield Finding("has no unit", "unit='m', or '1' for shares and counts")
+    if len(metric.about.split()) < 3:
+        yield Finding(f"is described by {metric.about!r}", "about: what it is, and when it is not defined")
+    low, high = metric.bounds
+    if low is not None and high is not None and not low < high:
+        yield Finding(f"has the bounds {metric.bounds}", "a least value below the greatest")
+    if metric.better not in ("lower", "higher", None):
+        yield Finding(f"has better = {metric.better!r}", "'lower', 'higher' or None")
+
+
+CHECKS = (registers, signatures, defaults_within_bounds, units, unknown_parameters, documented, described)

@@ -11,5 +11,5 @@ __all__ = ["CLASSES", "EVERY", "PLAYED"]
 EVERY = frozenset(CHECKED)
 CLASSES = frozenset((*ROLES, NODE))
 """Plugins that are classes with parameters."""
-PLAYED = frozenset(ROLES)
+PLAYED = CLASSES
 """Plugins that are played through scenes."""

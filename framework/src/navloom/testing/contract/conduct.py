@@ -1,0 +1,317 @@
+"""What a plugin does beside answering: time, memory, output, threads, files."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import itertools
+import threading
+import tracemalloc
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from navloom.messages import Message, Twist2D
+from navloom.roles import PlatformOutput, RobotSpec
+from navloom.testing.bench import Bench, alike
+from navloom.testing.checks import check
+from navloom.testing.contract.kinds import PLAYED
+from navloom.testing.findings import Finding, NotRun
+from navloom.testing.guard import GUARD
+from navloom.testing.inputs import PERIOD, Scene
+from navloom.testing.player import Fault, size_of
+from navloom.testing.printed import PRINTED
+from navloom.testing.restamped import restamped
+
+__all__ = ["CHECKS"]
+
+PLAYS = 3
+"""Plays of which the fastest time of each step counts: the machine may be busy."""
+COMMANDING = {"controller", "avoider", "recovery"}
+BEYOND = 1.5
+PATIENT = 1.0
+"""Longest step of a role that no motor waits for, s."""
+LARGEST, LARGEST_OF_PATIENT = 4 * 2**20, 16 * 2**20
+"""Bytes of one answer at most, of roles that answer in each tick, and of those that may take their time."""
+MEMORY_TIME = 3.0
+"""How long steps are played for the check of memory, s."""
+FEWEST, MOST = 160, 4000
+"""Steps that it plays."""
+GROWTH, GROWTH_OF_FEW = 48.0, 2048.0
+"""Bytes a step that are a leak; of fewer than 1000 steps, since a bounded memory may still be filling."""
+NATIVE_GROWTH = 8192.0
+"""Bytes a step of the process that are a leak in compiled code."""
+
+
+@check(
+    "contract", PLAYED, "A step takes less than the control tick; of mappers, planners and recoveries less than 1 s."
+)
+def step_time(bench: Bench) -> Iterator[Finding]:
+    """The 99th percentile of the steps but the first, each at its fastest of several plays."""
+    limit = PATIENT if _is_patient(bench) else PERIOD
+    scenes = bench.sound()
+    for plays in (PLAYS, 2 * PLAYS):
+        worst, scene = max(((_slowest(bench, scene, plays), scene) for scene in scenes), key=lambda pair: pair[0])
+        if worst <= limit:
+            return
+    yield Finding(
+        f"takes {1000.0 * worst:.0f} ms for a step (99th percentile, fastest of {plays} plays)",
+        f"less than {1000.0 * limit:.0f} ms; compile in warm_up, and vectorise or lower the resolution",
+        given=f"scene {scene.name!r}", scene=scene.name,
+    )  # fmt: skip
+
+
+def _is_patient(bench: Bench) -> bool:
+    return bool(bench.subject.thing.is_patient)
+
+
+def _slowest(bench: Bench, scene: Scene, plays: int) -> float:
+    """99th percentile of the fastest times of the steps of a scene, s."""
+    times = []
+    for _ in range(plays):
+        with alike():
+            player = bench.player(scene)
+            spent = []
+            for given in scene.inputs:
+                before = perf_counter()
+                player.step(given)
+                spent.append(perf_counter() - before)
+        times.append(spent)
+    fastest = np.min(times, axis=0)
+    return float(np.percentile(fastest[1:] if len(fastest) > 1 else fastest, 99.0, method="higher"))
+
+
+@check("contract", PLAYED, "An answer is no larger than its stream carries in time: 4 MiB, a map or path 16 MiB.")
+def message_size(bench: Bench) -> Iterator[Finding]:
+    """As encoded."""
+    limit = LARGEST_OF_PATIENT if _is_patient(bench) else LARGEST
+    for scene in bench.sound():
+        with alike():
+            player = bench.player(scene)
+            for step, given in enumerate(scene.inputs):
+                answer = player.step(given)
+                if (size := size_of(answer)) > limit:
+                    yield Finding(
+                        f"gives an answer of {size / 2**20:.1f} MiB{_largest(answer)}",
+                        f"at most {limit / 2**20:.0f} MiB", given=bench.at(scene, step), scene=scene.name,
+                    )  # fmt: skip
+                    return
+
+
+def _largest(answer: Any) -> str:
+    """The field that takes most of an answer."""
+    if isinstance(answer, PlatformOutput):
+        name = max(answer.scans, key=lambda one: size_of(answer.scans[one]), default="")
+        return f", most of it from the sensor {name!r}" if name else ""
+    sizes: list[tuple[int, str]] = []
+
+    def look(message: Message, path: str) -> None:
+        for name in message.kinds:
+            value = getattr(message, name)
+            if isinstance(value, np.ndarray):
+                sizes.append((value.nbytes, path + name))
+            elif isinstance(value, Message):
+                look(value, f"{path}{name}.")
+
+    look(answer, "")
+    return f", most of it in {max(sizes)[1]}" if sizes else ""
+
+
+@check("contract", COMMANDING, "On an easy way no command is beyond 1.5 times the robot's limits.")
+def limits(bench: Bench) -> Iterator[Finding]:
+    """The gate limits commands, so that a little more does no harm; degrees for radians is far more."""
+    for scene in bench.sound():
+        if not scene.is_gentle:
+            continue
+        with alike():
+            player = bench.player(scene)
+            for step, given in enumerate(scene.inputs):
+                beyond = _beyond(player.step(given).twist, scene.context.robot)
+                if beyond is not None:
+                    yield Finding(*beyond, given=bench.at(scene, step), scene=scene.name)
+                    return
+
+
+def _beyond(twist: Twist2D, robot: RobotSpec) -> tuple[str, str] | None:
+    """What is far beyond the limits, and what was expected; None where nothing is."""
+    for name, value, limit, unit, of in (
+        ("vx", twist.vx, robot.max_linear, "m/s", "max_linear"),
+        ("wz", twist.wz, robot.max_angular, "rad/s", "max_angular"),
+    ):
+        if abs(value) > BEYOND * limit:
+            hint = "; are these degrees?" if name == "wz" and abs(value) > 5.0 * limit else ""
+            return (
+                f"commands {name} = {value:.3g} {unit}, {abs(value) / limit:.1f} times the limit{hint}",
+                f"at most {limit:.3g} {unit}, which is self.context.robot.{of}",
+            )
+    return None
+
+
+@check("contract", PLAYED, "Nothing is printed on standard output, which belongs to the command that runs.")
+def silent(bench: Bench) -> Iterator[Finding]:
+    """Python's and that of C code; on import too."""
+    for scene in bench.scenes:
+        bench.base(scene)
+        with alike():
+            try:
+                bench.player(scene).play(scene.inputs)
+            except Fault:
+                continue
+    text = PRINTED.news()
+    if text.strip():
+        first = text.strip().splitlines()[0][:80]
+        yield Finding(f"prints {first!r}", "logging.getLogger(__name__), or the answer's diagnostics; no print()")
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """A kind of deed that no verb has a use for."""
+
+    kind: str
+    does: str
+    expected: str
+
+
+RULES = {
+    "thread": _Rule("thread", "starts a thread", "no thread: the framework runs each node in one of its own"),
+    "process": _Rule("process", "starts a process", "no process: the work is done in the step itself"),
+    "file": _Rule("file", "writes a file", "no file: what is to be kept goes into messages"),
+    "socket": _Rule("socket", "uses a socket", "no socket: data from elsewhere come through a platform or a node"),
+}
+
+
+@check("contract", PLAYED - {"platform"}, "A step starts no thread.")
+def no_threads(bench: Bench) -> Iterator[Finding]:
+    """A platform that is a driver may."""
+    yield from _deeds(bench, "thread")
+    left = [one.name for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]
+    if left:
+        yield Finding(f"leaves {len(left)} threads running: {', '.join(left[:3])}", RULES["thread"].expected)
+
+
+@check("contract", PLAYED - {"platform"}, "A step starts no process and does not fork.")
+def no_processes(bench: Bench) -> Iterator[Finding]:
+    """A platform that is a driver may."""
+    yield from _deeds(bench, "process")
+
+
+@check("contract", PLAYED - {"platform"}, "A step writes no file and uses no socket.")
+def no_files(bench: Bench) -> Iterator[Finding]:
+    """A platform that is a driver may. Files that imports and compilers write do not count."""
+    yield from _deeds(bench, "file")
+    yield from _deeds(bench, "socket")
+
+
+def _deeds(bench: Bench, kind: str) -> Iterator[Finding]:
+    """The first deed of a kind in plays of every scene."""
+    GUARD.deeds.clear()
+    for scene in bench.scenes:
+        with alike(), contextlib.suppress(Fault):
+            bench.player(scene).play(scene.inputs)
+        found = next((deed for deed in GUARD.deeds if deed.kind == kind), None)
+        if found is not None:
+            rule = RULES[kind]
+            yield Finding(f"{rule.does} in a call: {found.text}", rule.expected, found.place, f"scene {scene.name!r}",
+                          scene.name)  # fmt: skip
+            return
+
+
+@check("contract", PLAYED, "Memory does not grow with the number of steps.")
+def memory(bench: Bench) -> Iterator[Finding]:
+    """A scene is played on and on, with fresh inputs and rising stamps, and what is held is measured."""
+    scene = bench.sound()[0]
+    with alike():
+        player = bench.player(scene)
+        before = perf_counter()
+        player.play(scene.inputs)
+        one_step = (perf_counter() - before) / len(scene.inputs)
+    count = int(np.clip(MEMORY_TIME / max(one_step, 1e-6) / 3.0, FEWEST, MOST)) // 4 * 4
+    held, resident, sizes = [], [], []
+    tracemalloc.start(1)
+    try:
+        with alike():
+            player = bench.player(scene)
+            for step in range(count):
+                lap, place = divmod(step, len(scene.inputs))
+                player.step(restamped(scene.inputs[place], lap * len(scene.inputs) * PERIOD, lap * 1000))
+                if (step + 1) % (count // 4) == 0:
+                    gc.collect()
+                    held.append(tracemalloc.get_traced_memory()[0])
+                    resident.append(_resident())
+                    sizes.append(_sizes(bench, player.plugin))
+        shot = tracemalloc.take_snapshot()
+    except Fault as fault:
+        raise NotRun(f"it fails when the scene goes on: {fault.problem}") from None
+    finally:
+        tracemalloc.stop()
+    quarter = count // 4
+    growth = [(late - early) / quarter for early, late in itertools.pairwise(held)]
+    native = [(late - early) / quarter for early, late in itertools.pairwise(resident)]
+    limit = GROWTH if count >= 1000 else GROWTH_OF_FEW
+    if min(growth) > limit and growth[-1] > 0.5 * growth[0]:
+        names = _growing(sizes, quarter)
+        if names and all(name.startswith("bounded ") for name in names):
+            return
+        what = f": {', '.join(names)} grows" if names else ""
+        yield Finding(
+            f"holds {growth[-1]:.0f} bytes more after each step{what}",
+            "a bounded memory, as collections.deque(maxlen=…)", _line_that_holds(bench, shot),
+            f"{count} steps of scene {scene.name!r}", scene.name,
+        )  # fmt: skip
+    elif min(native[1:]) > NATIVE_GROWTH:
+        yield Finding(
+            f"takes {native[-1]:.0f} bytes more after each step, outside Python's memory",
+            "compiled code that frees what it takes", given=f"{count} steps of scene {scene.name!r}", scene=scene.name,
+        )  # fmt: skip
+
+
+def _resident() -> int:
+    """Memory of this process, bytes."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
+def _sizes(bench: Bench, plugin: Any) -> dict[str, int]:
+    """How many entries the containers of a plugin and of its modules have."""
+    import sys
+
+    found: dict[str, int] = {}
+
+    def look(owner: str, held: dict[str, Any], depth: int) -> None:
+        for name, value in list(held.items()):
+            if isinstance(value, (list, dict, set)) or type(value).__name__ == "deque":
+                is_bounded = getattr(value, "maxlen", None) is not None
+                found[f"{'bounded ' if is_bounded else ''}{owner}{name}"] = len(value)
+            elif depth and hasattr(value, "__dict__") and bench.subject.is_own(type(value).__module__):
+                look(f"{owner}{name}.", vars(value), depth - 1)
+
+    look("self.", vars(plugin) if hasattr(plugin, "__dict__") else {}, 3)
+    look(f"{type(plugin).__name__}.", dict(vars(type(plugin))), 0)
+    for module in [one for name, one in list(sys.modules.items()) if bench.subject.is_own(name)]:
+        look(f"{module.__name__}.", vars(module), 0)
+    return found
+
+
+def _growing(sizes: Sequence[dict[str, int]], quarter: int) -> list[str]:
+    """Containers that got an entry at least every fourth step, in each quarter."""
+    return [
+        name
+        for name, last in sizes[-1].items()
+        if all(late.get(name, 0) - early.get(name, 0) >= quarter // 4 for early, late in itertools.pairwise(sizes))
+        and last
+    ]
+
+
+def _line_that_holds(bench: Bench, shot: tracemalloc.Snapshot) -> str:
+    """The line of the plugin that allocated most of what is held; empty where others did."""
+    folder = bench.subject.folder
+    lines = [one for one in shot.statistics("lineno") if folder and one.traceback[0].filename.startswith(folder)]
+    if not lines or lines[0].size < 4096:
+        return ""
+    return f"{PurePath(lines[0].traceback[0].filename).name}:{lines[0].traceback[0].lineno}"
+
+
+CHECKS = (limits, step_time, message_size, silent, no_threads, no_processes, no_files, memory)

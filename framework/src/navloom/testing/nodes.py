@@ -1,0 +1,125 @@
+"""Whole nodes on the bench: their scenes, and an object of one that is played."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from navloom.engine.fed import FedNode
+from navloom.engine.node import Tick
+from navloom.engine.node_plugin import NodePlugin
+from navloom.engine.ports import Declared, Port, SensorGroup, Wired
+from navloom.engine.streams import PLAIN, sensor_port
+from navloom.messages import MapUpdate, Message, OccupancyGrid, Odometry, PoseEstimate, RangeScan, Sweep, Twist2D
+from navloom.roles import Context
+from navloom.testing import builders, scenes
+from navloom.testing.player import Player
+from navloom.testing.samples import sample
+from navloom.testing.subject import Subject
+
+__all__ = ["NodeInput", "NodePlayer", "node_inputs"]
+
+PERIOD_NS = 50_000_000
+
+
+@dataclass(frozen=True)
+class NodeInput:
+    """What a node reads in one step.
+
+    Attributes:
+        tick: When.
+        read: By input: a message, or messages where it reads a row; None for nothing yet.
+    """
+
+    tick: Tick
+    read: Mapping[str, Any]
+
+
+class NodePlayer(Player):
+    """One object of a node. A step gives the messages that it publishes, each with its port."""
+
+    def __init__(self, subject: Subject, context: Context, seed: int, params: Any = None) -> None:
+        super().__init__(subject, context, seed, params)
+        self._fed = FedNode(spec_of(subject.thing), self.plugin)
+
+    def _step(self, given: NodeInput) -> Any:
+        """Step the node on what it is given; what it raises goes through."""
+        raised: list[BaseException] = []
+
+        def act(tick: Tick) -> None:
+            try:
+                self.plugin.step(tick)
+            except BaseException as error:
+                raised.append(error)
+                raise
+
+        answer = self._fed.step(given.tick, given.read, act)
+        if raised:
+            raise raised[0]
+        return answer
+
+    def _new_door(self) -> Callable[[Any, Any], Any]:
+        return lambda answer, given: answer
+
+
+def spec_of(cls: type[NodePlugin]) -> Any:
+    """The wiring of a node whose inputs all come from one other node, and whose sensors are one of each class."""
+    name = cls.name
+    sensors = [sensor_port(kind.__name__.lower(), kind) for kind in _sensor_kinds(cls)]
+    streams = {one.name: _port(one) for one in cls.declared_inputs if isinstance(one, Declared) and one.port is None}
+    return cls.spec(Wired(name, {name: sensors}, streams))
+
+
+def _port(one: Declared[Any, Any]) -> Port[Any]:
+    port = Port(one.carries, PLAIN)
+    port.role, port.name = "other", one.name
+    return port
+
+
+def _sensor_kinds(cls: type[NodePlugin]) -> list[type[Message]]:
+    kinds: dict[type[Message], None] = {}
+    for one in cls.declared_inputs:
+        if isinstance(one, SensorGroup):
+            kinds |= dict.fromkeys(RangeScan if kind is Message else kind for kind in one.carries or (RangeScan,))
+    return list(kinds)
+
+
+def node_inputs(cls: type[NodePlugin], seed: int, *, is_early: bool, steps: int = 40) -> Iterator[NodeInput]:
+    """What a node reads, step by step.
+
+    Args:
+        cls: Its class.
+        seed: Of the values.
+        is_early: Nothing but what makes it step has come yet.
+        steps: How many.
+    """
+    rng = np.random.default_rng([seed, 1997])
+    spec = spec_of(cls)
+    for number in range(steps):
+        tick = Tick(number, number * PERIOD_NS * 1e-9, number * PERIOD_NS, 0)
+        read: dict[str, Any] = {}
+        for one in spec.inputs:
+            is_there = one.triggers or not is_early
+            if one.reading == "latest":
+                read[one.name] = _message(one.source.carries, rng, number) if is_there else None
+            else:
+                count = (1 + int(rng.integers(2)) if one.triggers else int(rng.integers(3))) if is_there else 0
+                read[one.name] = tuple(_message(one.source.carries, rng, number) for _ in range(count))
+        yield NodeInput(tick, read)
+
+
+def _message(kind: type[Message], rng: np.random.Generator, number: int) -> Message:
+    """A message as a drive brings it, where it is of a class that the framework knows well; else a sample."""
+    stamp, at = number * PERIOD_NS * 1e-9, (0.01 * number, 0.0, 0.0)
+    made: dict[type[Message], Callable[[], Message]] = {
+        RangeScan: lambda: builders.scan(scenes.room(), at, stamp=stamp),
+        Sweep: lambda: builders.sweep(scenes.room(), at, stamp=stamp),
+        PoseEstimate: lambda: builders.estimate(at, (0.2, 0.0), stamp),
+        Odometry: lambda: Odometry(number * PERIOD_NS, builders.pose(at), Twist2D(0.2, 0.0, 0.0)),
+        MapUpdate: lambda: builders.map_update(scenes.room(), 0.1, stamp),
+        OccupancyGrid: lambda: scenes.grid(scenes.room(), 0.1),
+    }
+    return made[kind]() if kind in made else sample(kind, rng, number * PERIOD_NS)

@@ -1,0 +1,54 @@
+"""Inputs as they would come later in a run: with later stamps and higher numbers of requests, as new objects."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from navloom.engine.node import Tick
+from navloom.messages import Message, PoseTrack
+from navloom.testing.builders import ns
+from navloom.testing.player import rebuilt
+
+__all__ = ["restamped"]
+
+T = TypeVar("T")
+STAMPS = ("stamp_ns", "time_ns")
+REQUESTS = ("request_id",)
+
+
+def restamped(given: T, later: float, higher: int = 0) -> T:
+    """A copy of an input that comes `later`, s, with requests of numbers that are `higher`; it shares no array."""
+    shift = ns(later)
+    moved = rebuilt(given, lambda one: _message(one, shift, higher), np.array)
+    if is_dataclass(moved) and not isinstance(moved, type):
+        values = {one.name: getattr(moved, one.name) for one in fields(moved)}
+        if isinstance(values.get("tick"), Tick):
+            tick = values["tick"]
+            time_ns = tick.time_ns + shift
+            values["tick"] = tick._replace(number=tick.number + 1000 * higher, time=time_ns * 1e-9, time_ns=time_ns)
+        moved = type(moved)(**{name: value + shift if name in STAMPS else value for name, value in values.items()})
+    result: T = moved
+    return result
+
+
+def _message(message: Message, shift: int, higher: int) -> Message:
+    values: list[Any] = []
+    for name, kind in message.kinds.items():
+        value = getattr(message, name)
+        if isinstance(value, Message):
+            value = _message(value, shift, higher)
+        elif kind.form == "tuple":
+            value = tuple(_message(one, shift, higher) if isinstance(one, Message) else one for one in value)
+        elif kind.rule == "stamp":
+            value += shift
+        elif name in REQUESTS and value:
+            value += higher
+        elif isinstance(message, PoseTrack) and name == "stamps_ns":
+            value = value + shift
+        elif isinstance(value, np.ndarray):
+            value = value.copy()
+        values.append(value)
+    return type(message)(*values)

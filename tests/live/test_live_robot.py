@@ -162,6 +162,10 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
             told = listening.take(1.0)  # what is kept comes first, though it was said before
             assert ("gate", "main", "selection") in [one[:3] for one in told]
             assert any(one.port == "odometry" for _ in range(20) for one in listening.take(0.1))
+            navigator.place(1.0, 2.0, 0.5)
+            poses = navigator.listen(["localizer/pose"])
+            (seen,) = {(round(one.message.pose.x, 2), round(one.message.pose.y, 2)) for one in poses.take(1.0)[-1:]}
+            assert seen == (1.0, 2.0)
             _go_down_during_a_goal(robot, navigator)
 
 

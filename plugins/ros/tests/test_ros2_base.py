@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from navloom import Context, InputError, PlatformInput, Pose2D, RobotSpec, SensorSpec, Twist2D
+from navloom_ros.base import sources as base_sources
 from navloom_ros.base.adapter import Ros2Base
 from navloom_ros.base.frames import Frames, heading_of, planar
 from navloom_ros.base.params import Ros2BaseParams
@@ -270,3 +271,78 @@ def test_odometry_that_begins_again_goes_on_where_it_was():
     assert anchor.is_unsteady(3 * SECOND) and not anchor.is_unsteady(5 * SECOND)
     first = Anchor(True, 0.5, 1.0)
     assert first.place((2.0, 1.0, 1.0), b"one", 0) == pytest.approx((0.0, 0.0, 0.0))
+
+
+# --- what a robot says, without a network ---------------------------------------------------------------------------
+
+
+class Said:
+    """Messages by topic, each given once."""
+
+    def __init__(self):
+        self.waiting = {}
+
+    def say(self, name, kind, sent_ns, arrived_ns, **values):
+        message = KILTED.new(kind, **values)
+        heard = SimpleNamespace(message=message, source_ns=sent_ns, gid=b"one", arrived_ns=arrived_ns)
+        self.waiting.setdefault(name, []).append(heard)
+
+    def take(self, name):
+        yield from self.waiting.pop(name, [])
+
+
+def stamp(nanoseconds):
+    return {"sec": nanoseconds // SECOND, "nanosec": nanoseconds % SECOND}
+
+
+def test_odometry_may_be_that_of_tf():
+    said = Said()
+    robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
+    for number, x in enumerate((0.0, 0.02, 0.04)):
+        at_ns = (1 + number) * SECOND // 10
+        header = {"frame_id": "odom", "stamp": stamp(at_ns)}
+        moved = {"header": header, "child_frame_id": "base", "transform": {"translation": {"x": x}}}
+        said.say(base_sources.TF, "tf2_msgs/msg/TFMessage", at_ns, at_ns, transforms=[moved])
+    robot.listen(from_tf=True)
+    assert robot.pose == pytest.approx((0.04, 0.0, 0.0)) and robot.twist == pytest.approx((0.2, 0.0, 0.0))
+    assert robot.measured_ns == 3 * SECOND // 10
+
+
+def test_stamps_of_a_simulator_are_those_of_its_clock():
+    said = Said()
+    robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0), is_simulated=True)
+    assert robot.clock_problem(SECOND) == "/clock has not been heard, and simulated = true"
+    said.say(base_sources.CLOCK, "rosgraph_msgs/msg/Clock", 0, 50 * SECOND, clock=stamp(7 * SECOND))
+    values = {"header": {"frame_id": "odom", "stamp": stamp(7 * SECOND - 40_000_000)}}
+    said.say(base_sources.ODOMETRY, "nav_msgs/msg/Odometry", 0, 50 * SECOND, **values)
+    robot.listen(from_tf=False)
+    assert robot.measured_ns == 50 * SECOND - 40_000_000  # 40 ms old by the simulator's clock
+    assert robot.clock_ns(51 * SECOND) == 8 * SECOND and robot.clock_problem(50 * SECOND) == ""
+    assert robot.clock_problem(51 * SECOND) == "/clock stands still: the simulator is paused or gone"
+
+
+def test_a_laser_that_starts_late_or_is_nowhere_is_left_out():
+    said = Said()
+    robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
+    laser = base_sources.Laser("/scan", None, False)
+    assert laser.read(robot, SECOND) is None and laser.lacks == ""
+    values = {"header": {"frame_id": "laser"}, "range_min": 0.1, "range_max": 9.0, "angle_increment": 0.1}
+    said.say("/scan", "sensor_msgs/msg/LaserScan", 0, SECOND, ranges=[1.0, 2.0], **values)
+    assert laser.read(robot, SECOND) is None and laser.lacks == "laser"
+    moved = {"header": {"frame_id": "base"}, "child_frame_id": "laser", "transform": {"translation": {"x": 0.3}}}
+    said.say(base_sources.STATIC, "tf2_msgs/msg/TFMessage", 0, SECOND, transforms=[moved])
+    robot.listen(from_tf=False)
+    said.say("/scan", "sensor_msgs/msg/LaserScan", 0, SECOND, ranges=[1.0, 2.0], **values)
+    beams, at_ns = laser.read(robot, SECOND)
+    assert beams.origins.tolist() == [[0.3, 0.0], [0.3, 0.0]] and at_ns == SECOND and laser.lacks == ""
+
+
+def test_a_ring_is_silent_where_one_of_its_sonars_is():
+    said = Said()
+    robot = base_sources.Robot(said, "base", "odom", Anchor(False, 0.5, 1.0))
+    ring = base_sources.Ranges(("/a", "/b"), (planar(0.1, 0, 0), planar(0, 0.1, 1.0)), SECOND // 2)
+    for topic in ("/a", "/b"):
+        said.say(topic, "sensor_msgs/msg/Range", 100 * SECOND, SECOND, min_range=0.1, max_range=3.0, range=1.0)
+    assert ring.read(robot, SECOND)[0].bearings.tolist() == [0.0, 1.0]
+    said.say("/a", "sensor_msgs/msg/Range", 101 * SECOND, 2 * SECOND, min_range=0.1, max_range=3.0, range=1.0)
+    assert ring.read(robot, 2 * SECOND) is None

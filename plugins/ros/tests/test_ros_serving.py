@@ -12,6 +12,7 @@ from navloom_ros.node import Node
 from navloom_ros.qos import LATCHED
 from navloom_ros.serving.goals import THROUGH_POSES, TO_POSE, Goals
 from navloom_ros.serving.outlets import Outlets
+from navloom_ros.serving.poses import Poses
 from navloom_ros.translating import Translator
 from ros_golden import KILTED
 from ros_network import Router, until
@@ -148,6 +149,16 @@ def test_the_goal_button_of_rviz_is_a_goal(network, robot):
     publisher = network.rviz.publisher("/goal_pose", "geometry_msgs/msg/PoseStamped")
     assert network.rviz.wait_for(lambda graph: graph.find("/goal_pose", ("MS",)), 5.0)
     assert until(lambda: publisher.publish(**pose(1.5, 0.5)) or robot.asked)[0][:2] == (1.5, 0.5)
+
+
+def test_a_pose_estimate_is_taken_in_the_map_only(network):
+    poses = Poses(network.served, "map")
+    publisher = network.rviz.publisher("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    for frame in ("map", "odom"):
+        given = pose(1.0, 2.0, 0.5, frame)
+        message = {"header": given["header"], "pose": {"pose": given["pose"]}}
+        until(lambda: publisher.publish(**message) or poses._poses._queue)  # noqa: B023
+        assert poses.take() == ((1.0, 2.0, pytest.approx(0.5)) if frame == "map" else None)
 
 
 def test_a_nav2_robot_is_driven_like_one_of_ours(network, robot):

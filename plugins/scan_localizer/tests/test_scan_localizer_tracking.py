@@ -140,3 +140,11 @@ def test_a_fit_of_361_beams_is_no_slower_than_twenty_transforms_of_them_in_numpy
     rivals = min(timeit.repeat(lambda: [np.hypot(*(beams[:, :2] @ turn).T) for _ in range(20)], number=20, repeat=5))
     benchmark.pedantic(lambda: tracker.correct(beams), rounds=100)
     assert benchmark.stats.stats.min < rivals / 20
+
+
+def test_a_place_that_is_told_holds_with_the_odometry_there_was():
+    tracker = tracker_in(corridor(), [5.0, 1.3, 0.0])
+    tracker.predict(np.array([2.0, 0.0, 0.0]), 1.0)
+    tracker.place(np.array([30.0, 1.0, math.pi / 2]))
+    tracker.predict(np.array([3.0, 0.0, 0.0]), 1.0)
+    assert tracker.pose == pytest.approx([30.0, 2.0, math.pi / 2])

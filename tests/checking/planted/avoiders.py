@@ -22,7 +22,7 @@ def turned(answer: Avoidance, more: float) -> Avoidance:
     return replace(answer, twist=Twist2D(answer.twist.vx, 0.0, answer.twist.wz + more))
 
 
-@ENTRIES.plant("degrees", caught_by="within_limits")
+@ENTRIES.plant("degrees", caught_by="limits")
 class Degrees(Gap):
     """Turn rate in degrees a second."""
 
@@ -31,7 +31,7 @@ class Degrees(Gap):
         return replace(answer, twist=Twist2D(answer.twist.vx, 0.0, math.degrees(answer.twist.wz)))
 
 
-@ENTRIES.plant("millimetres", caught_by="within_limits")
+@ENTRIES.plant("millimetres", caught_by="limits")
 class Millimetres(Gap):
     """Speed in mm/s."""
 
@@ -47,7 +47,7 @@ class WritesRanges(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         for scan in given.scans:
             scan.ranges.flags.writeable = True
-            scan.ranges[~np.isfinite(scan.ranges)] = scan.range_max
+            scan.ranges[scan.ranges > 1.0] = scan.range_max
         return super().avoid(given)
 
 
@@ -146,7 +146,7 @@ class GlobalPython(Gap):
         return turned(super().avoid(given), 0.01 * random.random())
 
 
-@ENTRIES.plant("seeds_global", caught_by="global_random")
+@ENTRIES.plant("seeds_global", caught_by="global_state")
 class SeedsGlobal(Gap):
     """Seeds the global generator, so that it looks reproducible, and ruins it for others."""
 
@@ -181,7 +181,7 @@ class WallClock(Gap):
         return turned(super().avoid(given), 0.1 * min(dt, 0.1))
 
 
-@ENTRIES.plant("sleeps", caught_by="in_time")
+@ENTRIES.plant("sleeps", caught_by="step_time")
 class Sleeps(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         time.sleep(0.08)
@@ -191,7 +191,7 @@ class Sleeps(Gap):
 SEEN_BEFORE: list[float] = []
 
 
-@ENTRIES.plant("module_state", caught_by="repeats")
+@ENTRIES.plant("module_state", caught_by="episodes")
 class ModuleState(Gap):
     """What it learnt in an episode goes on in the next."""
 
@@ -200,7 +200,7 @@ class ModuleState(Gap):
         return turned(super().avoid(given), 1e-4 * len(SEEN_BEFORE))
 
 
-@ENTRIES.plant("class_state", caught_by="repeats")
+@ENTRIES.plant("class_state", caught_by="episodes")
 class ClassState(Gap):
     """A mutable class attribute that all instances share."""
 
@@ -211,7 +211,7 @@ class ClassState(Gap):
         return turned(super().avoid(given), 1e-4 * self.memory["turns"])
 
 
-@ENTRIES.plant("default_argument", caught_by="repeats")
+@ENTRIES.plant("default_argument", caught_by="episodes")
 class DefaultArgument(Gap):
     """A default argument that grows."""
 
@@ -309,7 +309,7 @@ class ResetsHalf(KeepsOverReset):
         return turned(super().avoid(given), 1e-3 if self.steps > 60 else 1e-5 * self.steps)
 
 
-@ENTRIES.plant("starts_thread", caught_by="plain")
+@ENTRIES.plant("starts_thread", caught_by="no_threads")
 class StartsThread(Gap):
     def __init__(self, params: GapParams, context: Context) -> None:
         super().__init__(params, context)
@@ -319,7 +319,7 @@ class StartsThread(Gap):
         threading.Thread(target=self.stop.wait, daemon=True).start()
 
 
-@ENTRIES.plant("opens_socket", caught_by="plain")
+@ENTRIES.plant("opens_socket", caught_by="no_files")
 class OpensSocket(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         import socket
@@ -329,7 +329,7 @@ class OpensSocket(Gap):
         return super().avoid(given)
 
 
-@ENTRIES.plant("writes_file", caught_by="plain")
+@ENTRIES.plant("writes_file", caught_by="no_files")
 class WritesFile(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         import os
@@ -357,7 +357,7 @@ class Leaks(Gap):
         return super().avoid(given)
 
 
-@ENTRIES.plant("huge_diagnostics", caught_by="size")
+@ENTRIES.plant("huge_diagnostics", caught_by="message_size")
 class HugeDiagnostics(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         window = np.zeros((6000, 6000), np.uint8)
@@ -383,7 +383,7 @@ class ExitsHard(Gap):
         os._exit(0)
 
 
-@ENTRIES.plant("forks", caught_by="plain")
+@ENTRIES.plant("forks", caught_by="no_processes")
 class Forks(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         import os
@@ -438,7 +438,7 @@ class ObjectIds(Gap):
         return turned(super().avoid(given), 1e-5 * (hash(self.name) % 1000))
 
 
-@ENTRIES.plant("two_in_turn", caught_by="instances_apart")
+@ENTRIES.plant("two_in_turn", caught_by="two_instances")
 class TwoInTurn(Gap):
     """Instances share a counter by the class: alone each is right."""
 
@@ -452,7 +452,7 @@ class TwoInTurn(Gap):
         return turned(super().avoid(given), 0.0 if self.turn_of[-1] is self else 0.05)
 
 
-@ENTRIES.plant("extreme_gain", caught_by="parameter_extremes")
+@ENTRIES.plant("extreme_gain", caught_by="extremes")
 class ExtremeGain(Gap):
     """Fails at one end of the bounds of its own parameter."""
 

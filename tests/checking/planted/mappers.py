@@ -80,22 +80,6 @@ class CellsOf255(Hits):
         return replace(answer, grid=grid)
 
 
-@ENTRIES.plant("lends_its_cells", caught_by="answers_stay")
-class LendsItsCells(Hits):
-    """Its answer is the array that it goes on writing to."""
-
-    def update(self, given: MapperInput) -> MapUpdate | None:
-        locked = self.cells.view()
-        locked.flags.writeable = False
-        kept, self.cells = self.cells, locked
-        self.cells = kept
-        answer = super().update(given)
-        if answer is None:
-            return None
-        grid = OccupancyGrid(locked, self.params.cell, answer.grid.origin)
-        return replace(answer, grid=grid)
-
-
 @ENTRIES.plant("future_map", caught_by="answers")
 class FutureMap(Hits):
     def update(self, given: MapperInput) -> MapUpdate | None:
@@ -113,7 +97,7 @@ class KeepsMapOverReset(Hits):
         self.is_made, self.due_ns = True, 0
 
 
-@ENTRIES.plant("huge_map", caught_by="size")
+@ENTRIES.plant("huge_map", caught_by="message_size")
 class HugeMap(Hits):
     """Draws its map with cells of a millimetre."""
 

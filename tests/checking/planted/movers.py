@@ -30,7 +30,7 @@ def changed(answer: TrackingCommand, speed: float, turn: float) -> TrackingComma
     return replace(answer, twist=Twist2D(speed, 0.0, turn))
 
 
-@ENTRIES.plant("turn_degrees", caught_by="within_limits")
+@ENTRIES.plant("turn_degrees", caught_by="limits")
 class TurnDegrees(Proportional):
     def control(self, given: ControllerInput) -> TrackingCommand:
         answer = super().control(given)
@@ -204,7 +204,7 @@ class KeepsPlace(Dot):
         self.is_made, self.time_ns = True, 0
 
 
-@ENTRIES.plant("degree_bearings", caught_by="answers")
+@ENTRIES.plant("degree_bearings", caught_by="scan_geometry")
 class DegreeBearings(Dot):
     """Bearings in degrees."""
 

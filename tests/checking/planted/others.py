@@ -5,11 +5,10 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from navloom import (
-    Array,
     Box,
     Cylinder,
     Latest,
@@ -27,7 +26,6 @@ from navloom import (
     message,
 )
 from navloom.viewer import Panel
-from numpy.typing import NDArray
 from pydantic import Field
 
 from planted import Entries
@@ -49,14 +47,14 @@ def writes_trail(trail: Any) -> float:
     return 0.0
 
 
-metric("of_no_ticks", "answers", lambda trail: float(np.diff(trail.x)[0]))
-metric("is_nan", "answers", lambda trail: float(np.mean(trail.cross_track)))
-metric("is_text", "answers", lambda trail: "far")
-metric("below_bound", "answers", lambda trail: -1.0, bounds=(0.0, None))
-metric("half_a_share", "answers", lambda trail: 0.5, is_share=True)
-metric("by_chance", "global_random", lambda trail: random.random())
-metric("writes_trail", "inputs_untouched", writes_trail)
-metric("by_wall_time", "wall_clock", lambda trail: float(trail.tick_ns.sum()))
+metric("of_no_ticks", "metric_values", lambda trail: float(np.diff(trail.x)[0]))
+metric("is_nan", "metric_values", lambda trail: float(np.mean(trail.cross_track)))
+metric("is_text", "metric_values", lambda trail: "far")
+metric("below_bound", "metric_values", lambda trail: -1.0, bounds=(0.0, None))
+metric("half_a_share", "metric_values", lambda trail: 0.5, is_share=True)
+metric("by_chance", "metric_repeats", lambda trail: random.random())
+metric("writes_trail", "metric_untouched", writes_trail)
+metric("by_wall_time", "metric_repeats", lambda trail: float(trail.tick_ns.sum()))
 
 
 # --- panels -----------------------------------------------------------------------------------------------------------
@@ -75,7 +73,7 @@ def none_drawn(given: Any, seen: Any) -> Any:
 
 
 for name, draws in (("no_paths", no_paths), ("without_pose", fails_without_pose), ("draws_none", none_drawn)):
-    ENTRIES.plant(name, "answers", "panel")(Panel(name, PoseEstimate, draws))
+    ENTRIES.plant(name, "panel_draws", "panel")(Panel(name, PoseEstimate, draws))
 
 
 # --- worlds and schemes -----------------------------------------------------------------------------------------------
@@ -83,45 +81,39 @@ for name, draws in (("no_paths", no_paths), ("without_pose", fails_without_pose)
 UP = Place(0.0, 0.0, 1.57)
 
 
-@ENTRIES.plant("start_in_wall", "answers", "world")
+@ENTRIES.plant("start_in_wall", "world_usable", "world")
 def start_in_wall() -> World:
     return World("start_in_wall", (Box("wall", (-1.0, 1.0), (-1.0, 1.0)),), start=UP, goal=Place(0.0, 6.0))
 
 
-@ENTRIES.plant("random_world", "repeats", "world")
+@ENTRIES.plant("random_world", "world_repeats", "world")
 def random_world() -> World:
     posts = (Cylinder("post", 3.0 * random.random() + 1.0, 3.0, 0.1),)
     return World("random_world", posts, start=UP, goal=Place(0.0, 6.0))
 
 
-@ENTRIES.plant("two_of_a_name", "answers", "world")
-def two_of_a_name() -> World:
-    posts = (Cylinder("post", 2.0, 3.0, 0.1), Cylinder("post", -2.0, 3.0, 0.1))
-    return World("two_of_a_name", posts, start=UP, goal=Place(0.0, 6.0))
-
-
-@ENTRIES.plant("no_world", "answers", "world")
+@ENTRIES.plant("no_world", "world_usable", "world")
 def no_world() -> World:
     return None  # type: ignore[return-value]
 
 
-@ENTRIES.plant("nan_world", "answers", "world")
+@ENTRIES.plant("nan_world", "world_usable", "world")
 def nan_world() -> World:
     return World("nan_world", (Cylinder("post", float("nan"), 3.0, 0.1),), start=UP, goal=Place(0.0, 6.0))
 
 
-@ENTRIES.plant("start_outside", "answers", "world")
+@ENTRIES.plant("start_outside", "world_usable", "world")
 def start_outside() -> World:
     raster = Raster("room", np.zeros((10, 10), np.bool_), 0.1)
     return World("start_outside", (), raster, Place(50.0, 50.0), Place(60.0, 60.0), bounds=(0.0, 0.0, 1.0, 1.0))
 
 
-@ENTRIES.plant("fails_at_junk", "odd_readings", "scheme")
+@ENTRIES.plant("fails_at_junk", "scheme_refuses", "scheme")
 def fails_at_junk(argument: str, base: Path) -> World:
     return World(f"fails_at_junk:{argument}", (), start=UP, goal=Place(0.0, [6.0][int(argument)]))
 
 
-@ENTRIES.plant("takes_anything", "odd_readings", "scheme")
+@ENTRIES.plant("takes_anything", "scheme_refuses", "scheme")
 def takes_anything(argument: str, base: Path) -> World:
     (base / argument).parent.mkdir(parents=True, exist_ok=True)
     return World("takes_anything", (), start=UP, goal=Place(0.0, 6.0))
@@ -138,13 +130,22 @@ class Bare(Message):
     x: float
 
 
-@ENTRIES.plant("Huge", "size", "message")
+@ENTRIES.plant("OtherName", "registers", "message")
 @message
-class Huge(Message):
-    """A default of 40 MB: each one made without it is larger than a stream allows."""
+class Named(Message):
+    """Its entry point has another name."""
 
     stamp_ns: Stamp
-    cells: Annotated[NDArray[np.float64], Array("float64", ("n",))] = np.zeros(5_000_000)
+    x: float
+
+
+@ENTRIES.plant("Wordless", "documented", "message")
+@message
+class Wordless(Message):
+    """A number."""
+
+    stamp_ns: Stamp
+    x: float
 
 
 # --- nodes ------------------------------------------------------------------------------------------------------------
@@ -203,7 +204,7 @@ class CountingNode(Counter):
         return float(self.steps)
 
 
-@ENTRIES.plant("node_with_shared_count", "repeats")
+@ENTRIES.plant("node_with_shared_count", "episodes")
 class NodeWithSharedCount(Counter):
     name = "node_with_shared_count"
     counts: list[int] = []
@@ -211,15 +212,6 @@ class NodeWithSharedCount(Counter):
     def value(self) -> float:
         self.counts.append(1)
         return float(len(self.counts))
-
-
-@ENTRIES.plant("needs_pose", "answers")
-class NeedsPose(Counter):
-    name = "needs_pose"
-    ticks = True
-
-    def step(self, tick: Tick) -> None:
-        self.numbers.put(Number(tick.time_ns, self.value()))
 
 
 class LateParams(Params):

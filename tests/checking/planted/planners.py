@@ -56,7 +56,7 @@ class StraightOn(Flood):
         return Path(given.request.request_id, points, math.hypot(start.x - goal.x, start.y - goal.y), None)
 
 
-@ENTRIES.plant("rows_for_columns", caught_by="no_contact")
+@ENTRIES.plant("rows_for_columns", caught_by="reaches")
 class RowsForColumns(Flood):
     """Searches the transposed map."""
 
@@ -95,7 +95,7 @@ class Unturned(Flood):
 
 @ENTRIES.plant("point_robot", caught_by="footprint")
 class PointRobot(Flood):
-    claims = {Claim.FOOTPRINT}
+    """Plans for a point."""
 
     def radius(self) -> float:
         return 0.0
@@ -149,7 +149,7 @@ class MarksMap(Flood):
         return free
 
 
-@ENTRIES.plant("keeps_map", caught_by="repeats")
+@ENTRIES.plant("keeps_map", caught_by="fresh_process")
 class KeepsMap(Flood):
     """Keeps the first map of a process for good, under the wrong key."""
 
@@ -170,7 +170,7 @@ class NegativeLength(Flood):
         return replace(answer, length=-1.0) if isinstance(answer, Path) else answer
 
 
-@ENTRIES.plant("half_length", caught_by="answers")
+@ENTRIES.plant("half_length", caught_by="path_length")
 class HalfLength(Flood):
     """Says that its path is half as long as it is."""
 

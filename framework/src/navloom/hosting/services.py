@@ -19,6 +19,7 @@ from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
 from navloom.engine.making import configure
+from navloom.engine.role_nodes import LocalizerNode
 from navloom.engine.system import System
 from navloom.entry_kinds import TRACEBACK
 from navloom.hosting.process_warnings import ProcessWarnings
@@ -34,7 +35,7 @@ from navloom.live.memory import Memory
 from navloom.live.placing import spread
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
-from navloom.messages import Goal, OperatorRequest, Parameters, Point2D
+from navloom.messages import Goal, OperatorRequest, Parameters, Point2D, Pose2D
 from navloom.plugins.blame import kept_tracebacks
 from navloom.plugins.registry import nearest
 from navloom.transport.keyspace import KeySpace
@@ -94,6 +95,8 @@ class Services:
         for source, runner in self._live.items():
             if source in self._system.parts:
                 self._serve(source, "params/set", lambda given, source=source: self._set(source, given))  # type: ignore[misc]
+            if source[0] == "localizer":
+                self._serve(source, "place", lambda given, runner=runner: self._place(runner, given))  # type: ignore[misc]
             if isinstance(runner, LiveGoal):
                 self._serve(source, "submit", lambda given, runner=runner: self._submit(runner, given))  # type: ignore[misc]
                 self._serve(source, "cancel", lambda given, runner=runner: self._cancel(runner))  # type: ignore[misc]
@@ -246,6 +249,14 @@ class Services:
             runner, lambda: runner.submit(OperatorRequest("goal", goal)), patience=max(0.0, limit - time.monotonic())
         )
         return {"goal_id": number}
+
+    def _place(self, runner: LiveRunner, given: dict[str, Any]) -> dict[str, Any]:
+        """Tell a localizer where the robot is."""
+        node = runner.cell.node
+        assert isinstance(node, LocalizerNode)
+        x, y, heading = (_number(given, name) for name in ("x", "y", "heading"))
+        self._apply(runner, lambda: node.plugin.place(Pose2D(x, y, math.remainder(heading, math.tau))))
+        return {"placed": True}
 
     def _cancel(self, runner: LiveGoal) -> dict[str, Any]:
         number = runner.goal.machine.goal_id

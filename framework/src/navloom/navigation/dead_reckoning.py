@@ -26,12 +26,19 @@ class OdometryLocalizer(Localizer[Params]):
 
     def __init__(self, params: Params, context: Context) -> None:
         super().__init__(params, context)
-        start = context.start
-        self._origin = (start.x, start.y, start.heading, math.cos(start.heading), math.sin(start.heading))
+        self._seen = Pose2D(0.0, 0.0, 0.0)
+        self.place(context.start)
+
+    def place(self, pose: Pose2D) -> None:
+        """The odometry frame then stands where its newest pose becomes this one."""
+        seen, turn = self._seen, math.remainder(pose.heading - self._seen.heading, math.tau)
+        cos, sin = math.cos(turn), math.sin(turn)
+        x, y = pose.x - cos * seen.x + sin * seen.y, pose.y - sin * seen.x - cos * seen.y
+        self._origin = (x, y, turn, cos, sin)
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         x0, y0, turn, cos, sin = self._origin
-        seen = given.odometry.pose
+        seen = self._seen = given.odometry.pose
         heading = math.remainder(turn + seen.heading, math.tau)
         pose = Pose2D(x0 + cos * seen.x - sin * seen.y, y0 + sin * seen.x + cos * seen.y, heading)
         return PoseEstimate(given.odometry.stamp_ns, pose, given.odometry.twist, UNKNOWN)

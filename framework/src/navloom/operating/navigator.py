@@ -238,6 +238,22 @@ class Navigator:
         """Let the robot drive again after a stop or a contact."""
         self.client.call("gate", "main", "resume", {})
 
+    def place(self, x: float, y: float, heading: float) -> None:
+        """Tell every localizer where the robot is, m and rad, map frame. A recording does not hold that.
+
+        Raises:
+            Refused: The one in charge cannot be told; ClientError: none is there, or it does not answer.
+        """
+        there = [one for one in self.client.describe() if one["role"] == "localizer"]
+        for one in sorted(there, key=lambda one: not one["active"]):
+            try:
+                self.client.call("localizer", one["instance"], "place", {"x": x, "y": y, "heading": heading})
+            except Refused:
+                if one["active"]:
+                    raise
+        if not any(one["active"] for one in there):
+            raise ClientError(f"robot {self.client.keys.prefix}: no localizer answers; `navloom doctor` says why")
+
     def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
         """Make another instance active once it has warmed up; gives the selection's epoch.
 

@@ -51,7 +51,7 @@ PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
         "platform": frozenset({Claim.DRIVES_AS_TOLD}),
         "localizer": frozenset({Claim.ACCURATE}),
         "mapper": frozenset({Claim.ACCURATE}),
-        "planner": frozenset({Claim.NO_CONTACT, Claim.REACHES}),
+        "planner": frozenset({Claim.NO_CONTACT, Claim.REACHES, Claim.FOOTPRINT}),
         "controller": frozenset({Claim.SETTLES}),
         "avoider": frozenset({Claim.NO_CONTACT, Claim.REACHES}),
         "recovery": frozenset({Claim.NO_CONTACT, Claim.ENDS}),

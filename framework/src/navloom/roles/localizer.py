@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from navloom.messages import MapUpdate, Odometry, PoseEstimate, RangeScan
-from navloom.roles.base import P, Role
+from navloom.messages import MapUpdate, Odometry, Pose2D, PoseEstimate, RangeScan
+from navloom.roles.base import InputError, P, Role
 from navloom.roles.extra import NO_EXTRAS, Extras
 from navloom.roles.readings import NO_READINGS, Readings
 from navloom.roles.struct import struct
@@ -38,6 +38,14 @@ class Localizer(Role[P]):
     """Turns odometry and scans into a pose in the map."""
 
     role = "localizer"
+
+    def place(self, pose: Pose2D) -> None:
+        """Take the robot to stand at this pose of the map, as an operator says. Called live, between two steps.
+
+        Raises:
+            InputError: This localizer cannot be told.
+        """
+        raise InputError(f"localizer {self.name} cannot be told where the robot is")
 
     @abstractmethod
     def localize(self, given: LocalizerInput) -> PoseEstimate:

@@ -102,6 +102,9 @@ class Player:
         except AnswerError as error:
             problem, _, expected = str(error).rpartition(" (")[0].partition(", expected ")
             raise Fault(problem.partition("() ")[2] or problem, expected, self.subject.place) from None
+        except (AttributeError, TypeError, ValueError) as error:
+            problem = f"gives {type(answer).__name__} with fields that cannot be read: {error}"
+            raise Fault(problem, "the types that the fields declare", self.subject.place) from None
 
     def _step(self, given: Any) -> Any:
         return getattr(self.plugin, self.subject.verb)(given)

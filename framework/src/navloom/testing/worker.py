@@ -139,10 +139,13 @@ def _may_be_made(subject: Subject) -> bool:
 
 
 def _digests(bench: Bench, steps: dict[str, int], is_alike: bool) -> dict[str, list[str]]:
-    """Hashes of the first answers to some scenes, the first of all plays in this process."""
+    """Hashes of the first answers to some scenes, the first of all plays in this process.
+
+    The last scene is played first: what one leaves behind in the process then meets other scenes than it did there.
+    """
     found = {}
     seeds, clock = (1, CLOCK) if is_alike else (OTHER_SEEDS, OTHER_CLOCK)
-    for scene in made_scenes(bench.subject, bench.seed):
+    for scene in reversed(made_scenes(bench.subject, bench.seed)):
         if scene.name in steps:
             cut = replace(scene, inputs=scene.inputs[: steps[scene.name]])
             with suppress(Fault):

@@ -26,6 +26,7 @@ ACTING = (
     "gate/main/resume",
     "gate/main/release",
     "gate/main/enter_unseen",
+    "localizer/*/place",
     "*/*/params/set",
 )
 """Services that change what the robot does, below `<realm>/<robot>/`."""

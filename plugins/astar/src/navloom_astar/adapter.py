@@ -20,7 +20,7 @@ __all__ = ["AStar", "Dijkstra", "JumpPoint", "PlannerOnGrid"]
 class PlannerOnGrid(Planner[AstarParams]):
     """A planner on the grid; which search it uses is all that one has of its own."""
 
-    claims = {Claim.FOOTPRINT, Claim.OPTIMAL, Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
+    claims = {Claim.OPTIMAL, Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
     search: ClassVar[type[Search]]
     """Makes the search for grids of a shape (rows, columns)."""

@@ -124,7 +124,7 @@ def serve(
         PUBLISHED
     ),
     take: Annotated[
-        str, typer.Option(metavar="LIST", help="What to take from the network: goals; nothing by default.")
+        str, typer.Option(metavar="LIST", help="What to take from the network, of goals,pose; nothing by default.")
     ] = "",
     robot: Annotated[str | None, typer.Option(metavar="REALM/NAME", help="Default: the only one that is up.")] = None,
     connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Robot on another host.")] = None,

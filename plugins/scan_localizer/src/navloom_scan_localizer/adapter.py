@@ -32,7 +32,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
     """Corrects odometry by matching laser scans with the map of its context."""
 
     name = "scan_matching"
-    claims = {Claim.CORRECTS_DRIFT, Claim.TRANSLATION, Claim.ROTATION}
+    claims = {Claim.CORRECTS_DRIFT}
     accepts = (RangeScan,)
     needs_map = True
     needs_sensor = True
@@ -47,6 +47,11 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         start = self.context.start
         place = np.array([start.x, start.y, start.heading])
         self._tracker, self._stamp_ns = PoseTracker(self.params.settings(), self._field, place), 0
+        self._judge = Judge(self._tracker)
+
+    def place(self, pose: Pose2D) -> None:
+        """Stand at a pose, and judge it anew."""
+        self._tracker.place(np.array([pose.x, pose.y, pose.heading]))
         self._judge = Judge(self._tracker)
 
     def configure(self, params: ScanMatchingParams) -> None:
@@ -79,7 +84,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
     """Corrects wheel odometry by matching each scan with the surfaces that the scans before it saw."""
 
     name = "scan_odometry"
-    claims = {Claim.CORRECTS_DRIFT, Claim.TRANSLATION, Claim.ROTATION}
+    claims = {Claim.CORRECTS_DRIFT}
     accepts = (RangeScan,)
     needs_sensor = True
 
@@ -90,10 +95,17 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
     def reset(self) -> None:
         """Back to the start pose, with nothing seen; odometry has to begin there too."""
         p, start = self.params, self.context.start
-        place = np.array([start.x, start.y, start.heading])
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
-        self._surface.follow(start.x, start.y)
-        self._tracker, self._stamp_ns = PoseTracker(p.settings(), self._surface.field, place), 0
+        self._tracker, self._stamp_ns = PoseTracker(p.settings(), self._surface.field, np.zeros(3)), 0
+        self.place(start)
+
+    def place(self, pose: Pose2D) -> None:
+        """Stand at a pose, with nothing seen."""
+        p, place = self.params, np.array([pose.x, pose.y, pose.heading])
+        self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
+        self._surface.follow(pose.x, pose.y)
+        self._tracker.field = self._surface.field
+        self._tracker.place(place)
         self._key, self._scans = place, 0
         self._drift = np.zeros((3, 3))
 

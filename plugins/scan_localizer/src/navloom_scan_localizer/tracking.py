@@ -117,12 +117,17 @@ class PoseTracker:
 
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
         """Stands at the start, (3,) x, y, m, heading, rad, map frame, where odometry is (0, 0, 0)."""
-        self.settings, self.field, self.pose = settings, field, start.copy()
-        place, turn = settings.start_sigma**2, settings.start_turn_sigma**2
+        self.settings, self.field = settings, field
+        self._odometry = np.zeros(3)
+        self.place(start)
+
+    def place(self, pose: Floats) -> None:
+        """Stand at a pose, (3,) x, y, m, heading, rad, map frame, where odometry is what it was last."""
+        place, turn = self.settings.start_sigma**2, self.settings.start_turn_sigma**2
+        self.pose = pose.copy()
         self.covariance: Floats = np.diag([place, place, turn])
         self.inliers = 0
         self.share: float | None = None
-        self._odometry = np.zeros(3)
 
     def predict(self, odometry: Floats, time: float) -> None:
         """Move as odometry did since the last call.

@@ -65,9 +65,9 @@ class VfhPlusParams(HistogramParams):
     threshold_low: float = Field(0.2, ge=0.0, le=100.0, description="tau_low: a blocked sector is free below it.")
     threshold_high: float = Field(0.4, gt=0.0, le=100.0, description="tau_high: a free sector is blocked above it.")
     mask_certainty: int = Field(3, ge=0, le=14, description="Cells above this certainty block turning circles.")
-    target_weight: float = Field(5.0, gt=0.0, le=100.0, description="mu_1, of the angle to the target.")
-    heading_weight: float = Field(2.0, ge=0.0, le=100.0, description="mu_2, of the angle to the heading.")
-    previous_weight: float = Field(2.0, ge=0.0, le=100.0, description="mu_3, of the angle to the last choice.")
+    target_weight: float = Field(5.0, gt=0.0, le=100.0, description="mu_1, of the angle to the target; no unit.")
+    heading_weight: float = Field(2.0, ge=0.0, le=100.0, description="mu_2, of the angle to the heading; no unit.")
+    previous_weight: float = Field(2.0, ge=0.0, le=100.0, description="mu_3, of the angle to the last choice; no unit.")
 
     @model_validator(mode="after")
     def _is_led_by_the_target(self) -> "VfhPlusParams":
@@ -90,8 +90,12 @@ class VfhStarParams(VfhPlusParams):
     look_ahead: int = Field(5, ge=1, le=20, description="n_g, steps looked ahead; 1 is VFH+.")
     step: float = Field(0.5, gt=0.0, le=5.0, description="d_s, length of a projected step, m.")
     discount: float = Field(0.8, gt=0.0, le=1.0, description="lambda, by which each further step counts less.")
-    projected_target_weight: float = Field(5.0, gt=0.0, le=100.0, description="mu_1', of the angle to the target.")
-    projected_heading_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_2', of the angle to the heading.")
+    projected_target_weight: float = Field(
+        5.0, gt=0.0, le=100.0, description="mu_1', of the angle to the target; no unit."
+    )
+    projected_heading_weight: float = Field(
+        1.0, ge=0.0, le=100.0, description="mu_2', of the angle to the heading; no unit."
+    )
     projected_previous_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_3', to the step before.")
     node_limit: int = Field(400, ge=120, le=5000, description="Nodes of the search tree; bounds the time of a tick.")
 

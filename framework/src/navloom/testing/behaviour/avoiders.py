@@ -12,7 +12,17 @@ from navloom.messages import Point2D, RangeScan, Twist2D
 from navloom.roles import AvoiderInput
 from navloom.roles.claims import Claim
 from navloom.testing.behaviour.driving import Drive, Pose, drive, estimate_at, towards
-from navloom.testing.behaviour.measured import PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan, robot_of
+from navloom.testing.behaviour.measured import (
+    PERIOD,
+    PERIOD_NS,
+    Behaviour,
+    Line,
+    Maker,
+    Measured,
+    Unfit,
+    full_scan,
+    robot_of,
+)
 from navloom.testing.behaviour.scene import Post, Scene, Wall
 
 __all__ = ["AVOIDERS"]
@@ -21,6 +31,8 @@ NEAR = 0.3
 """How near to its target an avoider must come, m."""
 SAME = 0.02
 """How far two answers may differ that should be alike, of the robot's limits."""
+MOST_TURNS = 2.0 * math.tau
+"""How far a robot may turn on its way to a target in the open, to and fro, rad."""
 TRAPPED = 40
 """Ticks of being trapped after which a drive is over: a recovery would take its turn."""
 LOOKS = 30
@@ -151,7 +163,9 @@ def reaches(make: Maker, scene: Scene) -> Measured:
     done = drive_avoider(make, scene, 45.0)
     x, y, _ = done.poses[-1].tolist()
     left = math.hypot(x - scene.target[0], y - scene.target[1])
-    return Measured(done.ended == "reached", f"{left:.2f} m from its target, {_ended(done)}", left, (done.line,))
+    turned = float(np.abs(done.twists[:, 1]).sum()) * PERIOD
+    said = f"was {left:.2f} m from its target, {_ended(done)}, and had turned by {turned / math.tau:.1f} rounds"
+    return Measured(done.ended == "reached" and turned <= MOST_TURNS, said, left, (done.line,))
 
 
 def no_contact(make: Maker, scene: Scene) -> Measured:
@@ -213,11 +227,11 @@ def mirror(make: Maker, scene: Scene) -> Measured:
 
 
 AVOIDERS = (
-    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s", open_scene, reaches, 8),
+    Behaviour("avoider", Claim.REACHES, f"to come within {NEAR} m in 45 s and two rounds", open_scene, reaches, 8),
     Behaviour("avoider", Claim.NO_CONTACT, "to touch nothing in 20 s", blocked_scene, no_contact, 12),
     Behaviour("avoider", Claim.FOOTPRINT, "to touch nothing in 20 s", tight_scene, no_contact, 12),
     Behaviour("avoider", Claim.STOPS_WHEN_CLOSED, f"at most {MOST_STILL} m/s after 3 s", closed_scene,
-              stops_when_closed, 4),
+              stops_when_closed, 4, False),
     Behaviour("avoider", Claim.TRANSLATION, f"the same within {SAME:.0%} of the limits", look_scene, translation, 12),
     Behaviour("avoider", Claim.ROTATION, f"the same within {SAME:.0%} of the limits", look_scene, rotation, 12),
     Behaviour("avoider", Claim.MIRROR, f"the mirror image within {SAME:.0%} of the limits", look_scene, mirror, 12),

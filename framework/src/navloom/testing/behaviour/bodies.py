@@ -42,6 +42,10 @@ def drives_as_told(make: Maker, scene: Scene) -> Measured:
     poses, true, legs = [], [], ((0.3, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.2, 0.0), (0.25, 0.3))
     worst, said, tick = 0.0, "moved as it was told", 0
     out = platform.advance(PlatformInput(Twist2D(0.0, 0.0, 0.0), None, 0))
+    first = out.odometry.pose
+    if max(abs(first.x), abs(first.y), abs(first.heading)) > SLACK:
+        worst = math.inf
+        said = f"began its odometry at ({first.x:.2f}, {first.y:.2f}) m, {first.heading:.2f} rad, not at 0"
     for v, w in ((0.0, 0.0), *legs):
         before = out.odometry.pose
         for _ in range(round(LEG / PERIOD)):
@@ -80,19 +84,19 @@ def _off(before: object, after: object, twist: Twist2D, v: float, w: float) -> t
 
 
 def stuck_scene(seed: int) -> Scene:
-    """The robot close before a wall, or at the end of a corridor, which it came along."""
+    """The robot close before a wall or at the end of a corridor. It came 1.2 m; there may be a wall behind that."""
     scene = Scene(Place(0.0, 0.0), (3.0, 0.0), walls=(Wall(0.45, -2.0, 0.45, 2.0),))
     if seed % 2:
         scene = replace(scene, walls=(*scene.walls, Wall(-3.0, 0.5, 0.45, 0.5), Wall(-3.0, -0.5, 0.45, -0.5)))
     if seed % 3 == 2:
-        scene = replace(scene, walls=(*scene.walls, Wall(-0.5, -1.0, -0.5, 1.0)))
+        scene = replace(scene, walls=(*scene.walls, Wall(-1.6, -1.0, -1.6, 1.0)))
     return scene.moved(blocked_scene(seed).start)
 
 
 def drive_recovery(make: Maker, scene: Scene) -> tuple[Drive, str]:
     """Drive by a recovery until it is over, two attempts; and its last state."""
     recovery, start = make(scene), np.array([scene.start.x, scene.start.y, scene.start.heading])
-    trail = compose(start, np.stack([np.linspace(-2.0, 0.0, 41), np.zeros(41), np.zeros(41)], axis=1))
+    trail = compose(start, np.stack([np.linspace(-1.2, 0.0, 25), np.zeros(25), np.zeros(25)], axis=1))
     attempt, is_first, state = 1, True, "running"
     sees, extra = make.sees(RangeScan), make.extra
 

@@ -83,6 +83,8 @@ def odometry_of(poses: Floats, drift: bool) -> Floats:
 
 
 def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured:
+    if not scene.walls:
+        raise Unfit("nothing in the scene tells where the robot is")
     poses = true_poses(scene)
     told = odometry_of(poses, drift)
     grid = grid_of(scene)
@@ -194,6 +196,8 @@ def accurate_mapper(make: Maker, scene: Scene) -> Measured:
         seen = _shown_scans(make, scene)
     else:
         raise Unfit("it takes neither RangeScan nor Sweep: it sees nothing of the scenes")
+    if not len(seen.hits):
+        raise Unfit("nothing in the scene is seen")
     if seen.update is None:
         return Measured(False, "gave no map of what it was shown", 0.0, (Line("hits", seen.hits, is_dots=True),))
     grid = seen.update.grid
@@ -203,7 +207,7 @@ def accurate_mapper(make: Maker, scene: Scene) -> Measured:
     slack = grid.resolution + 0.05
     right = _near_share(cells, _surface(scene), slack)
     found = _near_share(seen.hits, cells, slack)
-    lines = (Line("hits", seen.hits[::7], is_dots=True), Line("occupied cells", cells, is_dots=True))
+    lines = (Line("occupied cells", cells, is_dots=True), Line("hits", seen.hits[::7], is_dots=True))
     said = f"has {right:.0%} of its occupied cells within {slack:.2f} m of something, and {found:.0%} of what was hit"
     return Measured(right >= TRUE_SHARE and found >= FOUND_SHARE, said, min(right, found), lines)
 
@@ -253,11 +257,13 @@ def _turned(scene: Scene) -> Scene:
 
 LOCALIZERS = (
     Behaviour("localizer", Claim.ACCURATE, f"at most {NEAR} m and {TURNED} rad off with exact odometry",
-              room, accurate_localizer, 3),
+              room, accurate_localizer, 3, False),
     Behaviour("localizer", Claim.CORRECTS_DRIFT, f"at most {NEAR_DRIFTING} m and {TURNED} rad off",
-              room, corrects_drift, 3),
-    Behaviour("localizer", Claim.TRANSLATION, "the same error to 2 cm", room, _alike(accurate_localizer, _moved), 2),
-    Behaviour("localizer", Claim.ROTATION, "the same error to 2 cm", room, _alike(accurate_localizer, _turned), 2),
+              room, corrects_drift, 3, False),
+    Behaviour("localizer", Claim.TRANSLATION, "the same error to 2 cm", room, _alike(accurate_localizer, _moved), 2,
+              False),
+    Behaviour("localizer", Claim.ROTATION, "the same error to 2 cm", room, _alike(accurate_localizer, _turned), 2,
+              False),
 )  # fmt: skip
 MAPPERS = (
     Behaviour("mapper", Claim.ACCURATE,

@@ -126,6 +126,7 @@ class Behaviour:
         scene: The scene of a seed.
         measure: Measures a new plugin in it.
         scenes: How many seeds are tried.
+        shrinks: A scene with less in it shows as well what is wrong.
     """
 
     role: str
@@ -134,6 +135,7 @@ class Behaviour:
     scene: Callable[[int], Scene]
     measure: Callable[[Maker, Scene], Measured]
     scenes: int
+    shrinks: bool = True
 
     @property
     def name(self) -> str:
@@ -157,7 +159,7 @@ def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, bea
 def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:
     """The smallest scene found that still fails, by leaving out what stands in it, and what it shows."""
     left = TRIES
-    is_smaller = True
+    is_smaller = behaviour.shrinks
     while is_smaller and left > 0:
         is_smaller = False
         for candidate in (*scene.smaller(), *_rounded(scene)):

@@ -178,7 +178,7 @@ class Scene:
         for p in self.posts:
             occupied |= np.hypot(x - p.x, y - p.y) <= p.radius
         for w in self.walls:
-            occupied |= _segment_field(x, y, w) <= 0.5 * resolution
+            occupied |= _segment_field(x, y, w) <= 0.51 * resolution
         return occupied, (float(low[0]), float(low[1]))
 
 

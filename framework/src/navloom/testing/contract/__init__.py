@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from navloom.testing.contract import answers, conduct, declared, parameters, repeats, state
+from navloom.testing.contract import answers, conduct, declared, objects, parameters, repeats, sense, state
 
 __all__ = ["CHECKS"]
 
 CHECKS = (
     *declared.CHECKS,
     *answers.CHECKS,
+    *sense.CHECKS,
     *repeats.CHECKS,
     *state.CHECKS,
     *parameters.CHECKS,
     *conduct.CHECKS,
+    *objects.CHECKS,
 )
 """In the order they run: first what needs no object, then what says most of a broken plugin."""

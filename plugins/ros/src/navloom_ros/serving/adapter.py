@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,12 +13,13 @@ from navloom_ros.message_types import Types
 from navloom_ros.node import Node
 from navloom_ros.serving.goals import Goals
 from navloom_ros.serving.outlets import STREAMS, Outlets
+from navloom_ros.serving.poses import Poses
 from navloom_ros.translating import Translated, Translator
 from navloom_ros.wire import now_ns
 
 __all__ = ["TAKEN", "Serving", "serve"]
 
-TAKEN = ("goals",)
+TAKEN = ("goals", "pose")
 """What may be taken from the network."""
 LOOK = 0.1
 """s that are waited for messages at most."""
@@ -60,6 +62,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
               types=given.types) as node:  # fmt: skip
         outlets = Outlets(node, given.publish)
         goals = Goals(node, "map", (NavloomError, RuntimeError)) if "goals" in given.take else None
+        poses = Poses(node, "map") if "pose" in given.take else None
         said = ""
         try:
             while not ends():
@@ -67,7 +70,7 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
                     with Navigator(given.robot, given.connect, given.keys, given.insecure) as robot:
                         say(f"robot {robot.client.keys.prefix} is served in domain {given.domain} of {given.router}")
                         said = ""
-                        _Session(given, robot, outlets, goals).run(ends)
+                        _Session(given, robot, outlets, goals, poses).run(ends)
                         why = "the robot went down"
                 except NavloomError as error:
                     why = str(error)
@@ -84,8 +87,10 @@ def serve(given: Serving, ends: Callable[[], bool], say: Callable[[str], None]) 
 class _Session:
     """While one robot is there."""
 
-    def __init__(self, given: Serving, robot: Navigator, outlets: Outlets, goals: Goals | None) -> None:
-        self._robot, self._outlets, self._goals = robot, outlets, goals
+    def __init__(
+        self, given: Serving, robot: Navigator, outlets: Outlets, goals: Goals | None, poses: Poses | None
+    ) -> None:
+        self._robot, self._outlets, self._goals, self._poses = robot, outlets, goals, poses
         self._translator = Translator(given.types)
         streams = sorted({stream for name in given.publish for stream in STREAMS[name]})
         always = ("localizer/pose", "gate/selection", "gate/status")
@@ -99,6 +104,9 @@ class _Session:
             while not ends() and missed < GONE:
                 for told in self._listening.take(LOOK):
                     self._take(*told)
+                if self._poses is not None and (place := self._poses.take()) is not None:
+                    with suppress(NavloomError):  # a localizer that cannot be told; the next pose shows it
+                        self._robot.place(*place)
                 if now_ns() - looked_ns > AGAIN * 1e9:
                     looked_ns = now_ns()
                     missed = 0 if self._robot.client.has_nodes() else missed + 1

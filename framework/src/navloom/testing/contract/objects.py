@@ -1,0 +1,291 @@
+"""Metrics, worlds, schemes, panels and messages: what is called as it is, without an object of a role."""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.geometry.collision import clearance
+from navloom.geometry.footprints import rectangle
+from navloom.geometry.world import World
+from navloom.messages import SCHEMAS, Message, Pose2D
+from navloom.messages.codec import decode, encode, schema_label
+from navloom.study.metrics import Metric, measure
+from navloom.study.trail import Trail
+from navloom.testing.bench import Bench, alike
+from navloom.testing.checks import check
+from navloom.testing.findings import Finding, NotRun
+from navloom.testing.guard import GUARD
+from navloom.testing.player import NOWHERE, bytes_of
+from navloom.testing.samples import sample
+
+__all__ = ["CHECKS"]
+
+OTHER_SEEDS = 4711
+JUNK = (
+    "",
+    " ",
+    "no such thing",
+    "-1",
+    "1e999",
+    "nan",
+    "999999999999999999999",
+    "../../nothing",
+    "a\0b",
+    "x" * 5000,
+    "ä",
+)
+"""What people and scripts give to a scheme that it cannot use."""
+ENOUGH = 20
+"""Messages that are made of a class."""
+
+
+def _problem(bench: Bench, act: Callable[[], Any]) -> tuple[Any, Finding | None]:
+    """What a call of the plugin gives, or what to say of the error that it raises."""
+    try:
+        with GUARD.within("the call"):
+            return act(), None
+    except (Exception, SystemExit) as error:
+        return None, Finding(f"raises {type(error).__name__}: {error}", "an answer", _line(bench, error))
+
+
+def _line(bench: Bench, error: BaseException) -> str:
+    """The innermost line of the plugin that an error came through."""
+    places = [
+        f"{PurePath(frame.f_code.co_filename).name}:{line}"
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if bench.subject.is_own(str(frame.f_globals.get("__name__", "")))
+    ]
+    return places[-1] if places else ""
+
+
+# --- metrics ----------------------------------------------------------------------------------------------------------
+
+
+def _trail(ticks: int, **changes: Any) -> Trail:
+    """An episode of a robot that drives a bend past something, 0.05 s a tick."""
+    time = 0.05 * np.arange(ticks, dtype=np.float64)
+    turn: NDArray[np.float64] = 0.3 * time
+    none = np.zeros(ticks, dtype=np.bool_)
+    made = Trail(
+        time, np.sin(turn), 1.0 - np.cos(turn), turn, np.full(ticks, 0.3), np.full(ticks, 0.3),
+        1.0 + 0.2 * np.sin(time), 0.05 * np.cos(time), np.full(ticks, 0.3), np.full(ticks, 0.3), none, none,
+        "succeeded", "", 0, 0, 0, 0.05, 1.2, 0.1, 120.0, 0.5, 1.0, 0.1, np.full(ticks, 1_000_000),
+        np.full(ticks, 0.02), 0, 1.3,
+    )  # fmt: skip
+    return replace(made, **changes)
+
+
+def _trails() -> dict[str, Trail]:
+    """Episodes of all kinds that a study has."""
+    drive = _trail(200)
+    unknown = np.full(200, math.nan)
+    return {
+        "a drive to the goal": drive,
+        "a collision": _trail(200, outcome="collision", clearance=drive.clearance - 1.1, touches=2),
+        "a drive without a goal, of which nothing is known": _trail(
+            200, cross_track=unknown, clearance=unknown, pose_error=np.empty(0), optimal=None, goal_distance=None,
+            reference=None, outcome="no_path",
+        ),
+        "an open floor": _trail(200, clearance=np.full(200, math.inf)),
+        "one tick": _trail(1, outcome="timeout"),
+        "no tick": _trail(0, outcome="error"),
+        "a robot that stands": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
+    }  # fmt: skip
+
+
+@check("contract", {"metric"}, "It gives a finite number within its bounds, or None, for every kind of episode.")
+def metric_values(bench: Bench) -> Iterator[Finding]:
+    """Failed episodes too, those without a tick, and those of which little is known."""
+    metric = _metric(bench)
+    for name, trail in _trails().items():
+        found, problem = _problem(bench, lambda trail=trail: measure(trail, [metric])[metric.name])  # type: ignore[misc]
+        if problem is not None:
+            yield replace(problem, expected="a number, or None where it is not defined", given=f"episode: {name}")
+            return
+        low, high = metric.bounds
+        if found is not None and not (
+            (-math.inf if low is None else low) <= found <= (math.inf if high is None else high)
+        ):
+            yield Finding(f"gives {found:g}", f"a number within its bounds {metric.bounds}", given=f"episode: {name}")
+            return
+
+
+@check("contract", {"metric"}, "It gives the same number again, whatever seeds, clock and speed of the computer.")
+def metric_repeats(bench: Bench) -> Iterator[Finding]:
+    """`tick_ns` is wall time, which no run repeats."""
+    metric = _metric(bench)
+    for name, trail in _trails().items():
+        slower = replace(trail, tick_ns=3 * trail.tick_ns)
+        plays = ((trail, 1, 0.0), (trail, OTHER_SEEDS, 3e6), (slower, 1, 0.0))
+        given = []
+        for one, seeds, later in plays:
+            with alike(seeds, (1_700_000_000.0 + later, 0.001)):
+                given.append(_problem(bench, lambda one=one: metric.compute(one))[0])  # type: ignore[misc]
+        for other, why in ((given[1], "with other seeds and another clock"), (given[2], "on a slower computer")):
+            if other != given[0] and not (other != other and given[0] != given[0]):
+                yield Finding(f"gives {given[0]!r}, and {other!r} {why}", "the same number", given=f"episode: {name}")
+                return
+
+
+@check("contract", {"metric"}, "The episode that it is given is not changed.")
+def metric_untouched(bench: Bench) -> Iterator[Finding]:
+    """Other metrics are computed of the same one."""
+    metric = _metric(bench)
+    for name, trail in _trails().items():
+        before = {one.name: np.array(getattr(trail, one.name)) for one in fields(trail)}
+        _problem(bench, lambda trail=trail: metric.compute(trail))  # type: ignore[misc]
+        for field, value in before.items():
+            if not np.array_equal(value, np.array(getattr(trail, field)), equal_nan=value.dtype.kind == "f"):
+                yield Finding(f"changes {field} of the episode", "a copy, np.array(…)", given=f"episode: {name}")
+                return
+
+
+def _metric(bench: Bench) -> Metric:
+    if not isinstance(bench.subject.thing, Metric):
+        raise NotRun(f"{bench.subject.thing!r} is no navloom.Metric: see the check `registers`")
+    return bench.subject.thing
+
+
+# --- worlds and schemes -----------------------------------------------------------------------------------------------
+
+
+@check("contract", {"world"}, "It is a World of finite numbers, whose start and goal are within its bounds and free.")
+def world_usable(bench: Bench) -> Iterator[Finding]:
+    """For a robot of 0.4 m x 0.4 m."""
+    world, problem = _problem(bench, bench.subject.thing)
+    if problem is not None:
+        yield problem
+        return
+    if not isinstance(world, World):
+        yield Finding(f"gives {type(world).__name__}", "a navloom.World")
+        return
+    if wrong := _not_finite(world, "world"):
+        yield Finding(f"has {wrong}", "finite numbers")
+        return
+    left, low, right, high = world.bounds
+    for name, place in (("start", world.start), ("goal", world.goal)):
+        if place is None:
+            continue
+        if not (left <= place.x <= right and low <= place.y <= high):
+            yield Finding(f"has its {name} at ({place.x:g}, {place.y:g})", f"a place within its bounds {world.bounds}")
+            return
+        gap, nearest = clearance(rectangle(0.4, 0.4), place, world, height=1.0)
+        if gap <= 0.0:
+            yield Finding(f"has its {name} at ({place.x:g}, {place.y:g}) in {nearest!r}", "a free place")
+            return
+
+
+@check("contract", {"world"}, "It is the same world each time.")
+def world_repeats(bench: Bench) -> Iterator[Finding]:
+    """Whatever the seeds and the clock."""
+    made = []
+    for seeds, clock in ((1, 1.7e9), (OTHER_SEEDS, 1.9e9)):
+        with alike(seeds, (clock, 0.001)):
+            made.append(_problem(bench, bench.subject.thing)[0])
+    if bytes_of(made[0]) != bytes_of(made[1]):
+        yield Finding("gives another world the second time", "the same world; a scheme takes a seed: door:3")
+
+
+@check("contract", {"scheme"}, "What it cannot use it refuses by a ValueError, and it writes nothing.")
+def scheme_refuses(bench: Bench) -> Iterator[Finding]:
+    """As `navloom.worlds.WorldError`, which names what was given and what was expected."""
+    for text in JUNK:
+        GUARD.deeds.clear()
+        try:
+            with TemporaryDirectory() as folder, GUARD.within("the scheme"):
+                world = bench.subject.thing(text, Path(folder))
+        except ValueError:
+            continue
+        except (Exception, SystemExit) as error:
+            said = f"raises {type(error).__name__}: {error}"
+            yield Finding(said, "ValueError, with what was given and what was expected", _line(bench, error),
+                          f"argument {text[:40]!r}")  # fmt: skip
+            return
+        if GUARD.deeds:
+            deed = GUARD.deeds[0]
+            yield Finding(f"does this: {deed.text}", "to read only", deed.place, f"argument {text[:40]!r}")
+            return
+        if not isinstance(world, World):
+            yield Finding(f"gives {type(world).__name__}", "a World or ValueError", given=f"argument {text[:40]!r}")
+            return
+        if wrong := _not_finite(world, "world"):
+            yield Finding(f"gives a world with {wrong}", "ValueError", given=f"argument {text[:40]!r}")
+            return
+
+
+def _not_finite(value: Any, path: str) -> str:
+    """The first number of a value that is not finite, in words; empty for none."""
+    if isinstance(value, bool | str | np.ndarray) or value is None:
+        return ""
+    if isinstance(value, int | float):
+        return "" if math.isfinite(value) else f"{path} = {value}"
+    if isinstance(value, tuple | list):
+        return next((wrong for k, one in enumerate(value) if (wrong := _not_finite(one, f"{path}[{k}]"))), "")
+    if is_dataclass(value):
+        inner = ((one.name, getattr(value, one.name)) for one in fields(value))
+        return next((wrong for name, one in inner if (wrong := _not_finite(one, f"{path}.{name}"))), "")
+    return f"{path} of {type(value).__name__}"
+
+
+# --- panels and messages ----------------------------------------------------------------------------------------------
+
+
+@check(
+    "contract",
+    {"panel"},
+    "Each message becomes pairs of entity path and archetype, before the first pose too.",
+)
+def panel_draws(bench: Bench) -> Iterator[Finding]:
+    """It draws made messages of its class."""
+    from navloom.viewer.facts import Actor, Variant
+    from navloom.viewer.panels import Seen
+
+    panel = bench.subject.thing
+    known = [cls for cls in SCHEMAS.values() if issubclass(cls, panel.message)]
+    robot = Variant("robot", rectangle(0.5, 0.4), 1.0, Pose2D(0.0, 0.0, 0.0), None)
+    actor = Actor("robot", "robot", (0, 0, 0, 255), False)
+    rng = np.random.default_rng(bench.seed)
+    for cls in known or [panel.message]:
+        for pose, track in ((None, np.empty((0, 4))), (Pose2D(1.0, 2.0, 0.5), np.array([[0.0, 1.0, 2.0, 0.5]]))):
+            seen = Seen(actor, robot, "robot", "main", "port", pose, track, True, 1.0)
+            given = sample(cls, rng)
+            when = f"{cls.__name__}, {'before the first pose' if pose is None else 'with a pose'}"
+            drawn, problem = _problem(bench, lambda given=given, seen=seen: list(panel.to_rerun(given, seen)))  # type: ignore[misc]
+            if problem is not None:
+                yield replace(problem, expected="pairs of entity path and archetype, or none", given=when)
+                return
+            for one in drawn:
+                if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and one[0]):
+                    yield Finding(f"gives {one!r}"[:120], "(entity path, archetype)", given=when)
+                    return
+
+
+@check("contract", {"message"}, "Encoded and decoded it is the same.")
+def message_codec(bench: Bench) -> Iterator[Finding]:
+    """As between processes and in recordings."""
+    cls: type[Message] = bench.subject.thing
+    rng = np.random.default_rng(bench.seed)
+    for number in range(ENOUGH):
+        made, problem = _problem(bench, lambda: sample(cls, rng, number))  # noqa: B023
+        if problem is not None:
+            yield replace(problem, expected="a message of values within the declared bounds")
+            return
+        again, problem = _problem(bench, lambda made=made: decode(encode(made, NOWHERE), schema_label(cls))[0])  # type: ignore[misc]
+        if problem is not None or bytes_of(made) != bytes_of(again):
+            yield problem or Finding(f"is {again!r} after encoding and decoding", f"{made!r}")
+            return
+
+
+CHECKS = (
+    metric_values, metric_repeats, metric_untouched, world_usable, world_repeats, scheme_refuses, panel_draws,
+    message_codec,
+)  # fmt: skip

@@ -1,0 +1,1 @@
+"""Sound plugins of unusual kinds, which every check must let pass."""

@@ -1,0 +1,41 @@
+"""Runs one check on each of many plugins in one process: standard input has [plugin, check] pairs as JSON.
+
+Each result is a line of JSON: the plugin, and the result as `navloom check` has it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+
+from navloom.testing import worker
+from navloom.testing.bench import Bench
+from navloom.testing.guard import GUARD
+from navloom.testing.printed import PRINTED
+from navloom.testing.subject import Request
+from navloom.testing.tiers import find_check
+
+
+def main() -> None:
+    """Do what standard input says."""
+    pairs = json.loads(sys.stdin.read())
+    out = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
+    PRINTED.capture()
+    GUARD.install(open(os.devnull, "w"))  # noqa: SIM115  (open as long as the process)
+    for name, check in pairs:
+        told: list[dict[str, object]] = []
+        request = Request(name)
+        subject = worker._loaded(request, [check], told.append)
+        if subject is not None:
+            found = find_check(check)
+            assert found is not None
+            told.append({"result": worker._run(Bench(subject, request), found).to_json()})
+        place = next((one["loaded"]["place"] for one in told if "loaded" in one), "")  # type: ignore[index]
+        out.write(json.dumps({"plugin": name, "place": place, **told[-1]}) + "\n")
+    out.flush()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

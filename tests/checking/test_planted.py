@@ -1,0 +1,114 @@
+"""Planted faults are caught by the check that is named with them and blamed on the plugin; sound plugins pass."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from checking_rig import FAULTS, HERE, ODD, SOUND, install
+from navloom.plugins import Discovery
+from navloom.testing.runner import check_plugin
+from navloom.testing.subject import CHECKED
+from navloom.testing.tiers import TIERS
+
+DEADLY = {"survives", "returns"}
+"""Checks whose finding is the end of the process: each plugin needs one of its own."""
+SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", "reaches", "threads", "episodes",
+        "repeats", "typed_failures", "optimal", "optimal_any_angle", "footprint", "ends", "settles",
+        "accurate"}  # fmt: skip
+"""Checks that take seconds: not in every run."""
+KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
+         "scheme", "message", "node"}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path / "site", monkeypatch)
+
+
+def results_of(pairs: Sequence[tuple[str, str]]) -> dict[str, dict[str, Any]]:
+    """One check on each of some plugins, all in one process: results by plugin."""
+    done = subprocess.run(
+        [sys.executable, str(HERE / "one_process.py")], input=json.dumps(pairs), capture_output=True, text=True,
+        timeout=600.0,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return {line["plugin"]: line for line in map(json.loads, done.stdout.splitlines())}
+
+
+def first_of_each_check(skipped: set[str]) -> list[tuple[str, str]]:
+    """One fault for each check that has any."""
+    found: dict[str, str] = {}
+    for name, (entry, _) in FAULTS.items():
+        if entry.caught_by not in skipped:
+            found.setdefault(entry.caught_by, name)
+    return [(name, check) for check, name in found.items()]
+
+
+def missed(pairs: Sequence[tuple[str, str]], results: dict[str, dict[str, Any]]) -> list[str]:
+    """Faults that the named check did not find, or that it blames on other code than the plugin's."""
+    wrong = []
+    for name, check in pairs:
+        result = results[name]["result"]
+        places = {finding["place"] or results[name]["place"] for finding in result["findings"]}
+        if result["check"] != check or result["outcome"] != "failed":
+            wrong.append(f"{name}: {check} {result['outcome']} {result['reason']}")
+        elif check != "registers" and not all(is_planted(place) for place in places):
+            wrong.append(f"{name}: {check} blames {places}")
+    return wrong
+
+
+def is_planted(place: str) -> bool:
+    """Whether a place, as `avoiders.py:12`, is in a planted module."""
+    return (HERE / "planted" / place.partition(":")[0]).is_file()
+
+
+def test_there_are_enough_faults_of_all_kinds_and_odd_plugins() -> None:
+    assert len(FAULTS) >= 60 and len(ODD) >= 20
+    assert {entry.kind for entry, _ in FAULTS.values()} == KINDS
+
+
+def test_each_fault_names_a_check_of_its_kind() -> None:
+    checks = {check.name: check for tier in TIERS.values() for check in tier}
+    assert [name for name, (entry, _) in FAULTS.items() if entry.kind not in checks[entry.caught_by].kinds] == []
+
+
+def test_a_fault_of_each_quick_check_is_caught_and_blamed_on_the_plugin() -> None:
+    pairs = first_of_each_check(DEADLY | SLOW)
+    assert missed(pairs, results_of(pairs)) == []
+
+
+@pytest.mark.slow
+def test_every_planted_fault_is_caught_by_the_named_check() -> None:
+    pairs = [(name, entry.caught_by) for name, (entry, _) in FAULTS.items() if entry.caught_by not in DEADLY]
+    assert missed(pairs, results_of(pairs)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name, (entry, _) in FAULTS.items() if entry.caught_by in DEADLY])
+def test_a_plugin_that_ends_or_hangs_its_process_is_named(name: str) -> None:
+    report = check_plugin(name, only=(FAULTS[name][0].caught_by,))
+    (result,) = report.failed
+    assert report.plugin == name
+    assert all(is_planted(finding.place or report.place) for finding in result.findings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*SOUND, *ODD])
+def test_a_sound_plugin_passes_every_check(name: str) -> None:
+    report = check_plugin(name)
+    assert [line for result in report.failed for line in report.sentences(result)] == []
+    assert [result.reason for result in report.results if "itself failed" in result.reason] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [f"{info.role}.{info.name}" for info in Discovery().infos() if info.role in CHECKED])
+def test_a_shipped_plugin_passes_every_check(name: str) -> None:
+    report = check_plugin(name)
+    assert [line for result in report.failed for line in report.sentences(result)] == []
+    assert [result.reason for result in report.results if "itself failed" in result.reason] == []

@@ -17,6 +17,7 @@ NOT_RUN = {
     ("bench.md", "navloom bench --only barn"): "needs ir-sim in an environment of its own",
     ("deploying.md", "navloom up"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",
     ("writing-a-driver.md", "navloom check"): "needs a robot; tests/test_hardware_check.py runs it on a played base",
+    ("viewing.md", "navloom view --foxglove"): "serves until Ctrl-C; framework/tests/viewer looks at what it serves",
     ("deploying.md", "navloom metrics"): "serves until Ctrl-C; framework/tests/operating asks it",
     ("deploying.md", "docker compose"): "needs docker",
     ("deploying.md", "navloom goal"): "needs four hosts; tests/hosts/test_four_hosts.py drives them",

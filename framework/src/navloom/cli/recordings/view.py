@@ -28,6 +28,10 @@ def view(
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.", callback=a_number)
     ] = None,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Serve the live robot to Foxglove or Lichtblick on this host.")
+    ] = False,
+    foxglove_port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="With --foxglove.")] = 8765,
     *,
     viewer: ViewerOptions,
     robot: RobotOptions,
@@ -38,6 +42,11 @@ def view(
 
     if file is not None and not file.is_file():
         raise ViewerError(f"{file}: there is no such file; expected a recording, as `navloom record` writes it")
+    if foxglove:
+        if file is not None:
+            raise ViewerError("--foxglove shows a live robot; write a recording for it with `navloom ros export`")
+        _foxglove(foxglove_port, seconds, robot)
+        return
     is_kept = file is not None and file.suffix == ".rrd"
     where = viewer.where(viewer.viewer is None and viewer.rerun is None, keeps=not is_kept)
     if file is None:
@@ -112,3 +121,23 @@ def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
                     say_so(f"robot {header.prefix} has gone")
                     break
     return shown.counts
+
+
+def _foxglove(port: int, seconds: float | None, robot: RobotOptions) -> None:
+    from contextlib import closing
+
+    from navloom.cli.interrupts import ending
+    from navloom.recording.live_recorder import ask_header
+    from navloom.viewer.foxglove import FoxgloveServer
+    from navloom.viewer.sources import facts_of_header, live_messages
+
+    with ending() as event, robot.look() as client:
+        header = ask_header(client)
+        limit = None if seconds is None else time.monotonic() + seconds
+        with closing(FoxgloveServer(header.prefix, "127.0.0.1", port)) as server:
+            say_so(f"serving {header.prefix} at {server.address}; Ctrl-C ends it")
+            for message in live_messages(client, facts_of_header(header, header.prefix)):
+                if message is not None:
+                    server.put(message)
+                elif event.is_set() or (limit is not None and time.monotonic() > limit):
+                    return

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dist_rig import put_on_path
@@ -16,6 +17,7 @@ from live_rig import up
 from navloom import Envelope, GateStatus, Message, StepRecord
 from navloom.cli import main
 from navloom.config import load_config
+from navloom.plugins import one_file
 from navloom.study.episode import run_episode
 
 TOP = Path(__file__).resolve().parents[1]
@@ -88,6 +90,35 @@ def test_a_robot_of_ones_own_is_listed_and_drives_to_its_goal(
     result = json.loads(navloom("run", str(EXAMPLES / "turtle" / "turtle.toml"), "--json"))
     assert (result["outcome"], result["recoveries"]) == ("succeeded", 0)
     assert 1.5 < result["path_length_m"] < 2.0  # the straight way is 1.80 m, less the goal's tolerance
+
+
+def drives(name: str, monkeypatch: pytest.MonkeyPatch, *changes: str) -> dict[str, Any]:
+    """The result of an example whose platform brings a simulator of its own, as a file."""
+    folder = EXAMPLES / name
+    monkeypatch.setenv(one_file.FILES, "[]")
+    one_file.use_files([folder / f"navloom_{name}.py"])
+    return run_episode(load_config(str(folder / f"{name}.toml"), changes)).summary()
+
+
+def files_of(name: str, scene: str) -> list[str]:
+    return [f"{name}/{file}" for file in ("README.md", "pyproject.toml", f"navloom_{name}.py", f"{name}.toml", scene)]
+
+
+@runs(*files_of("irsim_robot", "hall.yaml"))
+def test_a_robot_in_ir_sim_drives_to_its_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("irsim", reason="ir-sim is not installed: uv run --group foreign-worlds")
+    result = drives("irsim_robot", monkeypatch)
+    assert (result["outcome"], result["truly_reached"], result["collisions"]) == ("succeeded", True, 0)
+    assert result["optimal_length_m"] == pytest.approx(8.14, abs=0.02) and result["path_length_m"] < 10.0
+
+
+@runs(*files_of("mujoco_robot", "course.xml"))
+def test_a_robot_in_mujoco_drives_past_a_post(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed: uv run --group foreign-worlds")
+    result = drives("mujoco_robot", monkeypatch, "navigation.goal.x=3.0", "navigation.goal.y=0.0")
+    assert (result["outcome"], result["truly_reached"], result["collisions"]) == ("succeeded", True, 0)
+    assert 3.0 < result["optimal_length_m"] < 3.2
+    assert 0.0 < result["pose_error_m"]["max"] < 0.05  # wheels slip a little: odometry is not the truth
 
 
 SERIAL = ("navloom_serial_base.py", "serial_protocol.py", "play_base.py", "serial_base.toml", "pyproject.toml")

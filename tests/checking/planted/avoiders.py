@@ -365,7 +365,7 @@ class HugeDiagnostics(Gap):
         return replace(super().avoid(given), diagnostics=why)
 
 
-@ENTRIES.plant("exits", caught_by="survives")
+@ENTRIES.plant("exits", caught_by="answers")
 class Exits(Gap):
     def avoid(self, given: AvoiderInput) -> Avoidance:
         import sys

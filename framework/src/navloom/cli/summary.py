@@ -62,6 +62,8 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
     typer.echo(f"{told}, at ({end.x:.2f}, {end.y:.2f})")
     if summary["truly_reached"] is None:
         typer.echo("no ground truth: whether the robot is where it says is not known")
+    elif episode.system.world is None:
+        typer.echo("the platform tells no world: whether start and goal are free, and the shortest way, are not known")
     print_table(("", ""), rows)
     if summary["shadows"]:
         _print_shadows(summary["shadows"])

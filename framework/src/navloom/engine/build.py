@@ -12,6 +12,7 @@ from navloom.config import ConfigError, Loaded, check_params
 from navloom.config.problems import Gathered
 from navloom.config.schema import Config
 from navloom.config.tables import PlaceTable, RoleTable
+from navloom.engine.brought import world_of_platform
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.changes import blamed_on_event, changed_params, set_events
 from navloom.engine.parts import Part, catalogue_of_parts, connect, find_parts, find_streams, sensors_of
@@ -65,11 +66,11 @@ def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
     discovery = discovery or Discovery(config.plugins.blocked)
     parts, world, robot = find_parts(config, discovery, problems), None, None
     catalogue = catalogue_of_parts(config, parts, problems)
+    platform_part = parts.get(("platform", config.platform.instance))
     with problems.gather():
-        world = _world(loaded, discovery)
+        world = _world(loaded, discovery, platform_part)
     with problems.gather():
         robot = robot_spec(config)
-    platform_part = parts.get(("platform", config.platform.instance))
     sensors = _sensors(config, platform_part.cls, problems) if platform_part is not None else ()
     for place, role, table in config.role_tables():
         with problems.gather():
@@ -125,9 +126,16 @@ def stride_of(table: RoleTable, period: float) -> int:
     return 1 if table.rate_hz is None else round(1.0 / (table.rate_hz * period))
 
 
-def _world(loaded: Loaded, discovery: Discovery) -> World | None:
+def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World | None:
+    """The true world: that of the config, or the one that the platform brings along."""
+    own = None if platform is None else world_of_platform(platform)
     if loaded.config.world is None:
-        return None
+        return own
+    if own is not None:
+        raise ConfigError(
+            f"world.ref: is {loaded.config.world.ref!r}, but the platform {loaded.config.platform.plugin} brings a "
+            "world of its own: leave [world] and --worlds out"
+        )
     return _resolve(loaded, discovery, "world.ref", loaded.config.world.ref)
 
 
@@ -145,7 +153,10 @@ def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> Occ
     if reference != "world":
         world = _resolve(loaded, discovery, "map.ref", reference)
     if world is None:
-        raise ConfigError('map.ref: is "world", but there is no [world]; name a map, as in ref = "rosmap:F.yaml"')
+        raise ConfigError(
+            'map.ref: is "world", but there is no [world], and the platform tells none; name a map, as in '
+            'ref = "rosmap:F.yaml"'
+        )
     return grid_of(world, resolution, loaded.config.robot.height)
 
 

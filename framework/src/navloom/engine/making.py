@@ -26,7 +26,7 @@ from navloom.navigation.handover import HandOverRule
 from navloom.plugins import PluginError
 from navloom.roles import Context, Role
 
-__all__ = ["configure", "make_plugins", "role_nodes", "try_plugins"]
+__all__ = ["blamed_on_part", "configure", "make_plugins", "role_nodes", "try_plugins"]
 
 Progress = Callable[[str], None]
 YOUNG_OBJECTS = 10_000
@@ -57,7 +57,7 @@ def make_plugins(
             continue
         if part.cls not in warmed:
             progress(f"preparing {role} {part.cls.name}")
-            with _blamed(part, "warm_up"):
+            with blamed_on_part(part, "warm_up"):
                 part.cls.warm_up()
             warmed.add(part.cls)
         part.plugin = _made(system, part)
@@ -104,7 +104,7 @@ def _made(system: System, part: Part) -> Role:
         map=system.map if role in ("mapper", "localizer") else None,
         diagnostics_rate_hz=DIAGNOSTICS_RATE_HZ if (rate := part.table.diagnostics_rate_hz) is None else rate,
     )
-    with _blamed(part, "__init__"):
+    with blamed_on_part(part, "__init__"):
         plugin = part.cls(part.params, context)
     if role != "platform":  # a second one might take the robot's ports from the first
         _try_set_events(system, part, context)
@@ -117,13 +117,13 @@ def _try_set_events(system: System, part: Part, context: Context) -> None:
     for number, event, source in sorted(set_events(system.config), key=lambda entry: entry[1].at):
         if source == (part.role, part.table.instance):
             values |= event.values
-            with blamed_on_event(number), _blamed(part, "configure"):
+            with blamed_on_event(number), blamed_on_part(part, "configure"):
                 stream = stream_source(system.config.run.seed, *source)
                 part.cls(check_params(part.cls.Params, values, part.place), replace(context, stream=stream))
 
 
 @contextmanager
-def _blamed(part: Part, verb: str) -> Iterator[None]:
+def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
     """Say whose fault it is where a plugin cannot be made: the config's, which it refuses, or its own."""
     try:
         yield
@@ -159,7 +159,7 @@ def configure(system: System, role: str, instance: str, assignments: tuple[str, 
     plugin = system.plugin(role, instance)
     before = dict(vars(plugin))
     try:
-        with _blamed(system.parts[(role, instance)], "configure"):
+        with blamed_on_part(system.parts[(role, instance)], "configure"):
             plugin.configure(params)
     except BaseException:
         vars(plugin).clear()

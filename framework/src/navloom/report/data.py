@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from navloom.config import ConfigError
+from navloom.config import ConfigError, load_config
+from navloom.engine.brought import own_world
 from navloom.geometry.world import World
 from navloom.inputs.bounds import IMAGE_MB, TEXT_MB, read_file
 from navloom.inputs.texts import json_of
@@ -24,7 +25,7 @@ from navloom.study.episode_key import EpisodeKey
 from navloom.study.metrics import METRICS, Metric, all_metrics
 from navloom.study.statistics import Comparison, compare_methods
 from navloom.study.tracks import StoredWay, read_track
-from navloom.study.worldset import world_digest
+from navloom.study.worldset import OWN_WORLD, world_digest
 
 __all__ = ["StudyFiles", "read_study"]
 
@@ -113,10 +114,20 @@ class StudyFiles:
         """The world as it was, or None where it cannot be found here any more or has changed."""
         told = self.request["worlds"][ref]
         try:
-            world = self.discovery.world(ref, self._base() if not told["changes"] else Path.cwd())
+            if ref == OWN_WORLD:
+                changes = self.request["methods"][self.methods[0]]["changes"]
+                world = own_world(load_config(self.request["config"], changes), self.discovery)
+            else:
+                world = self.discovery.world(ref, self._base() if not told["changes"] else Path.cwd())
         except (PluginError, ValueError, OSError):
             return None
-        return world if world_digest(world) == told["sha256"] else None
+        return world if world is not None and world_digest(world) == told["sha256"] else None
+
+    def why_no_world(self, ref: str) -> str:
+        """Why `world` gives None, in one sentence."""
+        if not self.request["worlds"][ref]["sha256"]:
+            return "The platform does not tell what stands in its world."
+        return "The world itself cannot be read here, or has changed."
 
     def _base(self) -> Path:
         """Folder that the config's own references start from."""

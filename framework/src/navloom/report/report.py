@@ -258,7 +258,7 @@ def _ways(study: StudyFiles, draws: bool) -> ReportPart:
     if not shown:
         part.say("Nothing to draw: no way was kept in which a robot drove 0.1 m.")
     for what, ways in shown:
-        unseen = "" if study.world(ways.world) is not None else " The world itself cannot be read here, or has changed."
+        unseen = "" if study.world(ways.world) is not None else f" {study.why_no_world(ways.world)}"
         part.draw(
             svg_of(ways_figure(study, ways)),
             f"{ways.world}, {what} by success of all methods among those somebody drove in. First {ways.seeds} seeds; "

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
+from navloom.geometry.world import World
 from navloom.messages import Contact, Message, Odometry, SweepRequest, Truth, Twist2D
 from navloom.roles.base import P, Params, Role, SensorSpec
 from navloom.roles.struct import struct
@@ -64,6 +65,17 @@ class Platform(Role[P]):
     def scans_on_request(cls, sensor: SensorSpec) -> bool:
         """Whether a sensor measures only when a SweepRequest asks for it."""
         return False
+
+    @classmethod
+    def own_world(cls, params: P) -> World | None:
+        """What stands in the simulator that the platform brings along, where it can tell; None for what it is given.
+
+        Start and goal are then checked in it, the shortest way is searched in it, and pictures show it. Its `start`
+        and `goal` hold where the config names none. A config with such a platform has no `[world]`. A platform that
+        cannot tell drives all the same: what would need a world is left out. Raises ValueError for a scene that
+        cannot be used.
+        """
+        return None
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
         """Take a velocity between two calls of `advance`, at a run clock. Live only; it holds until the next one.

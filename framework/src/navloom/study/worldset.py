@@ -15,11 +15,24 @@ import numpy as np
 
 from navloom.config import ConfigError, Loaded
 from navloom.config.schema import Config
+from navloom.engine.brought import own_world
 from navloom.geometry.world import World
 from navloom.plugins import Discovery, PluginError
 
-__all__ = ["CachedDiscovery", "Placed", "WorldCase", "expanded", "placed", "seeds_of", "world_digest", "worlds_of"]
+__all__ = [
+    "OWN_WORLD",
+    "CachedDiscovery",
+    "Placed",
+    "WorldCase",
+    "expanded",
+    "placed",
+    "seeds_of",
+    "world_digest",
+    "worlds_of",
+]
 
+OWN_WORLD = "own"
+"""What the world is called in a study where the config names none: the platform brings it."""
 LARGEST = 100_000
 """Worlds or seeds of one range: more is a slip of the finger."""
 KEPT = 64
@@ -93,17 +106,17 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
 
 
 def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:
-    """The worlds of a study, default the config's own.
+    """The worlds of a study, default the config's own, or that of its platform.
 
     Start, goal and tolerance are the world's where it names them, since those of the config belong to the config's
     world; a `--set` of them goes before both.
 
     Raises:
-        ConfigError: No world, one twice, or one that cannot be made, with the nearest fix.
+        ConfigError: A world twice, or one that cannot be made, with the nearest fix.
     """
     own = base.config.world.ref if base.config.world is not None else None
     if not references and own is None:
-        raise ConfigError(f"{base.name}: names no [world]; give some, as in --worlds doorway u_trap")
+        return [_of_platform(base, discovery)]
     refs = [ref for given in references for ref in expanded(given)]
     for ref in refs:
         if refs.count(ref) > 1:
@@ -120,6 +133,12 @@ def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> 
             values |= _task(base, world)
         cases.append(WorldCase(ref or own or "", values, world_digest(world)))
     return cases
+
+
+def _of_platform(base: Loaded, discovery: Discovery) -> WorldCase:
+    """The world of a platform that brings its own, or of a real robot, though nobody can tell what stands in it."""
+    world = own_world(base, discovery)
+    return WorldCase(OWN_WORLD, {}, "" if world is None else world_digest(world))
 
 
 def _task(base: Loaded, world: World) -> dict[str, Any]:

@@ -257,9 +257,9 @@ def _one_cell(value: int) -> OccupancyGrid:
 
 def _mapper(maker: _Maker) -> Iterator[Scene]:
     world = scenes.room()
-    poses = walk((0.0, 0.0, 0.3), 0.3, 0.2, 40)
+    poses = walk((0.0, 0.0, 0.3), 0.3, 0.2, 80)
     inputs = []
-    for k, at in enumerate(poses):
+    for k, at in enumerate(poses[:STEPS]):  # the track goes on: a sweep ends 1.25 s after its stamp
         stamp = k * PERIOD
         data: list[Any] = list(maker.scans(world, at, stamp)) if k % 2 == 0 else []
         if maker.takes_sweeps and k % 10 == 0:

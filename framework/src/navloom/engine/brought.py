@@ -1,0 +1,35 @@
+"""The world of a platform that brings a simulator of its own."""
+
+from __future__ import annotations
+
+from navloom.config import Loaded
+from navloom.config.problems import Gathered
+from navloom.engine.making import blamed_on_part
+from navloom.engine.parts import Part, find_parts
+from navloom.geometry.world import World
+from navloom.plugins import Discovery
+from navloom.roles import Platform
+
+__all__ = ["own_world", "world_of_platform"]
+
+
+def own_world(loaded: Loaded, discovery: Discovery) -> World | None:
+    """The world that the platform of a config brings along; None where it brings none, or cannot tell.
+
+    Raises:
+        ConfigError, PluginError: The platform is not known, or refuses its parameters or its scene.
+    """
+    problems = Gathered()
+    parts = find_parts(loaded.config, discovery, problems)
+    problems.refuse(loaded.error)
+    return world_of_platform(parts["platform", loaded.config.platform.instance])
+
+
+def world_of_platform(part: Part) -> World | None:
+    """The same, of the part that is the platform."""
+    assert issubclass(part.cls, Platform)
+    with blamed_on_part(part, "own_world"):
+        world: World | None = part.cls.own_world(part.params)
+        if world is not None and not isinstance(world, World):
+            raise TypeError(f"it gives {type(world).__name__}, expected World or None")
+    return world

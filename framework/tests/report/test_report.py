@@ -253,6 +253,12 @@ def test_a_world_that_is_gone_costs_its_walls_only(two: Path) -> None:
     assert "has changed" in (two / "report.html").read_text("utf-8")
 
 
+def _number(folder: Path, part: str) -> None:
+    """A number among the names."""
+    request = json.loads((folder / "study.json").read_text("utf-8"))
+    (folder / "study.json").write_text(json.dumps({**request, part: [*request[part], 7]}))
+
+
 @pytest.mark.parametrize(
     ("spoil", "told"),
     [
@@ -260,10 +266,12 @@ def test_a_world_that_is_gone_costs_its_walls_only(two: Path) -> None:
         (lambda folder: (folder / "episodes.csv").unlink(), "is not finished"),
         (lambda folder: (folder / "study.json").write_text("{"), "study.json: damaged"),
         (lambda folder: (folder / "study.json").write_text("[]"), "study.json: damaged"),
+        (lambda folder: _number(folder, "methods"), "study.json: damaged"),
+        (lambda folder: _number(folder, "metrics"), "study.json: damaged"),
         (lambda folder: (folder / "timing.json").write_text("{"), "timing.json: damaged"),
         (lambda folder: (folder / "episodes.csv").write_text("method,world\n"), "is not the table of study.json"),
     ],
-    ids=["no_study", "unfinished", "cut", "other", "timing", "table"],
+    ids=["no_study", "unfinished", "cut", "other", "method", "metric", "timing", "table"],
 )
 def test_a_folder_that_is_none_is_told_so(tmp_path: Path, spoil: Callable[[Path], Any], told: str) -> None:
     folder = study_folder(tmp_path / "s", ("a",), ("empty",), (0,), one_of_each("succeeded"))

@@ -128,7 +128,8 @@ class World:
         obstacles: Boxes and cylinders.
         raster: A building's map, or None.
         start, goal: Where the world's author wants the robot to start and to go, or None.
-        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the part of the plane that matters.
+        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the part of the plane that
+            matters, and all that a map of the world shows.
         goal_tolerance, time_limit: What the world's author asks for, m and s, or None.
         reference_length: Length of the author's own way from start to goal, m, which scores are relative to, or None.
     """

@@ -165,6 +165,8 @@ class Role(ABC, Generic[P]):
         accepts: Sensor messages its node is wired to, unless the config names `sensors`.
         needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
         needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
+        is_bridge: It hands on what a system outside the robot says, as a ROS node: like a platform that is a driver, it
+            may have threads and sockets.
         Params: Its parameters.
         claims: What it says of its behaviour beyond the purpose of its role: `navloom check` demands it.
         disclaims: What of its role's purpose it does not do, and why: `navloom check` shows it without judgement.
@@ -177,6 +179,7 @@ class Role(ABC, Generic[P]):
     accepts: ClassVar[tuple[type[Message], ...]] = (RangeScan,)
     needs_map: ClassVar[bool] = False
     needs_sensor: ClassVar[bool] = False
+    is_bridge: ClassVar[bool] = False
     Params: ClassVar[type[Params]] = Params
     claims: ClassVar[Collection[Claim]] = ()
     disclaims: ClassVar[Mapping[Claim, str]] = MappingProxyType({})

@@ -6,7 +6,9 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args, get_origin
+
+from pydantic.fields import FieldInfo
 
 from navloom.config import ConfigError, check_params
 from navloom.entry_kinds import OTHERS
@@ -164,4 +166,27 @@ def _params(cls: type, request: Request) -> Any:
         if request.params:
             raise ConfigError(f"--set {request.params[0]}: {request.name} has no parameters")
         return None
-    return check_params(cls.Params, toml_of("\n".join(request.params), "--set", ConfigError), request.name)
+    given = toml_of("\n".join(request.params), "--set", ConfigError)
+    required = {name: field for name, field in cls.Params.model_fields.items() if field.is_required()}
+    made = {name: _some(field) for name, field in required.items() if name not in given}
+    return check_params(cls.Params, {**made, **given}, request.name)
+
+
+def _some(field: FieldInfo) -> Any:
+    """An ordinary value of a parameter that has no default."""
+    kind: Any = field.annotation
+    if get_origin(kind) is Literal:
+        return get_args(kind)[0]
+    if kind not in (int, float):
+        return {bool: False, str: "name"}.get(kind)
+    bounds: dict[str, Any] = {}
+    for mark in field.metadata:
+        for name in ("ge", "gt", "le", "lt"):
+            if hasattr(mark, name):
+                bounds[name[0]] = getattr(mark, name)
+    low, high = bounds.get("g"), bounds.get("l")
+    if low is None or high is None:
+        value = high - 1.0 if low is None and high is not None else 1.0 if low is None else low + 1.0
+    else:
+        value = 0.5 * (low + high)
+    return kind(value)

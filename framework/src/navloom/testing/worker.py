@@ -113,8 +113,8 @@ def _run(bench: Bench, check: Check) -> Result:
     shown: list[Shown] = []
     reason = ""
     try:
-        if not check.is_static and not _may_be_made(bench.subject):
-            raise NotRun("it is a real platform, which a check would move")
+        if not check.is_static and (wrong := _untouchable(bench.subject)):
+            raise NotRun(wrong)
         for one in check.run(bench):
             if isinstance(one, Finding):
                 findings.append(one)
@@ -133,9 +133,13 @@ def _run(bench: Bench, check: Check) -> Result:
     return Result(check.name, check.tier, outcome, tuple(findings), tuple(shown), reason, perf_counter() - started)
 
 
-def _may_be_made(subject: Subject) -> bool:
-    """Whether objects of it may be made: a real platform would take its ports and move."""
-    return subject.kind != "platform" or bool(subject.thing.is_simulated)
+def _untouchable(subject: Subject) -> str:
+    """Why no object of it may be made: it would take ports of hardware, or speak to systems outside; else empty."""
+    if subject.kind == "platform" and not subject.thing.is_simulated:
+        return "it is a real platform, which a check would move"
+    if getattr(subject.thing, "is_bridge", False):
+        return "it is a bridge to a system outside the robot, without which it has no answers"
+    return ""
 
 
 def _digests(bench: Bench, steps: dict[str, int], is_alike: bool) -> dict[str, list[str]]:

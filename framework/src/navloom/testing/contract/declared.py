@@ -29,7 +29,7 @@ UNIT = re.compile(
 NO_UNIT = re.compile(
     r"\b(no unit|dimensionless|unitless|weights?|gains?|ratio|share|fraction|factor|probability|percent|number of|"
     r"how many|over nominal|multiple|exponent|power of|quantile|score|preference|times|per|threshold|density|damping|"
-    r"coefficient|divided by|cost)\b",
+    r"coefficient|divided by|cost|beams?|scans?|cells?|steps?|points?|samples?|particles?)\b",
     re.IGNORECASE,
 )
 

@@ -36,6 +36,7 @@ class RosMap(Mapper[RosMapParams]):
     """Publishes the map of a ROS node as often as that publishes it; it takes no sensor."""
 
     name = "ros_map"
+    is_bridge = True
     accepts = ()
     needs_sensor = False
     Params = RosMapParams
@@ -81,6 +82,7 @@ class RosPath(Planner[RosPathParams]):
     """Asks a ROS node for each path, and waits for it until a deadline."""
 
     name = "ros_path"
+    is_bridge = True
     Params = RosPathParams
 
     def __init__(self, params: RosPathParams, context: Context) -> None:

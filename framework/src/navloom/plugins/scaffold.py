@@ -61,7 +61,7 @@ KINDS = {
         "it counts where the beams of lasers and sweeps end, and where they pass", "counting", "ipabd"
     ),
     "localizer": _of_role("dead reckoning with a variance that grows", "frames", "odometry"),
-    "recovery": _of_role("it backs up a little where it came from, and asks for a fresh map", "backing", "wait_and_replan"),
+    "recovery": _of_role("it backs up where it came from, and asks for a fresh map", "backing", "wait_and_replan"),
     "platform": Kind(
         "The platform `$name` for navloom: a simulated unicycle with motor lag, a laser, sonars and a pitched laser.",
         "rays",

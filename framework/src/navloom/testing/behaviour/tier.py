@@ -59,7 +59,7 @@ def measured(behaviour: Behaviour, make: Maker, scene: Scene, subject: Subject) 
 
 
 def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Shown]:
-    """Measure a plugin in every scene of one behaviour. One that plays nothing to its end is told so once, by `answers`."""
+    """Measure a plugin in every scene of one behaviour; of one that plays nothing to its end, `answers` tells."""
     if bench.of_topic(USUAL):
         bench.sound()
     cls, claim = bench.subject.thing, behaviour.claim

@@ -19,7 +19,7 @@ from navloom.testing.behaviour.measured import Behaviour, Maker, Measured, Unfit
 from navloom.testing.behaviour.picture import draw
 from navloom.testing.behaviour.planners import PLANNERS
 from navloom.testing.behaviour.scene import Scene
-from navloom.testing.bench import Bench, alike
+from navloom.testing.bench import USUAL, Bench, alike
 from navloom.testing.checks import Check
 from navloom.testing.findings import Finding, NotRun, Shown
 from navloom.testing.guard import GUARD
@@ -59,7 +59,9 @@ def measured(behaviour: Behaviour, make: Maker, scene: Scene, subject: Subject) 
 
 
 def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Shown]:
-    """Measure a plugin in every scene of one behaviour."""
+    """Measure a plugin in every scene of one behaviour; of one that plays nothing to its end, `answers` tells."""
+    if bench.of_topic(USUAL):
+        bench.sound()
     cls, claim = bench.subject.thing, behaviour.claim
     make = Maker(cls, bench.subject.params, bench.seed)
     warm_up()

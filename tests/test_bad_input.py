@@ -100,8 +100,8 @@ def fake_entry_points(monkeypatch: pytest.MonkeyPatch, *extra: EntryPoint) -> No
     """Adds entry points to those installed."""
     import navloom.plugins.discovery as discovery
 
-    real = discovery.installed_points
-    monkeypatch.setattr(discovery, "installed_points", lambda: [*real(), *extra])
+    real = discovery.available_points
+    monkeypatch.setattr(discovery, "available_points", lambda: [*real(), *extra])
 
 
 def test_two_plugins_of_one_name_are_refused(navloom: Navloom, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,8 +21,8 @@ from navloom.recording.writer import RecordingWriter
 from PIL import Image
 
 __all__ = [
-    "CARMEN", "CONFIG", "IDENTITIES", "JOURNAL", "MAP", "OVERRIDES", "REQUEST", "SMALL_CONFIG", "STUDY", "WORLD",
-    "YAML", "bag_seeds", "barn", "npz_with_checksums", "png", "png_with_checksums", "recordings", "sweep",
+    "CARMEN", "RAW_CARMEN", "CONFIG", "IDENTITIES", "JOURNAL", "MAP", "OVERRIDES", "REQUEST", "SMALL_CONFIG", "STUDY",
+    "WORLD", "YAML", "bag_seeds", "barn", "npz_with_checksums", "png", "png_with_checksums", "recordings", "sweep",
 ]  # fmt: skip
 
 IDENTITIES = b'{"realm": "lab", "robot": "r1", "identities": [{"name": "a", "kind": "viewer", "instance": ""}]}'
@@ -177,6 +177,8 @@ NEFF 12
 ROBOTLASER1 0 -1.57 3.14 1.57 80 0.01 0 3 1 2 3 1 7 0.1 0 0 0.1 0 0 0.2 0 0 0 0 1.3 nohost 0.4
 RLASER 2 1 2 0 0 3.14 0 0 0 1.4 nohost 0.5
 """
+RAW_CARMEN = CARMEN.replace(b"NEFF 12\n", b"")
+"""Without the marks of a log whose poses were corrected."""
 
 
 def recordings(folder: Path) -> list[bytes]:

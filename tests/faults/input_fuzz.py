@@ -32,6 +32,7 @@ from fuzz_seeds import (
     JOURNAL,
     MAP,
     OVERRIDES,
+    RAW_CARMEN,
     REQUEST,
     SMALL_CONFIG,
     STUDY,
@@ -316,8 +317,8 @@ def decoders(folder: Path) -> list[Decoder]:
         Decoder("sweep npz", [sweep()], read_map, sweeps, npz_with_checksums),
         Decoder("identities", [IDENTITIES], read_json, (AccessError,)),
         Decoder("study", [STUDY], read_study_of, (ConfigError,)),
-        Decoder("carmen", [CARMEN], read_carmen, (RecordingError,)),
-        Decoder("carmen gz", [CARMEN], read_carmen, (RecordingError,), lambda content: gzip.compress(content, 1)),
+        Decoder("carmen", [RAW_CARMEN, CARMEN], read_carmen, (RecordingError,)),
+        Decoder("carmen gz", [RAW_CARMEN, CARMEN], read_carmen, (RecordingError,), lambda data: gzip.compress(data, 1)),
         *bags,
     ]  # fmt: skip
 

@@ -55,6 +55,7 @@ def test_a_robot_of_one_process_that_dies_neither_forgets_its_goal_nor_that_it_w
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)
 
 
+@pytest.mark.slow  # 47 s; the one above shows the same memory after a kill
 def test_a_stop_outlives_a_gate_that_ends_in_order_and_a_swap_the_process_of_its_instance(config: str) -> None:
     with up(config) as robot:
         robot.wait_for("every node is there")

@@ -35,7 +35,8 @@ def test_a_config_that_cannot_drive_does_not_fit(in_process: CommandLine, tmp_pa
         assert (code, said) == (2, "")
         assert error.splitlines()[-1] == (
             f"navloom: {path}: mapper.plugin: ipabd, the default, needs a sensor that gives Sweep, and there is none "
-            "among laser_2d: add a [[sensor]] of kind pitched_laser, or take another mapper, as known_map or scan_grid"
+            "among laser_2d: add a [[sensor]] of kind pitched_laser, or take another mapper, as known_map or "
+            "ros_map or scan_grid"
         )
 
 

@@ -14,7 +14,7 @@ SHIPPED = {
     "navloom-known-map": ("mapper.known_map",),
     "navloom-lyapunov-tracker": ("controller.lyapunov_tracker",),
     "navloom-recoveries": ("recovery.retrace",),
-    "navloom-ros": ("command.ros",),
+    "navloom-ros": ("command.ros", "mapper.ros_map", "planner.ros_path", "platform.ros2_base"),
     "navloom-scan-grid": ("mapper.scan_grid",),
     "navloom-scan-localizer": ("localizer.scan_matching", "localizer.scan_odometry"),
     "navloom-sensors-sim": ("platform.sensors_sim",),

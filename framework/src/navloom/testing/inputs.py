@@ -162,7 +162,7 @@ def _avoider(maker: _Maker) -> Iterator[Scene]:
         inputs = [
             builders.avoider_input(
                 *maker.scans(world, at, k * PERIOD), at=at, moving=(0.0 if is_still else 0.25, turn), target=target,
-                remaining=1.0, stamp=k * PERIOD, **maker.more(k * PERIOD),
+                desired=(0.3, 0.2 * math.sin(0.3 * k)), remaining=1.0, stamp=k * PERIOD, **maker.more(k * PERIOD),
             )
             for k, at in enumerate(poses)
         ]  # fmt: skip

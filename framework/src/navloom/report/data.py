@@ -152,9 +152,8 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     request = _read(folder / "study.json", _json)
     rows = _read(folder / "episodes.csv", _table)
     try:
-        names, told = (
-            [intern(name) for name in request[part]] for part in ("methods", "metrics")
-        )  # texts, or TypeError
+        # intern raises TypeError for what is not a text
+        names, told = ([intern(name) for name in request[part]] for part in ("methods", "metrics"))
         baseline = baseline or intern(request.get("open_loop", {}).get("baseline", "")) or names[0]
         complete = len(rows) == len(names) * len(request["worlds"]) * len(request["seeds"])
         lacking = [name for name in ("method", "world", "seed", "outcome", *told) if any(name not in r for r in rows)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -142,6 +142,27 @@ class Bench:
             return None
         return Finding(f"gives another answer {when}", expected, place, self.at(scene, step), scene.name)
 
+    def first_that_differs(
+        self, scenes: Iterable[Scene], play: Callable[[Scene], list[bytes]], given: str, when: str, expected: str
+    ) -> Finding | None:
+        """What to say of the first scene that is played differently, or with a fault; None where there is none.
+
+        Args:
+            scenes: Sound scenes.
+            play: The answers of another play; may raise Fault.
+            given: What the plugin was given when it failed, with {} for the scene's name.
+            when, expected: As of `differs`.
+        """
+        for scene in scenes:
+            try:
+                again = play(scene)
+            except Fault as fault:
+                return self.finding(fault, given.format(repr(scene.name)), scene.name)
+            found = self.differs(scene, again, when, expected)
+            if found is not None:
+                return found
+        return None
+
     def at(self, scene: Scene, step: int) -> str:
         """A place in a scene, in words."""
         return f"scene {scene.name!r}, step {step} of {len(scene.inputs)}"
@@ -151,15 +172,10 @@ class Bench:
         return Finding(fault.problem, fault.expected, fault.place, given, scene)
 
     def _difference(self, when: str, seeds: int, clock: tuple[float, float]) -> Finding | None:
-        for scene in self.sound():
-            try:
-                again = self.play(scene, seeds=seeds, clock=clock)
-            except Fault as fault:
-                return self.finding(fault, f"scene {scene.name!r}, {when}", scene.name)
-            found = self.differs(scene, again, when, "the same answer")
-            if found is not None:
-                return found
-        return None
+        return self.first_that_differs(
+            self.sound(), lambda scene: self.play(scene, seeds=seeds, clock=clock), f"scene {{}}, {when}", when,
+            "the same answer",
+        )  # fmt: skip
 
     def _first_play(self, scene: Scene) -> list[bytes] | tuple[Fault, int]:
         answers: list[bytes] = []

@@ -9,7 +9,7 @@ from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding, NotRun
-from navloom.testing.inputs import made_scenes
+from navloom.testing.inputs import Scene, made_scenes
 from navloom.testing.player import Fault, digest, first_difference, loosened, through_codec
 from navloom.testing.process import digests_of
 
@@ -35,17 +35,12 @@ def episodes(bench: Bench) -> Iterator[Finding]:
             raise NotRun("answers to the same inputs differ anyway: see the check `repeats`")
         yield replace(bench.unrepeated, expected=IN_SELF)
         return
-    for scene in bench.steady():
-        for _ in range(2):
-            try:
-                again = bench.play(scene)
-            except Fault as fault:
-                yield bench.finding(fault, f"scene {scene.name!r} after other episodes", scene.name)
-                return
-            found = bench.differs(scene, again, "after other episodes in the same process", IN_SELF)
-            if found:
-                yield found
-                return
+    found = bench.first_that_differs(
+        (scene for scene in bench.steady() for _ in range(2)), bench.play, "scene {} after other episodes",
+        "after other episodes in the same process", IN_SELF,
+    )  # fmt: skip
+    if found is not None:
+        yield found
 
 
 def _is_state(bench: Bench) -> bool:
@@ -55,11 +50,15 @@ def _is_state(bench: Bench) -> bool:
     return first_difference(bench.answers(first), theirs.get(first.name, [])) is None
 
 
+def _refuse_unrepeated(bench: Bench) -> None:
+    if bench.unrepeated is not None:
+        raise NotRun("answers to the same inputs differ anyway: see the checks `repeats` and `episodes`")
+
+
 @check("contract", PLAYED, "Answers do not depend on the global random seeds.")
 def global_random(bench: Bench) -> Iterator[Finding]:
     """`random` and legacy `numpy.random` are seeded differently."""
-    if bench.unrepeated is not None:
-        raise NotRun("answers to the same inputs differ anyway: see the checks `repeats` and `episodes`")
+    _refuse_unrepeated(bench)
     if bench.led_by_seeds is not None:
         yield replace(bench.led_by_seeds, expected=STREAM)
 
@@ -67,8 +66,7 @@ def global_random(bench: Bench) -> Iterator[Finding]:
 @check("contract", PLAYED, "Answers do not depend on the wall clock.")
 def wall_clock(bench: Bench) -> Iterator[Finding]:
     """The plugin sees another time, that moves in leaps."""
-    if bench.unrepeated is not None:
-        raise NotRun("answers to the same inputs differ anyway: see the checks `repeats` and `episodes`")
+    _refuse_unrepeated(bench)
     if bench.led_by_clock is not None:
         yield replace(bench.led_by_clock, expected="time from the input's stamps alone")
 
@@ -92,22 +90,21 @@ def fresh_process(bench: Bench) -> Iterator[Finding]:
 @check("contract", PLAYED, "reset() gives the state of a new object.")
 def reset_as_new(bench: Bench) -> Iterator[Finding]:
     """A scene is played, the object reset, and the scene played again."""
-    for scene in bench.steady():
-        try:
-            with alike():
-                player = bench.player(scene)
-                player.play(scene.inputs)
-            with alike():
-                player.reset()
-                again = player.play(scene.inputs)
-        except Fault as fault:
-            yield bench.finding(fault, f"reset() after scene {scene.name!r}, and the scene again", scene.name)
-            return
-        found = bench.differs(scene, again, "after reset() than a new object does",
-                              "reset() that forgets everything learnt since construction")  # fmt: skip
-        if found:
-            yield found
-            return
+
+    def again(scene: Scene) -> list[bytes]:
+        with alike():
+            player = bench.player(scene)
+            player.play(scene.inputs)
+        with alike():
+            player.reset()
+            return player.play(scene.inputs)
+
+    found = bench.first_that_differs(
+        bench.steady(), again, "reset() after scene {}, and the scene again", "after reset() than a new object does",
+        "reset() that forgets everything learnt since construction",
+    )  # fmt: skip
+    if found is not None:
+        yield found
 
 
 @check("contract", PLAYED, "What it is given is not changed.")
@@ -135,18 +132,17 @@ def inputs_untouched(bench: Bench) -> Iterator[Finding]:
 @check("contract", PLAYED, "Answers are the same when the inputs went through the codec, as between processes.")
 def through_the_codec(bench: Bench) -> Iterator[Finding]:
     """What is compared by identity, or kept from step to step, is another object then."""
-    for scene in bench.steady():
-        try:
-            with alike():
-                again = bench.player(scene).play(through_codec(given) for given in scene.inputs)
-        except Fault as fault:
-            yield bench.finding(fault, f"scene {scene.name!r}, with decoded messages", scene.name)
-            return
-        found = bench.differs(scene, again, "to the same inputs from another process",
-                              "answers that depend on contents, not on the identity of messages")  # fmt: skip
-        if found:
-            yield found
-            return
+
+    def again(scene: Scene) -> list[bytes]:
+        with alike():
+            return bench.player(scene).play(through_codec(given) for given in scene.inputs)
+
+    found = bench.first_that_differs(
+        bench.steady(), again, "scene {}, with decoded messages", "to the same inputs from another process",
+        "answers that depend on contents, not on the identity of messages",
+    )  # fmt: skip
+    if found is not None:
+        yield found
 
 
 CHECKS = (

@@ -157,7 +157,8 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    _in_one_file, controller, node, avoider, observer, command, *_tests = blocks(WRITING, "python")
+    _in_one_file, controller, echoes, node, avoider, observer, command, *_tests = blocks(WRITING, "python")
+    executed(echoes, "my_echoes")  # with its own asserts
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
     for source in (node, avoider):

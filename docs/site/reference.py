@@ -24,8 +24,12 @@ EACH_STEP = "Called once a tick, or as its table's `rate_hz` says."
 ROLE_INTROS = {
     "platform": "Moves the robot and reads its sensors: a simulator or a driver. One for each robot.",
     "localizer": EACH_STEP,
-    "mapper": "Called with new sweeps or scans, and when the map is to be cleared.",
-    "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked.",
+    "mapper": "Called with new sweeps or scans, and when the map is to be cleared. [Echoes](geometry.md) turns both "
+    "into points.",
+    "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked. Whether "
+    "the robot may plan through unknown cells is the planner's own decision: the shipped planners plan through them, "
+    "with a parameter `unknown` to change that. An answer may take a second by `navloom check`; the goal fails after "
+    "`navigation.plan_timeout`.",
     "controller": EACH_STEP,
     "avoider": "Called every tick, whether it drives or not. The framework decides whether it drives.",
     "recovery": "Called each tick while the goal asks for it.",
@@ -191,7 +195,7 @@ def streams_page() -> str:
 
 def geometry_page() -> str:
     """Pure geometry."""
-    modules = ("angles", "frames", "footprints", "collision", "grid", "overlap", "polylines", "solids")
+    modules = ("angles", "frames", "echoes", "cells", "footprints", "collision", "grid", "overlap", "polylines", "solids")
     return page(
         "Geometry",
         "Pure numpy. Import from the module that is named.",

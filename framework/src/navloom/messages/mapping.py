@@ -50,8 +50,9 @@ class MapUpdate(Message):
     Attributes:
         stamp_ns: Run clock of the newest data in it.
         grid: Raster map, map frame.
-        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has both ends alike.
-        counts: What became of the input points, by name; they sum to the points given.
+        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has both ends alike. A mapper
+            without outlines leaves it empty, (0, 4): planners then read the grid.
+        counts: What became of the input points, by name; they sum to the points given. It may be empty.
     """
 
     stamp_ns: Stamp

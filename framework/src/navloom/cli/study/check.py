@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +17,7 @@ __all__ = ["check"]
 
 
 def check(
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, node.…")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, world.door:2.0")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
     ] = None,
@@ -69,19 +70,21 @@ def check(
             out=out,
             progress=lambda one, done, total: update(description=one, completed=done, total=total),
         )
-    _end(report, as_json)
+    _end(report, as_json, "" if out is not None else "; --out DIR draws the scenes")
 
 
-def _end(report: Report, as_json: bool) -> None:
-    """Print a report; exit code 1 where a check failed."""
+def _end(report: Report, as_json: bool, hint: str = "") -> None:
+    """Print a report; exit code 1 where a check failed, with a hint if a behaviour did."""
     from navloom.cli.output import print_json, say_so
+    from navloom.testing.tiers import BEHAVIOUR
 
     if as_json:
         print_json(report.to_json())
     else:
         _print(report)
     if report.failed:
-        say_so(f"{report.plugin} fails {len(report.failed)} of {len(report.results)} checks")
+        drawn = hint if any(result.tier == BEHAVIOUR for result in report.failed) else ""
+        say_so(f"{report.plugin} fails {len(report.failed)} of {len(report.results)} checks{drawn}")
         raise typer.Exit(1)
 
 
@@ -99,9 +102,10 @@ def _print(report: Report) -> None:
             typer.echo(f"        picture: {picture}")
         if result.findings:
             typer.echo(f"        repeat:  {report.command(result)}")
-    passed = sum(result.outcome == "passed" for result in report.results)
+    counts = Counter(words[result.outcome] for result in report.results)
     owner = f" ({report.owner})" if report.owner else ""
-    typer.echo(f"{report.plugin}{owner}: {passed} of {len(report.results)} checks passed, {len(report.failed)} failed")
+    told = ", ".join(f"{counts[word]} {word}" for word in words.values() if counts[word])
+    typer.echo(f"{report.plugin}{owner}: {len(report.results)} checks: {told}")
 
 
 def _list(name: str | None, tiers: tuple[str, ...] | list[str], as_json: bool) -> None:
@@ -143,8 +147,16 @@ def _refuse_missing(name: str) -> None:
     from navloom.testing.subject import CHECKED, Request, discovery_of
 
     kind, _, plugin = name.partition(".")
+    scheme, colon, _ = plugin.partition(":")
+    if kind == "scheme" and colon:
+        raise PluginError(f"{name}: expected scheme.{scheme}, or world.{plugin} for the world that it reads")
+    if kind == "world" and colon:
+        kind, plugin = "scheme", scheme
     if kind not in CHECKED or not plugin:
-        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{nearest(kind, list(CHECKED))}")
+        discovery = discovery_of(Request(name))
+        known = "" if kind in CHECKED else discovery.meant(name) or nearest(kind, list(CHECKED))
+        of_kind = nearest(plugin, discovery.names(kind)) if kind in CHECKED else ""
+        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{known or of_kind}")
     known = discovery_of(Request(name)).names(kind)
     if kind == "message":
         known = [*known, *(one.rpartition(".")[2] for one in known)]

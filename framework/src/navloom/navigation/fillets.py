@@ -35,7 +35,7 @@ _STRAIGHT = 1e-7
 _SHORTEST = 0.30
 """Length of a fillet if there is room for it, m, so that a slight turn does not become a curvature spike."""
 _STEP = 0.03
-"""Longest chord of a fillet when it is checked against the grid, m; short fillets get at least four chords a half."""
+"""Longest chord of a fillet when it is checked against the grid, m; each half has at least four chords."""
 _SHIFTS = 12
 _FARTHEST = 0.6
 """Largest shift of a corner, m, reached in _SHIFTS steps."""
@@ -126,7 +126,7 @@ def _wanted_room(corners, i, fast):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _room(corners, i, fast):  # type: ignore[no-untyped-def]
-    """Length that corner i may use of each of its segments, m: shared with its neighbours in proportion to their needs."""
+    """Length that corner i may use of each segment, m: shared with its neighbours in proportion to their needs."""
     own = _wanted_room(corners, i, fast)
     before = own / (own + _wanted_room(corners, i - 1, fast)) * _length(corners, i - 1)
     after = own / (own + _wanted_room(corners, i + 1, fast)) * _length(corners, i)

@@ -55,7 +55,7 @@ class GateLimits:
 
 
 class Offer(NamedTuple):
-    """A command of one source: its instance, the velocity, the Platform stamp it derives from, and its selection epoch."""
+    """A command of one source: instance, velocity, the Platform stamp it derives from, and its selection epoch."""
 
     instance: str
     twist: Twist2D
@@ -104,7 +104,7 @@ class CommandGate:
         self._last: tuple[tuple[Any, ...], GateStatus] | None = None
 
     def request(self, do: str) -> None:
-        """Take an operator's request: `stop` latches until `resume`; any other request ends `enter_unseen`."""
+        """Take a request. `stop` and contacts latch until `resume`, `enter_unseen` until the next request."""
         self.enters_unseen = do == "enter_unseen"
         if do not in ("stop", "resume"):
             return
@@ -161,7 +161,7 @@ class CommandGate:
     def decide(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int, pending: Sequence[str]
     ) -> tuple[Twist2D, int, GateStatus]:
-        """The command for this tick, the Platform stamp it derives from, and the status: which source drives or why none.
+        """The command for this tick, the Platform stamp it derives from, and the status.
 
         Args:
             sensed: State of the platform.
@@ -183,7 +183,7 @@ class CommandGate:
         return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
     def look_again(self, status: GateStatus, time: float) -> tuple[Twist2D, GateStatus] | None:
-        """Slow down or stop for scans that came after the last command; None if it is still free. `time` is run time, s."""
+        """Slow down or stop for scans after the last command; None if it is still free. `time` is run time, s."""
         if self.monitor is None or status.stopped:
             return None
         verdict = self.monitor.judge(Twist2D(self.speed, 0.0, self.turn), self.speed, time)

@@ -308,7 +308,7 @@ class GoalMachine:
         self.state = state
 
     def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
-        """Request a sweep first if the mapper depends on requested sweeps and has had none; plan at once if there is a map.
+        """Request a sweep if the mapper depends on requested sweeps and has had none; else plan if there is a map.
 
         After a request to clear the map, wait for the mapper's next map.
         """
@@ -337,7 +337,7 @@ class GoalMachine:
         self.state = "planning"
 
     def _fail_plan(self, active: _Active, failure: PlanFailure, seen: GoalView) -> None:
-        """End the goal; but recover first if the robot has driven, since the obstacle may be gone from a cleared map."""
+        """End the goal; but recover if the robot has driven, since the obstacle may be gone from a cleared map."""
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", seen)
             return
@@ -428,7 +428,7 @@ class GoalMachine:
         self.state = "recovering"
 
     def _react_to_swaps(self, active: _Active, seen: GoalView) -> None:
-        """Plan again after a swap of mapper or planner, and give a pending instance the input that it needs to warm up."""
+        """Plan again after a swap of mapper or planner, and give a pending instance the input that warms it up."""
         pending = seen.gate.pending if seen.gate is not None else ()
         selected = self._selected
         self._selected = seen.selected

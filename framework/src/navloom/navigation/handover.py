@@ -80,8 +80,8 @@ class HandOverRule:
         release: How long the corridor must be free before the controller drives again, s.
         keep: How long an echo counts, s: a ring of sonars does not see everything in each tick.
         spread: Share of a sonar's arc that counts; see `EchoMemory`.
-        margin: Part of the strip's half width that is room beside the robot, m. The robot's own way is checked without
-            it: the next command changes that way, and a robot on a narrow trajectory swings a little to both sides.
+        margin: Part of the strip's half width that is room beside the robot, m. The robot's own way is checked
+            without it: the next command changes that way, and a robot on a narrow trajectory swings a little.
     """
 
     def __init__(
@@ -107,9 +107,9 @@ class HandOverRule:
     ) -> HandOver:
         """Whether the avoider drives in this tick.
 
-        It engages when the strip along the trajectory is blocked, or the strip along the robot's own way; the two differ
-        when the robot is beside the trajectory. It releases when both strips and the straight strip to the target have
-        been free for `release`.
+        It engages when the strip along the trajectory or the strip along the robot's own way is blocked; the two differ
+        when the robot is beside the trajectory. It releases when both strips and the straight strip to the target
+        have been free for `release`.
 
         Args:
             time: Run time, s.

@@ -131,7 +131,7 @@ class CollisionMonitor:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all scans and odometry, as after a restart of the platform."""
+        """Forget all scans, odometry and commands, as after a restart of the platform."""
         self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
         self._sensors: dict[str, _Sensor] = {}
         self._stamps: list[float] = []
@@ -167,7 +167,7 @@ class CollisionMonitor:
             self.look(name, scan)
 
     def _begins_again(self, pose: Pose2D, time: float) -> bool:
-        """Whether the platform restarted: the odometry was silent, jumps, or its clock went back too far for a late message."""
+        """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""
         x, y, _ = self._poses[-1]
         passed = time - self._stamps[-1]
         jumps = math.hypot(pose.x - x, pose.y - y) > JUMP + FASTEST * abs(passed)
@@ -230,7 +230,7 @@ class CollisionMonitor:
             sensor.scans.pop()
 
     def _poses_at(self, times: Floats) -> Floats:
-        """(n, 3) poses of the base in the odometry frame at times, s; extrapolated with the twist after the newest odometry."""
+        """(n, 3) poses of the base, odometry frame, at times, s; extrapolated by twist after the newest odometry."""
         newest = self._stamps[-1]
         if len(times) and times.min() == times.max() and times[0] in self._stamps[-4:]:
             pose = self._poses[len(self._stamps) - 1 - self._stamps[::-1].index(times[0])]

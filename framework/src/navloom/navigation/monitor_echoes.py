@@ -49,8 +49,8 @@ def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-u
     """The nearest surface in each direction on which at least two readings agree.
 
     Readings of a direction and of its two neighbours agree if their distances differ by no more than `agreement`.
-    The surface is the mean of the nearest agreeing reading and all within `agreement` behind it: averaging removes most
-    of the noise, and the window excludes what is farther behind.
+    The surface is the mean of the nearest agreeing reading and all within `agreement` behind it: averaging removes
+    most of the noise, and the window excludes what is farther behind.
 
     Args:
         points: (n, 2) echoes of the scans that count, newest first, m; NaN for no echo.

@@ -28,7 +28,7 @@ FURTHER = 1e-4
 """Motion into unknown space that counts as rounding, m."""
 NEVER = -1e9
 BESIDE = 2
-"""Cells next to a sonar that an echo nearer than its minimum range does not affect: the robot's edge is there."""
+"""Cells next to a sonar that an echo below its minimum range does not affect: the robot's edge is there."""
 TAKEN = NEVER + 1.0
 """`looked` entry of a cell that became unknown because a sonar reported an echo nearer than its minimum range."""
 
@@ -53,8 +53,8 @@ class SeenSpace:
         self._has_begun = False
 
     def stand(self, pose: Floats, way: float) -> None:
-        """Mark the footprint at a pose (3,), m and rad, after a way, m. At the start, room to turn is assumed to be free
-        until a sensor says otherwise.
+        """Mark the footprint at a pose (3,), m and rad, after a way, m. At the start, the room to turn is assumed to be
+        free until a sensor says otherwise.
         """
         if not self._has_begun:
             self._has_begun = True

@@ -61,7 +61,7 @@ class LiveGate(LiveRunner):
         system: The robot.
 
         Attributes:
-            chains_s: Time from a platform stamp until all commands of its tick, late ones too, had arrived, s; newest last.
+            chains_s: Time from a platform stamp until all commands of its tick had arrived, even late, s; newest last.
     """
 
     def __init__(

@@ -195,7 +195,18 @@ def streams_page() -> str:
 
 def geometry_page() -> str:
     """Pure geometry."""
-    modules = ("angles", "frames", "echoes", "cells", "footprints", "collision", "grid", "overlap", "polylines", "solids")
+    modules = (
+        "angles",
+        "frames",
+        "echoes",
+        "cells",
+        "footprints",
+        "collision",
+        "grid",
+        "overlap",
+        "polylines",
+        "solids",
+    )
     return page(
         "Geometry",
         "Pure numpy. Import from the module that is named.",

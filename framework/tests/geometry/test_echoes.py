@@ -35,7 +35,9 @@ def test_each_beam_starts_where_the_robot_was_when_it_was_taken():
 def test_a_sweep_follows_the_equation_of_its_geometry(geometry, left, up):
     angle = math.asin(0.6)  # cosine 0.8
     ranges = np.array([[2.0, np.inf]])
-    sweep = Sweep(0, 1, ranges, np.array([angle]), np.zeros(1), np.array([angle, 0.0]), geometry, 0.1, 0.0, 0.4, 0.1, 9.0)
+    sweep = Sweep(
+        0, 1, ranges, np.array([angle]), np.zeros(1), np.array([angle, 0.0]), geometry, 0.1, 0.0, 0.4, 0.1, 9.0
+    )
     forward = 0.1 + 2.0 * 0.8 * 0.8
     np.testing.assert_allclose(sweep_points_in_map(sweep, AT_REST), [[1.0 - left, 2.0 + forward, 0.4 + up]])
 

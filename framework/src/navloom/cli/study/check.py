@@ -17,7 +17,9 @@ __all__ = ["check"]
 
 
 def check(
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, world.door:2.0")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, world.door:2.0")
+    ] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
     ] = None,

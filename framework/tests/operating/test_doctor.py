@@ -369,7 +369,7 @@ def test_nodes_that_are_announced_and_silent_are_told_by_process() -> None:
     assert only(found).what == what
     folder = made({"drive": Fate(os.getpid(), "running", 0, "")})
     here = only(examine(client(bus), folder, "robot.toml")[1])
-    assert here.what == f"{what}: it runs (process {os.getpid()}), but is not ready, or hangs"
+    assert here.what == f"{what}: it runs (pid {os.getpid()}) but is not ready, or hangs"
     assert f"`kill -KILL {os.getpid()}`" in here.remedy
 
 
@@ -500,7 +500,7 @@ def test_a_process_that_somebody_stopped_is_told_from_one_that_runs(asleep: subp
     fate = Fate(asleep.pid, "running", 0, "")
     folder = made({"think": fate})
     assert not is_stopped(asleep.pid)
-    assert fate_in_words(folder, "think", fate)[0] == f"it runs (process {asleep.pid}), but is not ready, or hangs"
+    assert fate_in_words(folder, "think", fate)[0] == f"it runs (pid {asleep.pid}) but is not ready, or hangs"
     asleep.send_signal(signal.SIGSTOP)
     os.waitpid(asleep.pid, os.WUNTRACED)
     assert is_stopped(asleep.pid)

@@ -53,7 +53,7 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "gate": ("platform",),
 }
 """Roles that step with the platform, whether there is a goal or not, with those that each of them waits for."""
-AGAIN = "run `navloom doctor` again in a moment"
+AGAIN = "run this again in a moment"
 ADVICE = {
     NO_PATH: f"{AGAIN}; if it persists, `navloom cancel` it and send the goal again",
     "silent: platform": "`navloom hz platform/odometry` shows whether it arrives; see the log of its process",
@@ -233,9 +233,7 @@ def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None) -> lis
     for process in dict.fromkeys(node["process"] for node in mute):
         names = ", ".join(named(node) for node in mute if node["process"] == process)
         what = f"{names}: announced, but not answering; of process {process or 'unknown'}"
-        remedy = (
-            "its process is suspended, overloaded, or gone with its host: run `navloom doctor` again, or restart it"
-        )
+        remedy = "its process is suspended, overloaded, or gone with its host: run this again, or restart it"
         if folder is not None and process in fates:
             fate, remedy = fate_in_words(folder, process, fates[process])
             what += f": {fate}"

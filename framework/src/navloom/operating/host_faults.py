@@ -78,7 +78,7 @@ def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, s
         if fate.pid is not None and is_stopped(fate.pid):
             return f"it is suspended (pid {fate.pid})", f"`kill -CONT {fate.pid}` continues it"
         again = f"`kill -KILL {fate.pid}` makes `navloom up` restart it"
-        return f"it runs (pid {fate.pid}) but is not ready, or hangs", f"run `navloom doctor` again, see {log}; {again}"
+        return f"it runs (pid {fate.pid}) but is not ready, or hangs", f"see {log}; {again}"
     said = folder.last_words(process)
     what = f"it {fate.why}" + (f" and its last message was: {said}" if said else "")
     if fate.state == "failed":

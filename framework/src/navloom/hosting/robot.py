@@ -208,7 +208,7 @@ class LiveRobot:
         if away:
             return "they belong to other hosts: start those with `navloom up --host NAME`, and see `navloom doctor`"
         said = [f"{name}: {self.supervisor.tail(child)}" for name, child in self.supervisor.children.items()]
-        return "their processes said last: " + " | ".join(said)
+        return "last messages of their processes: " + " | ".join(said)
 
     def _came(self, source: Source, again: bool) -> None:
         with self._changed:

@@ -312,14 +312,12 @@ class Supervisor:
             child.state = "failed"
             self._say(
                 f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
-                f"left down. It said last: {self.tail(child)}"
+                f"it stays down. Its last message: {self.tail(child)}"
             )
             self._write_down()
             return
         child.state, child.again_at = "waiting", now + child.wait
-        self._say(
-            f"process {name} {child.why}; it is started again in {child.wait:g} s. It said last: {self.tail(child)}"
-        )
+        self._say(f"process {name} {child.why}; it restarts in {child.wait:g} s. Its last message: {self.tail(child)}")
         child.wait = min(2 * child.wait, LONGEST_WAIT)
         self._write_down()
 

@@ -46,7 +46,7 @@ def _ours(paths: frozenset[str]) -> Iterator[int]:
     """File descriptors of this process that belong to the robot's network: sockets of these paths, locks, segments."""
     locks = {f"{path}.lock{end}" for path in paths for end in ("", " (deleted)")}
     with suppress(OSError):  # no /proc
-    for number in map(int, os.listdir("/proc/self/fd")):
+        for number in map(int, os.listdir("/proc/self/fd")):
             with suppress(OSError):
                 name = os.readlink(f"/proc/self/fd/{number}")
                 is_segment = name.startswith("/dev/shm/") and ".zenoh" in name

@@ -35,9 +35,9 @@ def plugins(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the installed plugins without importing them, show a role or the parameters of a plugin, or start a new one.
+    """List plugins, show a role or one plugin's parameters, or generate a new one.
 
-    `navloom plugins avoider` shows what an avoider is given and answers.
+    The list imports no plugin. `navloom plugins avoider` shows what an avoider is given and answers.
 
     `navloom plugins new KIND NAME` writes a distribution with one plugin that works: its package, tests, README and
     CI. KIND is a role, node, metric, panel, world, scheme or message.

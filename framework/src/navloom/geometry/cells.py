@@ -23,8 +23,8 @@ def cells_at(grid: OccupancyGrid, points: ArrayLike) -> Cells:
 
 def has_cells(grid: OccupancyGrid, cells: Cells) -> NDArray[np.bool_]:
     """(n,) whether cells, (n, 2) row and column, are within the grid."""
-    within: NDArray[np.bool_] = ((cells >= 0) & (cells < grid.cells.shape)).all(axis=1)
-    return within
+    is_within: NDArray[np.bool_] = (cells >= 0) & (cells < grid.cells.shape)
+    return np.logical_and(is_within[:, 0], is_within[:, 1])
 
 
 def places_of(grid: OccupancyGrid, cells: ArrayLike) -> Floats:

@@ -161,9 +161,11 @@ def _refuse_missing(name: str) -> None:
         kind, plugin = "scheme", scheme
     if kind not in CHECKED or not plugin:
         discovery = discovery_of(Request(name))
-        known = "" if kind in CHECKED else discovery.meant(name) or nearest(kind, list(CHECKED))
-        of_kind = nearest(plugin, discovery.names(kind)) if kind in CHECKED else ""
-        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{known or of_kind}")
+        if kind in CHECKED:
+            hint = nearest(plugin, discovery.names(kind))
+        else:
+            hint = discovery.meant(name) or nearest(kind, list(CHECKED))
+        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{hint}")
     known = discovery_of(Request(name)).names(kind)
     if kind == "message":
         known = [*known, *(one.rpartition(".")[2] for one in known)]

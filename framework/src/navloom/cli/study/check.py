@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
     from navloom.testing.findings import Report
 
 __all__ = ["check"]
+
+COUNTED = {"passed": "checks passed", "failed": "failed", "shown": "measured but not claimed", "not_run": "not run"}
+"""Outcomes of checks in the last line of a report, in its order."""
 
 
 def check(
@@ -87,10 +91,10 @@ def _end(report: Report, as_json: bool) -> None:
 
 def _print(report: Report) -> None:
     """A line for each check, and what is wrong, what was expected and how to repeat it under those that failed."""
-    words = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
+    marks = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
     for result in report.results:
-        typer.echo(f"{words[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
+        typer.echo(f"{marks[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
         for line in report.sentences(result):
             typer.echo(f"        {line}")
         for shown in result.shown:
@@ -99,9 +103,10 @@ def _print(report: Report) -> None:
             typer.echo(f"        picture: {picture}")
         if result.findings:
             typer.echo(f"        repeat:  {report.command(result)}")
-    passed = sum(result.outcome == "passed" for result in report.results)
+    counts = Counter(result.outcome for result in report.results)
+    said = [f"{counts[outcome]} {words}" for outcome, words in COUNTED.items() if counts[outcome] or outcome == "failed"]
     owner = f" ({report.owner})" if report.owner else ""
-    typer.echo(f"{report.plugin}{owner}: {passed} of {len(report.results)} checks passed, {len(report.failed)} failed")
+    typer.echo(f"{report.plugin}{owner}: {', '.join(said)}")
 
 
 def _list(name: str | None, tiers: tuple[str, ...] | list[str], as_json: bool) -> None:

@@ -1,4 +1,4 @@
-"""What avoiders and recoveries say, and who drives."""
+"""Answers of avoiders and recoveries, and whether the avoider drives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @message()
 class AvoiderDiagnostics(Message):
-    """Why an avoider chose what it chose. A method fills what it has and leaves the rest empty.
+    """Why an avoider chose its command. A method fills the fields that it has and leaves the rest empty.
 
     Attributes:
         window: (rows, cols) certainty values round the robot; (0, 0) where there is no grid.
@@ -47,9 +47,9 @@ class Avoidance(Message):
 
     Attributes:
         twist: Velocity asked for, base frame; the gate limits it to what the robot can do.
-        status: clear: nothing is in the way; steering: it drives round something; trapped: there is no way on, which
-            asks for a recovery.
-        diagnostics: Why; None where it is left out, see `Avoider.is_to_explain`.
+        status: clear: nothing is in the way; steering: it steers round an obstacle; trapped: it finds no free
+            direction, which requests a recovery.
+        diagnostics: Why; None if left out, see `Avoider.is_to_explain`.
     """
 
     twist: Twist2D
@@ -59,7 +59,7 @@ class Avoidance(Message):
 
 @message()
 class AvoiderStatus(Message):
-    """How things stand, published beside the command.
+    """Status of an avoider, published beside its command.
 
     Attributes:
         status: Of the avoider's answer.
@@ -72,11 +72,11 @@ class AvoiderStatus(Message):
 
 @message()
 class HandOver(Message):
-    """Whether the avoider drives instead of the controller, and since when the way is blocked.
+    """Whether the avoider drives instead of the controller.
 
     Attributes:
         engaged: The avoider drives.
-        nearest: Distance to the nearest thing sensed in the corridor, m; infinite where it is free.
+        nearest: Distance to the nearest echo in the corridor, m; infinite if it is free.
     """
 
     engaged: bool
@@ -85,10 +85,10 @@ class HandOver(Message):
 
 @message()
 class RecoveryRequest(Message):
-    """Asks the recovery for help.
+    """Starts or ends the recovery.
 
     Attributes:
-        active: False ends it.
+        active: True starts it, False ends it.
         attempt: 1 for the first attempt at this goal.
         reason: Why the goal is stuck.
     """
@@ -104,8 +104,8 @@ class RecoveryStep(Message):
 
     Attributes:
         twist: Velocity for this tick, base frame.
-        state: running: it goes on; done: the goal may plan again; failed: the next attempt begins, if there is one.
-        clear_map: The map should be cleared before the next plan.
+        state: running: it continues; done: the goal may plan again; failed: the next attempt begins, if there is one.
+        clear_map: The map is cleared before the next plan.
     """
 
     twist: Twist2D

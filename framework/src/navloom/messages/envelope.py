@@ -1,4 +1,4 @@
-"""What travels round a message, and what a step leaves behind."""
+"""The envelope of a message, and the record of a step."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Envelope", "StepRecord"]
 
 
 class Envelope(NamedTuple):
-    """What travels round every message.
+    """Metadata that travels with every message.
 
     Attributes:
         key: `<realm>/<robot>/<role>/<instance>/<port>`.
@@ -28,7 +28,7 @@ class Envelope(NamedTuple):
 
 
 class StepRecord(NamedTuple):
-    """What one step of a node consumed, enough to feed it again.
+    """What one step of a node consumed, enough to replay it.
 
     Attributes:
         role, instance: Whose step.
@@ -41,7 +41,7 @@ class StepRecord(NamedTuple):
         stamp_ns: Run clock of the tick.
         epoch: Selection in force.
         fault: What the plugin raised, empty for nothing.
-        told: What the executor told the node beside its inputs, see `StepReport`.
+        told: What the node got from the executor in addition to its inputs, see `StepReport`.
     """
 
     role: str

@@ -37,10 +37,10 @@ class Goal(Message):
 
 @message()
 class OperatorRequest(Message):
-    """One thing an operator asks for, in either executor.
+    """One request of an operator, in lockstep or live.
 
     Attributes:
-        do: What; "release" ends an operator's own driving, and "enter_unseen" lets it into space that no sensor saw.
+        do: What to do; "release" ends teleoperation, and "enter_unseen" lets it enter space that no sensor has seen.
         goal: For "goal".
         role, instance: For "swap", the role and the instance to select; for "set", those whose parameters change.
         values: For "set", TOML assignments `name = value`, one a string.
@@ -55,13 +55,13 @@ class OperatorRequest(Message):
 
 @message()
 class Drive(Message):
-    """Which trajectory may be driven: the goal's word, without which the reference publishes nothing.
+    """Authorises one trajectory; without it, the reference node publishes nothing.
 
     Attributes:
         goal_id: The goal it serves.
         path_id: The plan to follow; 0 for none.
-        turn_to: Heading, rad, to turn to in place once the end of the plan is reached, or None.
-        stop_here: The end has been reached in position: turn only.
+        turn_to: Heading, rad, to turn to in place at the end of the plan, or None.
+        stop_here: The position at the end has been reached: turn only.
     """
 
     goal_id: int
@@ -72,16 +72,16 @@ class Drive(Message):
 
 @message()
 class Feedback(Message):
-    """How a goal goes.
+    """Progress of a goal.
 
     Attributes:
-        goal_id: Which; 0 while there is none.
-        state: Where its state machine is; "waiting" for a platform that fell silent, "searching" for its place.
+        goal_id: Number of the goal; 0 while there is none.
+        state: State of its state machine; "waiting": the platform is silent; "searching": the localizer does not track.
         distance: Left along the trajectory, m.
         time_left: Estimate, s.
         cross_track: Distance from the trajectory, m, left positive.
         recoveries: Attempts so far.
-        localizer: What the localizer says where it is not tracking: its state and why; else empty.
+        localizer: State and reason of a localizer that is not tracking; else empty.
     """
 
     goal_id: int

@@ -45,13 +45,13 @@ class Count(Message):
 
 @message()
 class MapUpdate(Message):
-    """A mapper's map, whole each time.
+    """A mapper's whole map.
 
     Attributes:
         stamp_ns: Run clock of the newest data in it.
         grid: Raster map, map frame.
-        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has both ends alike.
-        counts: What became of the input points, by name; they sum to the points given.
+        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; both ends of a point are equal.
+        counts: How many input points were used, or dropped for which reason; their sum is the number of points.
     """
 
     stamp_ns: Stamp
@@ -62,17 +62,17 @@ class MapUpdate(Message):
 
 @message()
 class ClearRequest(Message):
-    """Asks the mapper to forget; `request_id` rises with each."""
+    """Asks the mapper to discard what it can observe again; `request_id` rises with each."""
 
     request_id: int
 
 
 @message()
 class PlanRequest(Message):
-    """Asks the planner for a way.
+    """Asks the planner for a path.
 
     Attributes:
-        request_id: Rises with each; its answer carries it. Live, one without an answer is repeated under its number.
+        request_id: Rises with each; the answer carries it. Live, a request without an answer is repeated.
         start, goal: Poses of base in the map frame.
     """
 

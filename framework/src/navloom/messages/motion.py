@@ -1,4 +1,4 @@
-"""Poses, velocities, and what the localizer, the reference, the controller and the gate say."""
+"""Poses and velocities, and the messages of platform, localizer, reference, controller and gate."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Point2D(Message):
 
 @message()
 class Pose2D(Message):
-    """Position x, y, m, and heading, rad, counter-clockwise in [-π, π), in the frame its holder names."""
+    """Position x, y, m, and heading, rad, counter-clockwise in [-π, π), in the frame that its field states."""
 
     x: float
     y: float
@@ -81,7 +81,7 @@ class Truth(Message):
         pose: Base in the map frame.
         twist: True velocity, base frame.
         clearance: Gap between footprint and nearest obstacle, m; 0 in contact, infinite in an empty world.
-        nearest: Name of that obstacle, empty where there is none.
+        nearest: Name of that obstacle, empty if there is none.
         touching: The footprint touches it.
     """
 
@@ -141,7 +141,7 @@ class Trajectory(Message):
 
 @message()
 class Reference(Message):
-    """The point of the trajectory the robot is at, re-projected each tick.
+    """The robot's projection onto the trajectory, updated each tick.
 
     Attributes:
         path_id: Number of the trajectory.
@@ -172,7 +172,7 @@ class Reference(Message):
 
 @message()
 class Command(Message):
-    """A velocity asked for: what avoiders, recoveries, operators and the gate publish.
+    """A velocity command of an avoider, a recovery, an operator or the gate.
 
     Attributes:
         twist: The velocity, base frame.
@@ -199,20 +199,20 @@ class TrackingCommand(Message):
 
 @message()
 class GateStatus(Message):
-    """Who drives, and why nobody does.
+    """Who drives, or why the robot is stopped.
 
     Attributes:
         source: Role whose command went through, or "none".
         instance: Its instance name, empty for none.
         stopped: Zero is commanded.
-        latched: The stop stays until `resume`.
-        reason: Empty while driving; else what stopped it (`operator`, `no_trajectory`, `stale: …`, …).
+        latched: The stop lasts until `resume`.
+        reason: Empty while driving; else what stopped the robot (`operator`, `no_trajectory`, `stale: …`, …).
         pending: "role instance" of swaps that wait for the instance to warm up, in order of role.
-        share: Of the command that goes through, where the monitor slows the robot; 1 where it does not.
-        limit: What the monitor slows or stops it for: an `obstacle`, or `unseen` space; empty for nothing;
-            `overridden` where an operator lets it enter unseen space.
-        place: Of that in the base frame, m.
-        distance: From the footprint to it, m.
+        share: Share of the command that the collision monitor lets through; 1 if it does not slow the robot.
+        limit: Why the monitor slows or stops the robot: an `obstacle`, or `unseen` space; empty for nothing;
+            `overridden` while an operator lets it enter unseen space.
+        place: Place of the obstacle or unseen space, base frame, m.
+        distance: From the footprint to that place, m.
     """
 
     source: Literal["none", "controller", "avoider", "recovery", "operator"]

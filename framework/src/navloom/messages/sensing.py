@@ -1,4 +1,4 @@
-"""What range sensors give."""
+"""Messages of range sensors."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ class SweepRequest(Message):
     """Asks the platform for one stop-and-scan sweep.
 
     Attributes:
-        request_id: Above 0, rises with each. Live, a request is repeated under its number where no map has come of it:
-            it is made again then, but where it is under way, which goes on.
+        request_id: Above 0, rises with each. Live, a request is repeated if no map followed. A sweep that is already
+            running continues; otherwise a new one starts.
     """
 
     request_id: int

@@ -1,4 +1,4 @@
-"""What a node says of each of its steps, for those who wait for it, watch over it, or replay it."""
+"""Reports of a node's steps, for the nodes that wait for it, for supervision and for replay."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class InputRead(Message):
     """What a step read at one input.
 
     Attributes:
-        input: What the node calls it.
-        sequences: Numbers of the messages: all new ones of a trigger, the last one of a sample; of a track the first
-            and the last number of each run without a gap.
+        input: Name of the input.
+        sequences: Numbers of the messages: of a trigger all new ones, of a sample the last one, of a track the first
+            and the last of each run without a gap.
     """
 
     input: Name
@@ -33,19 +33,19 @@ class PortMark(Message):
 
 @message()
 class StepReport(Message):
-    """One tick of a node; sent in silent ones too, so that a missing one means something.
+    """One tick of a node; also sent when it did not step, so a missing report is a sign of a fault.
 
     Attributes:
         trigger: Input (or "tick") that made it step; "check" for a gate that stopped between two ticks; empty where
             it did not step.
         read: What it consumed.
         published: Every port with its mark after this tick.
-        enabled: It steps when triggered; an alternative that waits, or a plugin that broke in lockstep, does not.
+        enabled: It steps when triggered; an alternative on standby, or a plugin that failed in lockstep, does not.
         params_version: Rises with each change of the parameters.
         resets: How often the instance was reset.
-        duration_ns: Time the step took on its machine.
+        duration_ns: Time the step took on its host.
         fault: What the plugin raised in this tick, empty for nothing.
-        told: What the executor told the node beside its inputs, as a JSON object; empty for nothing. See
+        told: What the node got from the executor in addition to its inputs, as a JSON object; empty for nothing. See
             `engine.own_nodes`.
     """
 

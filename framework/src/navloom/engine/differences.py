@@ -60,7 +60,7 @@ def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
         `occupied`, that share of the cells that either calls occupied (what theirs has beyond our grid is not looked
         at, what it lacks is unknown);
         poses (localizer, platform): `distance`, m, and `angle`, rad, both ≥ 0;
-        other messages of nodes that are no role's: `unequal`, 1 where any field but the stamp is not the same.
+        other messages of nodes without a role: `unequal`, 1 where any field but the stamp is not the same.
         Nothing for messages that are not compared.
 
     Raises:

@@ -47,8 +47,8 @@ class Publishes(Output[M]):
 
     Args:
         carries: The message class.
-        quality: How it travels between processes; default: what is late is dropped, without haste.
-        retained: Who joins later is given the last message.
+        quality: How it travels between processes; default: late messages are dropped, and the priority is that of plain data.
+        retained: Late joiners get the last message.
     """
 
     def __init__(self, carries: type[M], quality: Quality = PLAIN, *, retained: bool = False) -> None:
@@ -60,20 +60,20 @@ class Publishes(Output[M]):
 
 
 class NodePlugin(Role[P], Node):
-    """Base of whole nodes of other distributions. A table `[[node]]` of a config uses one under a name of its own.
+    """Base of nodes without a role. A table `[[node]]` of a config uses one, under a name of its own.
 
     A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message
-    class) and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock
-    or socket.
+    class) and what it publishes (`Publishes`) as class attributes, and has a method `step`. Like any plugin, it has no
+    thread, clock or socket.
 
     Class attributes, beside those of a role's plugin:
         ticks: It steps in every tick; else an input must have `triggers=True`.
-        cause: Input whose Platform stamp its outputs derive from; default its first trigger, of a node that ticks the
-            odometry.
-        is_awaited: Live: those that read it wait up to 5 ms for its step of the same tick.
-        answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
+        cause: Input whose Platform stamp its outputs derive from; by default its first trigger, or the odometry if it
+            ticks.
+        is_awaited: Live: its readers wait up to 5 ms for its step of the same tick.
+        answers_when_asked: It publishes only on request, so an instance can take over at once.
 
-    The first stream is what the node is for: alternatives are compared by it, and are warm once they have published it.
+    The first stream is the node's answer: alternatives are compared by it, and are warm once they have published it.
     """
 
     role = "node"

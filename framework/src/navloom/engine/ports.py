@@ -224,12 +224,12 @@ class Declared(_Attribute[B], Generic[M, B]):
     """Base of what a node's class reads: a class attribute, whose name is the input's.
 
     Args:
-        source: The port; or the message class, where the config is to say which port of that class is meant.
+        source: The port, or the message class; if several streams carry the class, the config names one.
         delayed: It is read as published up to the end of the previous tick.
         triggers: A new message makes the node step.
 
     Attributes:
-        port: The port; None where only the message class is named.
+        port: The port; None if only the message class is named.
         carries: The message class.
     """
 
@@ -253,13 +253,13 @@ class Latest(Declared[M, Held[M]]):
 
 
 class New(Declared[M, News[M]]):
-    """Messages since the step before."""
+    """Messages since the last step."""
 
     reading = "new"
 
 
 class Track(Declared[M, News[M]]):
-    """The newest messages, consumed or not; a row that holds as long as the step lasts."""
+    """The newest messages, read before or not; the sequence is valid during the step."""
 
     reading = "track"
 
@@ -288,7 +288,7 @@ class SensorGroup(Group[B], Generic[M, B]):
     """Base of what a class reads of sensors.
 
     Args:
-        carries: Message class of the sensors that are meant; default every sensor that the node is given.
+        carries: Message class of the sensors; default every sensor that the node reads.
         triggers: Each message makes the node step.
         of: Role whose sensors are meant, if not the node's own.
         otherwise: Port that triggers the node where there is no sensor.
@@ -324,7 +324,7 @@ class SensorGroup(Group[B], Generic[M, B]):
 
 
 class Sensors(SensorGroup[M, News[M]]):
-    """New messages of the sensors that a node is given, by the sensor's name."""
+    """New messages of the sensors that a node reads, by the sensor's name."""
 
     reading, prefix = "new", "scan"
 

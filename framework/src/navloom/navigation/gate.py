@@ -1,4 +1,4 @@
-"""The command gate: the last word before the wheels. Pure: it is told the time and what arrived."""
+"""The command gate, the last node before the wheels. Pure: time and messages are passed in."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ OBSTACLE = "obstacle"
 ENDING = "ending"
 """Reason of the last stop of a gate that ends in order."""
 LEFT = "stale: operator"
-"""How the reason begins while an operator who drove is not heard: nobody else drives until `resume`."""
+"""Begin of the reason while the commands of an operator who drove are missing: no other source drives until `resume`."""
 WAITING = "waits: "
-"""How the reason begins while a node of the chain waits for the first message of an input."""
+"""Begin of the reason while a node waits for the first message of an input."""
 HIDING = ("silent: platform", "silent: sensor")
-"""How reasons begin that are told in place of an operator who is not heard."""
+"""Begins of reasons that take precedence over a missing operator."""
 
 
 def is_at_rest(reason: str) -> bool:
-    """Whether a gate that is stopped for a reason stops nothing: there is nothing to drive yet, or any more."""
+    """Whether this reason of a stop means that there is nothing to drive, not that something failed."""
     return reason in ("no_trajectory", ENDING) or reason.startswith(WAITING)
 
 
 @dataclass(frozen=True)
 class GateLimits:
-    """What the wheels may be asked for and when they must stand.
+    """Limits of the commands to the wheels, and when the robot must be stopped.
 
     Attributes:
         linear, angular: m/s and rad/s.
@@ -64,15 +64,15 @@ class Offer(NamedTuple):
 
 
 class Sensed(NamedTuple):
-    """What the gate knows of the robot.
+    """State of the robot, as the gate knows it.
 
     Attributes:
-        platform_ns: Newest stamp of the platform; live, what its clock shows by now.
+        platform_ns: Newest stamp of the platform; live, extrapolated to now.
         touching: It touches something.
         sensors_ns: Newest stamp of each required sensor.
         is_silent: Nothing came from the platform for as long as the stop deadline.
-        gone: Required node that is not there any more, empty where all are; an operator may drive without.
-        waiting: Node that does not step yet, and the stream it waits for; empty where none does.
+        gone: Required node that is gone; empty if none is. An operator may drive without it.
+        waiting: Node that does not step yet, and the stream that it waits for; empty if there is none.
     """
 
     platform_ns: int
@@ -113,7 +113,7 @@ class CommandGate:
             self._contact = False
 
     def fault(self, sensed: Sensed) -> str:
-        """Why nobody may drive, whoever it is; empty where somebody may."""
+        """Why no source may drive; empty if one may."""
         self._contact = self._contact or sensed.touching
         if self._operator_stop:
             return "operator"
@@ -148,7 +148,7 @@ class CommandGate:
     def choose(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int
     ) -> tuple[str, Offer | None, str]:
-        """Whose command counts, that command, and why it is refused; empty where it is not. See `decide`."""
+        """Source of the command, the command, and why it is refused; empty if it is not. See `decide`."""
         source, offer = "none", None
         for role in ("operator", "recovery", "avoider" if engaged else "controller"):
             found = offers.get(role)
@@ -161,12 +161,12 @@ class CommandGate:
     def decide(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int, pending: Sequence[str]
     ) -> tuple[Twist2D, int, GateStatus]:
-        """Command for this tick, the Platform stamp it derives from, and who drives or why nobody does.
+        """Command for this tick, the Platform stamp that it derives from, and who drives or why the robot is stopped.
 
         Args:
             sensed: State of the platform.
             offers: By role, what is on offer: operator, recovery, avoider and controller.
-            engaged: The avoider is handed over to.
+            engaged: The avoider drives instead of the controller.
             epoch: Selection in force; offers of an older one are refused.
             pending: Swaps that wait.
         """

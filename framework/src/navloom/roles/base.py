@@ -1,4 +1,4 @@
-"""What every role shares: how a plugin is made, what it is told, and how it fails."""
+"""What every role shares: how a plugin is made, its context, and its errors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RESERVED_KEYS = ("plugin", "name", "sensors", "inputs", "rate_hz", "latency", "d
 
 
 class InputError(NavloomError, ValueError):
-    """A plugin was given data it cannot use: the text says what was given and what was expected."""
+    """Data that a plugin cannot use; the text says what was given and what was expected."""
 
 
 def _make_strict(schema: Any) -> None:
@@ -50,9 +50,9 @@ def _make_strict(schema: Any) -> None:
 
 
 class StrictModel(BaseModel):
-    """A model whose numbers, switches and texts are never converted: "7" is no number, 1 is not true.
+    """A model that never converts numbers, booleans and strings: "7" is not a number, and 1 is not true.
 
-    A whole number still passes as a real one. Lists pass as tuples and texts as paths, because TOML has neither.
+    An integer is accepted for a float, a list for a tuple, and a string for a path, because TOML has neither.
     """
 
     @classmethod
@@ -63,10 +63,10 @@ class StrictModel(BaseModel):
 
 
 class Params(StrictModel):
-    """Base of every plugin's parameters: unknown keys are refused, values cannot change after checking.
+    """Base of every plugin's parameters: unknown keys are refused, and values cannot change after checking.
 
-    Give each field bounds and, in its description, a unit. Angles are in degrees and their names end in `_deg`.
-    Numbers, switches and texts are strict: "7" is no number.
+    Give each field bounds and, in its description, a unit. Angles are in degrees, and their names end in `_deg`.
+    Numbers, booleans and strings are not converted: "7" is not a number.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -74,7 +74,7 @@ class Params(StrictModel):
 
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
-    """What every plugin is told about the robot.
+    """The robot, as every plugin knows it.
 
     Attributes:
         footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame; read-only.
@@ -82,7 +82,7 @@ class RobotSpec:
         wheel_radius, half_track: Nominal, m.
         max_linear, max_angular: Speed limits, m/s and rad/s.
         max_acceleration, max_deceleration: m/s².
-        max_angular_acceleration: rad/s²; infinite where the robot has no limit.
+        max_angular_acceleration: rad/s²; infinite if the robot has no limit.
         motor_lag: Time constant with which the wheels follow a command, s.
         dead_time: From a command to the wheels, s.
     """
@@ -126,19 +126,19 @@ class SensorSpec:
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What the framework hands to a plugin when it makes it.
+    """What the framework passes to a plugin's constructor.
 
     Attributes:
         instance: Name of this instance.
         period: Control tick, s.
         robot: The robot.
-        stream: Gives the random stream of a name; its seed comes from (run seed, role, instance, name). Asked again,
-            the same stream continues.
+        stream: Returns the random stream of a name, seeded by run seed, role, instance and name. A second call with the
+            same name returns the same stream, which continues.
         start: Where the robot starts, map frame.
         sensors: For a Platform: the sensors to provide.
-        world: For a Platform: the ground truth, where there is one.
-        map: For a Mapper or Localizer: the map the framework was given, where there is one.
-        diagnostics_rate_hz: For an Avoider: how often its answers say why; infinite for each, 0 for none.
+        world: For a Platform: the ground truth, if there is one.
+        map: For a Mapper or Localizer: the map of the config, if there is one.
+        diagnostics_rate_hz: For an Avoider: rate of its diagnostics; infinite for every answer, 0 for none.
     """
 
     instance: str
@@ -155,21 +155,21 @@ class Context:
 class Role(ABC, Generic[P]):
     """A plugin is a plain object: no thread, no clock, no socket, no file.
 
-    Written with its parameters, as `class Gap(Avoider[GapParams])`, `self.params` has their type, and `Params` is set.
+    In `class Gap(Avoider[GapParams])`, the type parameter gives `self.params` its type and sets `Params`.
 
     Class attributes:
         role: Name of the role, set by the role's ABC.
-        name: Name of the plugin, the one of its entry point.
-        api: Major version of the role it is built for.
+        name: Name of the plugin, the same as in its entry point.
+        api: Major version of the role that it is built for.
         is_patient: A step of the role may take long, since no motor waits for it; set by the role's ABC.
-        accepts: Sensor messages its node is wired to, unless the config names `sensors`.
-        needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
-        needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
-        is_bridge: It hands on what a system outside the robot says, as a ROS node: like a platform that is a driver, it
-            may have threads and sockets.
+        accepts: Classes of sensor messages that it reads, unless its table in the config lists `sensors`.
+        needs_map: It needs a map from the framework; `[map]` then defaults to the run's own world.
+        needs_sensor: It needs a sensor that it accepts; a robot without one is refused before it drives.
+        is_bridge: It passes on data of a system outside the robot, such as ROS. Like a driver, it may have threads and
+            sockets.
         Params: Its parameters.
-        claims: What it says of its behaviour beyond the purpose of its role: `navloom check` demands it.
-        disclaims: What of its role's purpose it does not do, and why: `navloom check` shows it without judgement.
+        claims: Properties of its behaviour beyond the purpose of its role, which `navloom check` demands.
+        disclaims: Parts of its role's purpose that it does not fulfil, and why: `navloom check` only measures them.
     """
 
     role: ClassVar[str]
@@ -196,12 +196,12 @@ class Role(ABC, Generic[P]):
         self.context = context
 
     def reset(self) -> None:
-        """Forget everything learnt since construction. A plugin without memory leaves it as it is."""
+        """Clear all state since construction. A plugin without state need not override it."""
 
     def configure(self, params: P) -> None:
-        """Take checked new parameters between two ticks. Forgets what was learnt, unless a plugin overrides it."""
+        """Take checked new parameters between two ticks. Clears the state, unless a plugin overrides it."""
         self.__init__(params, self.context)  # type: ignore[misc]
 
     @classmethod
     def warm_up(cls) -> None:
-        """Compile what has to be compiled. Called once before the first tick; a plugin without kernels leaves it."""
+        """Compile kernels. Called once before the first tick; a plugin without kernels need not override it."""

@@ -1,4 +1,4 @@
-"""Claims: what a plugin says of its own behaviour, beyond what the contract of its role demands."""
+"""Claims: properties of a plugin's behaviour beyond the contract of its role."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ class Claim(StrEnum):
     """What `navloom check` measures in scenes, and demands of a plugin that claims it.
 
     Attributes:
-        TRANSLATION: The scene moved as a whole gets the same answer, moved along.
-        ROTATION: The scene turned by any angle gets the same answer, turned along.
-        MIRROR: The mirrored scene gets the mirrored answer.
-        NO_CONTACT: It does not lead the robot into what it is shown.
-        FOOTPRINT: It keeps the whole footprint clear, of robots that are long or wide, too.
-        STOPS_WHEN_CLOSED: An avoider stops where it is closed in on all sides.
-        REACHES: It gets there: an avoider to a target in the open, a planner to a goal that a robot can reach.
-        OPTIMAL: A planner's path is at most as long as the shortest on an eight-connected grid must be: 8.24 % above
-            the shortest at any angle, and the cells at its ends.
-        OPTIMAL_ANY_ANGLE: At most 2 % above the shortest at any angle, and the cells at its ends.
-        SETTLES: A controller comes onto its reference and stays on it.
-        ACCURATE: A localizer or a mapper is right where its data is.
-        CORRECTS_DRIFT: A localizer stays right while odometry drifts.
+        TRANSLATION: If the scene is moved, the answer moves with it.
+        ROTATION: If the scene is turned by any angle, the answer turns with it.
+        MIRROR: The mirrored scene gives the mirrored answer.
+        NO_CONTACT: The robot touches no obstacle that the plugin is shown.
+        FOOTPRINT: The same for the whole footprint, also of long and wide robots.
+        STOPS_WHEN_CLOSED: An avoider stops when it is closed in on all sides.
+        REACHES: An avoider reaches a target in the open, a planner a goal that the robot can reach.
+        OPTIMAL: A planner's path is at most 8.24 % longer than the shortest any-angle path, the bound of an
+            eight-connected grid, plus the cells at its ends.
+        OPTIMAL_ANY_ANGLE: At most 2 % longer than the shortest any-angle path, plus the cells at its ends.
+        SETTLES: A controller converges to its reference.
+        ACCURATE: The pose of a localizer, or the map of a mapper, agrees with the ground truth.
+        CORRECTS_DRIFT: A localizer stays accurate while odometry drifts.
         DRIVES_AS_TOLD: A platform's odometry follows the commands.
-        ENDS: A recovery says done or failed within two minutes.
+        ENDS: A recovery reports done or failed within two minutes.
     """
 
     TRANSLATION = "translation"
@@ -57,4 +57,4 @@ PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
         "recovery": frozenset({Claim.NO_CONTACT, Claim.ENDS}),
     }
 )
-"""What each role is for: its plugins claim it unless they say why not in `disclaims`."""
+"""Purpose of each role: its plugins claim it unless they disclaim it with a reason."""

@@ -1,4 +1,4 @@
-"""Extra inputs: what a plugin reads beside what every plugin of its role is given."""
+"""Extra inputs: streams that a plugin reads in addition to the input struct of its role."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ V = TypeVar("V")
 
 
 class Extra(Generic[V]):
-    """A further input of a role's plugin, as a class attribute: `tracks = Extra(Tracks)`.
+    """An extra input of a role's plugin, as a class attribute: `tracks = Extra(Tracks)`.
 
     The plugin reads the newest message as `given.extra[self.tracks]`. It comes from the one node or sensor that
     publishes this class, or from the one that `inputs` in the plugin's table names.
 
     Args:
         carries: The message class.
-        optional: The verb is called without it, and finds None, until there is a message; else the node waits for it.
+        optional: Before the first message, the verb is called and gets None; otherwise the node waits for the message.
         delayed: It is read as published up to the end of the previous tick, which breaks a cycle.
     """
 

@@ -1,4 +1,4 @@
-"""Mapper: what stands where."""
+"""Mapper: range data to a map."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ __all__ = ["Mapper", "MapperInput"]
 
 @struct
 class MapperInput:
-    """What a mapper sees.
+    """Input of a mapper.
 
     Attributes:
         stamp_ns: Run clock.
         sweeps, scans: New data, in stamp order; both may be empty.
         track: Poses in the map that cover them.
-        clear: The map may be wrong. Forget what the newest data, or the next, can tell anew, not what is out of sight:
-            the robot plans by what is left.
-        sensors: Name of the sensor that gave each scan.
-        sweep_sensors: Name of the sensor that gave each sweep.
-        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        clear: The map may be wrong. Discard what the newest or the next data can show again, but keep what is out of
+            sight: the robot plans with the rest.
+        sensors: Name of the sensor of each scan.
+        sweep_sensors: Name of the sensor of each sweep.
+        readings: New messages of other accepted sensors, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -51,4 +51,4 @@ class Mapper(Role[P]):
 
     @abstractmethod
     def update(self, given: MapperInput) -> MapUpdate | None:
-        """The map with the new data in it, or None where nothing changed."""
+        """The map with the new data, or None if nothing changed."""

@@ -1,4 +1,4 @@
-"""Planner: a way through the map."""
+"""Planner: a path through the map."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __all__ = ["Planner", "PlannerInput"]
 
 @struct
 class PlannerInput:
-    """What a planner sees.
+    """Input of a planner.
 
     Attributes:
-        request: With start and goal.
-        map: The newest one.
+        request: Start and goal.
+        map: Newest map.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -29,7 +29,7 @@ class PlannerInput:
 
 
 class Planner(Role[P]):
-    """Finds paths. The footprint is in its context."""
+    """Finds paths. The robot's footprint is in the context."""
 
     role = "planner"
     is_patient = True

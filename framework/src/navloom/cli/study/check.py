@@ -104,7 +104,7 @@ def _print(report: Report) -> None:
         if result.findings:
             typer.echo(f"        repeat:  {report.command(result)}")
     counts = Counter(result.outcome for result in report.results)
-    said = [f"{counts[outcome]} {words}" for outcome, words in COUNTED.items() if counts[outcome] or outcome == "failed"]
+    said = [f"{counts[one]} {words}" for one, words in COUNTED.items() if counts[one] or one == "failed"]
     owner = f" ({report.owner})" if report.owner else ""
     typer.echo(f"{report.plugin}{owner}: {', '.join(said)}")
 

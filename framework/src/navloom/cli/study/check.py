@@ -20,7 +20,7 @@ COUNTED = {"passed": "checks passed", "failed": "failed", "shown": "measured but
 
 
 def check(
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Such as avoider.vff, metric.…, node.…")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Like avoider.vff, metric.…, node.…")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
     ] = None,

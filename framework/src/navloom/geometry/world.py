@@ -1,4 +1,4 @@
-"""What a world is made of: the ground truth a simulator moves a robot through. Only a Platform ever sees it."""
+"""Worlds: the ground truth that a simulator moves a robot through. Only a Platform sees it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Waypoint = tuple[float, float, float]
 
 
 def read_only(array: NDArray[A]) -> NDArray[A]:
-    """The array as it is where it cannot be written, else a copy that cannot."""
+    """The array itself if it is read-only, otherwise a read-only copy."""
     if not array.flags.writeable:
         return array
     held = array.copy()
@@ -42,14 +42,14 @@ class Box:
     """An upright box, turned by `yaw` about its centre.
 
     Attributes:
-        name: How messages and errors call it.
+        name: Name in messages and errors.
         x, y: Extent before the turn, m, in the map frame.
         z: Extent above the floor, m.
         yaw: Turn about the box's centre, rad.
-        appears_at: Run time from which it is there, s; 0 is from the start.
+        appears_at: Run time at which it appears, s; 0: from the start.
         appears_after_sweep: It appears when the first stop-and-scan sweep has ended (then `appears_at` is not used).
-        waypoints: Where its centre is at which time; linear between them, held before the first and after the last.
-        loops: The waypoints repeat, with the last one's time as the period.
+        waypoints: Times and positions of its centre; linear between them, held before the first and after the last.
+        loops: The waypoints repeat; the period is the time of the last one.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Cylinder:
     """A vertical cylinder. Attributes that are not listed are those of `Box`.
 
     Attributes:
-        name: How messages and errors call it.
+        name: Name in messages and errors.
         x, y: Centre, m, in the map frame.
         radius: m.
     """
@@ -102,7 +102,7 @@ class Raster:
     """A map of a building as ground truth.
 
     Attributes:
-        name: How messages and errors call it.
+        name: Name in messages and errors.
         occupied: (rows, cols) bool, read-only; row 0 is the lowest y, column 0 the lowest x, in the raster's own frame.
         resolution: Edge of a cell, m.
         origin: Pose of the lower left corner of cell (0, 0) in the map frame.
@@ -127,11 +127,10 @@ class World:
         name: The reference it was resolved from.
         obstacles: Boxes and cylinders.
         raster: A building's map, or None.
-        start, goal: Where the world's author wants the robot to start and to go, or None.
-        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the part of the plane that
-            matters, and all that a map of the world shows.
-        goal_tolerance, time_limit: What the world's author asks for, m and s, or None.
-        reference_length: Length of the author's own way from start to goal, m, which scores are relative to, or None.
+        start, goal: Start and goal of the world, or None. A config may name others.
+        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame; a map of the world shows only this part.
+        goal_tolerance, time_limit: Of the world, m and s, or None.
+        reference_length: Length of the world's reference path from start to goal, m, for scores, or None.
     """
 
     name: str

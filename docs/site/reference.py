@@ -64,9 +64,9 @@ def role_page(role: str) -> str:
         f"`{verb}(self, given: {name}Input) -> {answer}`",
         ROLE_INTROS[role],
         *([f"Messages of the answer: {messages}."] if messages else []),
-        "With `rate_hz` in its table, a plugin is called only in every n-th tick. [Checks](../writing-a-plugin.md#checks) "
-        "lists what the framework checks in the answer, and [Plugins and their context](plugins.md) what a plugin's "
-        "constructor gets.",
+        "With `rate_hz` in its table, a plugin is called only in every n-th tick. "
+        "[Checks](../writing-a-plugin.md#checks) lists what the framework checks in the answer, and "
+        "[Plugins and their context](plugins.md) what a plugin's constructor gets.",
         public(*structs, name),
         "## Shipped",
         plugin_table(role),
@@ -123,8 +123,8 @@ def declaring_page() -> str:
         "[Messages of your own](../messages.md#messages-of-your-own) has an example.",
         public("message", "Message", "MessageError"),
         "## Kinds of fields",
-        "A field is a `bool`, `int`, `float`, `str`, a `Literal` of strings, another message, a `tuple[X, ...]` of one of "
-        "these, or an `Array`. Each may be `| None`.",
+        "A field is a `bool`, `int`, `float`, `str`, a `Literal` of strings, another message, a `tuple[X, ...]` of one "
+        "of these, or an `Array`. Each may be `| None`.",
         public("Array", "Heading", "Positive", "NotNegative", "Unbounded", "Stamp", "Name", "Words", "Most"),
         "## Metadata of a message",
         public("Envelope"),

@@ -75,8 +75,8 @@ def parameter_sections() -> str:
 def sensor_sections() -> str:
     """The sensors of every shipped platform."""
     parts = [
-        "A `[[sensor]]` of a config has a `name`, a `kind`, and the settings of its kind. The platform defines the kinds; "
-        "`navloom plugins platform.NAME` prints them."
+        "A `[[sensor]]` of a config has a `name`, a `kind`, and the settings of its kind. The platform defines the "
+        "kinds; `navloom plugins platform.NAME` prints them."
     ]
     for name, _, cls in shipped("platform"):
         for kind, one in kinds_of(cls).get("sensor_kinds", {}).items():
@@ -169,8 +169,8 @@ def command_sections() -> str:
     parts = [
         root.help,
         table(("option", "", "meaning"), words(root)),
-        "Exit codes: 0: done; 1: the run ended in another way, or something failed on the way; 2: the request was wrong, "
-        "nothing ran, and nothing was written.",
+        "Exit codes: 0: done; 1: the run ended in another way, or something failed on the way; 2: the request was "
+        "wrong, nothing ran, and nothing was written.",
     ]
     for command in others:
         parts += [f"## {command.name}", f"```text\n{command.name} {command.usage}\n```", plain(command.help)]

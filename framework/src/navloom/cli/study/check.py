@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 __all__ = ["check"]
 
-COUNTED = {"passed": "checks passed", "failed": "failed", "shown": "measured but not claimed", "not_run": "not run"}
+COUNTED = (
+    ("passed", "checks passed"),
+    ("failed", "failed"),
+    ("shown", "measured but not claimed"),
+    ("not_run", "not run"),
+)
 """Outcomes of checks in the last line of a report, in its order."""
 
 
@@ -103,8 +108,8 @@ def _print(report: Report) -> None:
             typer.echo(f"        picture: {picture}")
         if result.findings:
             typer.echo(f"        repeat:  {report.command(result)}")
-    counts = Counter(result.outcome for result in report.results)
-    said = [f"{counts[one]} {words}" for one, words in COUNTED.items() if counts[one] or one == "failed"]
+    counts = Counter[str](result.outcome for result in report.results)
+    said = [f"{counts[one]} {words}" for one, words in COUNTED if counts[one] or one == "failed"]
     owner = f" ({report.owner})" if report.owner else ""
     typer.echo(f"{report.plugin}{owner}: {', '.join(said)}")
 

@@ -43,10 +43,15 @@ def check(
         str | None,
         typer.Option(metavar="CONFIG", help="Check the real platform of this config with its hardware; nothing moves."),
     ] = None,
-    drive: Annotated[bool, typer.Option("--drive", help="With --hardware: drive a short way, turn and stop.")] = False,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="With --hardware: drive a short distance, turn and stop.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check one plugin in a separate process. Exit 0: no check failed; 1: a check failed."""
+    """Check one plugin in a separate process.
+
+    Exit 0: no check failed; 1: a check failed.
+    """
     from navloom.cli.output import progress_line, say_so
     from navloom.config import ConfigError
     from navloom.testing.runner import check_plugin

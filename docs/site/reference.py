@@ -28,7 +28,7 @@ ROLE_INTROS = {
     "controller": "Called in every tick while a trajectory is followed.",
     "avoider": "Called in every tick while a trajectory is followed, whether it drives or not. The framework decides "
     "whether it drives.",
-    "recovery": "Called in every tick while the goal requests it.",
+    "recovery": "Called in every tick while the goal requests a recovery.",
 }
 ANSWERS = {
     "platform": (),

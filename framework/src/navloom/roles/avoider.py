@@ -1,4 +1,4 @@
-"""Avoider: a velocity that avoids what is not on the map."""
+"""Avoider: the velocity that avoids obstacles, whether the map knows them or not."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = ["Avoider", "AvoiderInput"]
 
 @struct
 class AvoiderInput:
-    """Input of an avoider. The robot's footprint and limits are in the context.
+    """What an avoider sees. The robot's footprint and limits are in the context.
 
     Attributes:
         stamp_ns: Run clock.
-        scans: New scans of all range sensors; empty in a tick in which no sensor has measured.
+        scans: New scans of the range sensors in this tick, in order of time; empty if none was due.
         estimate: Pose in the map and velocity in base.
         target: Point to steer to, m, map frame.
         corridor: Half width of the strip to the target that must be free, m.
-        desired: The controller's velocity.
-        remaining: Distance still to drive after the target, m; 0 if the target is the goal.
-        share: Share of the last command that the gate's collision monitor let through; 1 if nothing was in the way.
+        desired: Velocity that the controller requests.
+        remaining: Distance from the target to the goal along the trajectory, m; 0 if the target is the goal.
+        share: Share of the last command that the gate's monitor let pass; 1 if nothing was in the way.
         sensors: Name of the sensor of each scan.
-        readings: New messages of other accepted sensors, by sensor name, oldest first.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -46,7 +46,7 @@ class AvoiderInput:
 
 
 class Avoider(Role[P]):
-    """Steers round obstacles that sensors see. While a trajectory is followed, it steps every tick, driving or not."""
+    """Steers around sensed obstacles. While a trajectory is followed, it steps in every tick, driving or not."""
 
     role = "avoider"
     needs_sensor = True
@@ -57,10 +57,10 @@ class Avoider(Role[P]):
         """Velocity for this tick, status, and diagnostics, which may be left out: see `is_to_explain`."""
 
     def is_to_explain(self, stamp_ns: int, status: str) -> bool:
-        """Whether diagnostics are due in the answer of this step. Call it once per step.
+        """Whether the answer of this step should hold diagnostics. Call it once per step.
 
-        They are due in the first step of each interval of `diagnostics_rate_hz`, and when the robot becomes trapped.
-        Both depend only on the run, never on readers, so a trace does not depend on what is recorded.
+        Diagnostics are due in the first step of each interval of the configured rate, and when the robot becomes
+        trapped. Both depend only on the run, not on its readers, so that a trace does not depend on what is recorded.
 
         Args:
             stamp_ns: Run clock.

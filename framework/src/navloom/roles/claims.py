@@ -1,4 +1,4 @@
-"""Claims: properties of a plugin's behaviour beyond the contract of its role."""
+"""Claims: what a plugin states about its own behaviour, beyond what the contract of its role requires."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ __all__ = ["PURPOSE", "Claim"]
 
 
 class Claim(StrEnum):
-    """What `navloom check` measures in scenes, and demands of a plugin that claims it.
+    """A behaviour that `navloom check` measures in scenes, and requires of a plugin that claims it.
 
     Attributes:
-        TRANSLATION: If the scene is moved, the answer moves with it.
-        ROTATION: If the scene is turned by any angle, the answer turns with it.
-        MIRROR: The mirrored scene gives the mirrored answer.
-        NO_CONTACT: The robot touches no obstacle that the plugin is shown.
-        FOOTPRINT: The same for the whole footprint, also of long and wide robots.
-        STOPS_WHEN_CLOSED: An avoider stops when it is closed in on all sides.
-        REACHES: An avoider reaches a target in the open, a planner a goal that the robot can reach.
-        OPTIMAL: A planner's path is at most 8.24 % longer than the shortest any-angle path, the bound of an
-            eight-connected grid, plus the cells at its ends.
-        OPTIMAL_ANY_ANGLE: At most 2 % longer than the shortest any-angle path, plus the cells at its ends.
-        SETTLES: A controller converges to its reference.
-        ACCURATE: The pose of a localizer, or the map of a mapper, agrees with the ground truth.
-        CORRECTS_DRIFT: A localizer stays accurate while odometry drifts.
+        TRANSLATION: If the whole scene is moved, the answer is the same, moved with it.
+        ROTATION: If the whole scene is turned by any angle, the answer is the same, turned with it.
+        MIRROR: A mirrored scene gets the mirrored answer.
+        NO_CONTACT: It does not lead the robot into an obstacle that it is shown.
+        FOOTPRINT: It keeps the whole footprint clear, also of long or wide robots.
+        STOPS_WHEN_CLOSED: An avoider stops if it is closed in on all sides.
+        REACHES: It gets there: an avoider to a target in the open, a planner to a goal that a robot can reach.
+        OPTIMAL: A planner's path is no longer than the shortest path on an eight-connected grid can be: 8.24 % above
+            the shortest any-angle path, plus the cells at its ends.
+        OPTIMAL_ANY_ANGLE: At most 2 % above the shortest any-angle path, plus the cells at its ends.
+        SETTLES: A controller converges to its reference and stays on it.
+        ACCURATE: A localizer or mapper is right where its data is.
+        CORRECTS_DRIFT: A localizer stays right while odometry drifts.
         DRIVES_AS_TOLD: A platform's odometry follows the commands.
-        ENDS: A recovery reports done or failed within two minutes.
+        ENDS: A recovery says done or failed within two minutes.
     """
 
     TRANSLATION = "translation"
@@ -57,4 +57,4 @@ PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
         "recovery": frozenset({Claim.NO_CONTACT, Claim.ENDS}),
     }
 )
-"""Purpose of each role: its plugins claim it unless they disclaim it with a reason."""
+"""Purpose of each role, as claims: its plugins make these claims unless `disclaims` says why not."""

@@ -15,14 +15,14 @@ __all__ = ["Localizer", "LocalizerInput"]
 
 @struct
 class LocalizerInput:
-    """Input of a localizer.
+    """What a localizer sees.
 
     Attributes:
-        odometry: Newest odometry.
-        scans: New scans of all range sensors.
-        map: Newest map; None before the first.
+        odometry: The newest odometry.
+        scans: New scans of this tick.
+        map: The newest map; None before the first.
         sensors: Name of the sensor of each scan.
-        readings: New messages of other accepted sensors, by sensor name, oldest first.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -40,7 +40,7 @@ class Localizer(Role[P]):
     role = "localizer"
 
     def place(self, pose: Pose2D) -> None:
-        """Continue from this pose in the map, which an operator has set. Called live, between two steps.
+        """Take this pose in the map, which an operator gives, as the robot's. Called live, between two steps.
 
         Raises:
             InputError: This localizer does not accept a pose.

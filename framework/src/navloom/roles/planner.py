@@ -15,11 +15,11 @@ __all__ = ["Planner", "PlannerInput"]
 
 @struct
 class PlannerInput:
-    """Input of a planner.
+    """What a planner sees.
 
     Attributes:
-        request: Start and goal.
-        map: Newest map.
+        request: The request, with start and goal.
+        map: The newest map.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -37,4 +37,4 @@ class Planner(Role[P]):
 
     @abstractmethod
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
-        """A path from start to goal, or why there is none and where; `request_id` is the request's."""
+        """A path from start to goal, or why and where there is none; `request_id` is the request's."""

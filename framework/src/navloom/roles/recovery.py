@@ -1,4 +1,4 @@
-"""Recovery: motions that free a robot that is stuck."""
+"""Recovery: behaviour that frees a stuck robot."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ __all__ = ["Recovery", "RecoveryInput"]
 
 @dataclass(frozen=True, slots=True)
 class RecoveryInput:
-    """Input of a recovery.
+    """What a recovery sees.
 
     Attributes:
         stamp_ns: Run clock.
-        scans: New scans of all range sensors.
+        scans: New scans of the range sensors in this tick.
         estimate: Pose in the map and velocity in base.
-        attempt: 1 for the first attempt at this goal.
+        attempt: Number of the attempt for this goal, from 1.
         reason: Why the goal is stuck.
         starts: True in the first tick of an attempt.
-        trail: (k, 3) x, y, m, heading, rad, map frame: poses of base on the last metres, oldest first.
+        trail: (k, 3) x, y, m, heading, rad, map frame: poses of base over the last metres, oldest first.
         sensors: Name of the sensor of each scan.
-        readings: New messages of other accepted sensors, by sensor name, oldest first.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -46,11 +46,11 @@ class RecoveryInput:
 
 
 class Recovery(Role[P]):
-    """Frees a robot that is stuck. It is called each tick while the goal requests it."""
+    """Frees a stuck robot. It is called in each tick while the goal requests it."""
 
     role = "recovery"
     is_patient = True
 
     @abstractmethod
     def recover(self, given: RecoveryInput) -> RecoveryStep:
-        """Velocity for this tick, the state of the recovery, and whether the map is to be cleared."""
+        """Velocity for this tick, state of the attempt, and whether to clear the map."""

@@ -196,7 +196,18 @@ def streams_page() -> str:
 
 def geometry_page() -> str:
     """Pure geometry."""
-    modules = ("angles", "frames", "echoes", "cells", "footprints", "collision", "grid", "overlap", "polylines", "solids")
+    modules = (
+        "angles",
+        "frames",
+        "echoes",
+        "cells",
+        "footprints",
+        "collision",
+        "grid",
+        "overlap",
+        "polylines",
+        "solids",
+    )
     return page(
         "Geometry",
         "Functions on numpy arrays. Import from the named module.",

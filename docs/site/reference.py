@@ -26,8 +26,9 @@ ROLE_INTROS = {
     "mapper": "Called for new sweeps or scans, and when the map is to be cleared. `navloom.geometry.echoes` turns both "
     "into points, see [Geometry](geometry.md).",
     "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked. Whether "
-    "unknown cells are free is the planner's own decision: the shipped planners plan through them, unless their parameter "
-    "`unknown` says otherwise. `navloom check` allows 1 s for an answer; the goal fails after `navigation.plan_timeout`.",
+    "unknown cells are free is the planner's own decision: the shipped planners plan through them, unless their "
+    "parameter `unknown` says otherwise. `navloom check` allows 1 s for an answer; the goal fails after "
+    "`navigation.plan_timeout`.",
     "controller": "Called in every tick while a trajectory is followed.",
     "avoider": "Called in every tick while a trajectory is followed, whether it drives or not. The framework decides "
     "whether it drives.",

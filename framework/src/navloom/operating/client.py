@@ -26,7 +26,7 @@ JOIN = 2.0
 """Time that a tool takes at most to discover the robot's processes, s."""
 ATTEMPT = 2.4
 """Wait for an answer before a retry, s; longer than a service takes."""
-UNKNOWN = "whether it was done is not known: `navloom status` shows it, `navloom doctor` why there was no answer"
+UNKNOWN = "it may or may not have been done: `navloom status` shows which, `navloom doctor` why there was no answer"
 
 OPEN: Mapping[str, Any] = {
     **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
@@ -110,7 +110,7 @@ class Client:
             lives = self.lives(role, instance)
             if asked and lives - asked:
                 raise Unanswered(
-                    f"robot {self.keys.prefix}: {who} began anew while it was asked ({service}); {UNKNOWN}"
+                    f"robot {self.keys.prefix}: {who} restarted during the request ({service}); {UNKNOWN}"
                 )
             answer = (
                 self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
@@ -127,7 +127,7 @@ class Client:
         if asked:
             raise Unanswered(
                 f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({service}); {UNKNOWN}; "
-                "a certificate may not be let ask this"
+                "the certificate may not allow this request"
             )
         raise ClientError(
             f"robot {self.keys.prefix}: {who} does not answer ({service}): it is not there; `navloom list` shows who "

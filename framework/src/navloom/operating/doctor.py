@@ -55,14 +55,14 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
 """Roles that step with the platform whether or not there is a goal, each with the roles it waits for."""
 AGAIN = "look again in a moment"
 ADVICE = {
-    NO_PATH: f"{AGAIN}; where it stays, `navloom cancel` it and send the goal again",
+    NO_PATH: f"{AGAIN}; if it persists, `navloom cancel` it and send the goal again",
     "silent: platform": "`navloom hz platform/odometry` shows whether it comes; see the log of its process",
     "silent: sensor": "`navloom hz platform/{who}` shows whether it comes; see its cable and the platform's log",
     "silent": "`navloom hz {who}/command` shows whether it comes; see the log of its process",
     "gone": f"{AGAIN}: it has just gone, and `navloom up` restarts it",
     "stale": "no node is slow now: `navloom hz '*/command'` shows how old commands are; end other programs on its "
     "host, or make gate.stop_deadline longer",
-    "old_selection": f"{AGAIN}; where it stays, restart the process of {{who}}",
+    "old_selection": f"{AGAIN}; if it persists, restart the process of {{who}}",
 }
 """Remedy for a stop whose cause no finding names, by the start of its reason; the first match counts."""
 ADVANCE = 2.0
@@ -198,7 +198,7 @@ def _expiring(text: str) -> Finding:
 def _nobody(client: Client) -> Finding:
     others = neighbours_names(client)
     known = f"; there are {', '.join(others)}: choose with --robot" if others else ""
-    remedy = "`navloom up` starts its processes; a certificate that is revoked, or another robot's, sees nobody either"
+    remedy = "`navloom up` starts its processes; a revoked certificate, or another robot's, sees no nodes either"
     return Finding("problem", f"the network is there, but no node of robot {client.keys.prefix} is{known}", remedy)
 
 
@@ -249,7 +249,7 @@ def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]
         Finding(
             "problem",
             f"the wall clock of {host} is {offset.seconds:+.2f} s (± {offset.uncertain:.3f} s) off this host's",
-            "the robot does not mind, its logs and recordings do: have a time service such as chrony set both",
+            "driving is not affected, logs and recordings are: synchronise both with a time service such as chrony",
         )
         for host, offset in sorted(clock_offsets(client, nodes).items())
         if abs(offset.seconds) - offset.uncertain > CLOCKS
@@ -299,7 +299,7 @@ def _with_waiting(
 def _restart(node: Mapping[str, Any], folder: RobotFolder | None) -> str:
     log = f"see {folder.path / node['process']}.log" if folder is not None else "see the log of its process"
     hardware = "it may wait for its hardware; " if node["role"] == "platform" else ""
-    return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} has `navloom up` restart it"
+    return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} makes `navloom up` restart it"
 
 
 def _unsure(feedback: Message | None) -> list[Finding]:

@@ -76,7 +76,7 @@ class Driver:
         self._publication = bus.publication(self._key, quality_of(Command))
         bus.subscribe(keys.port("platform", "*", "odometry"), self._hear, most_of(Odometry))
         if not self._heard.wait(HEAR):
-            raise ClientError(f"robot {keys.prefix}: its platform is not heard; `navloom doctor` says why")
+            raise ClientError(f"robot {keys.prefix}: its platform is silent; `navloom doctor` says why")
         for port, kind in (("status", GateStatus), ("command", Command)):
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
         self._heed(self._client.last("gate", "main", "status"))
@@ -99,7 +99,7 @@ class Driver:
         """
         stamp_ns, tick, heard = self._newest
         if time.monotonic() - heard > HEAR:
-            raise ClientError("the platform is not heard any more; the robot has stopped by itself")
+            raise ClientError("the platform has gone silent; the robot has stopped by itself")
         self._refuse_where_it_stands()
         self._sequence += 1
         envelope = Envelope(self._key, self._sequence, tick, stamp_ns, stamp_ns, 0)

@@ -84,7 +84,7 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
     for node in nodes:
         if node["faulted"]:
             times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
-            remedy = f"repair the plugin; {_instead(node, nodes)}"
+            remedy = f"fix the plugin; {_instead(node, nodes)}"
             found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
         if node["active"] and node.get("waits_for"):
             found.append(Finding("problem", *waiting(named(node), " and ".join(node["waits_for"]))))
@@ -191,7 +191,7 @@ def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
     if counts["misrouted"] <= FEW:
         remedy = "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"
         return Finding("note", what, remedy)
-    remedy = "find who publishes there, such as a replay or a second robot of this name; if nobody does, restart its "
+    remedy = "find who publishes there, such as a replay or a second robot of this name; if no one does, restart its "
     return Finding("problem", what, remedy + "router, or the robot where it has none")
 
 
@@ -206,7 +206,7 @@ def differing(nodes: Sequence[Node]) -> list[Finding]:
     by_config = _grouped((node["config_sha256"][:8], where(node)) for node in nodes)
     if len(by_config) > 1:
         what = f"the processes have different configs: {_listed(by_config)}"
-        remedy = "start all of them with the same file, --set and --seed; `navloom config check --json` tells its hash"
+        remedy = "start all of them with the same file, --set and --seed; `navloom config check --json` prints its hash"
         found.append(Finding("problem", what, remedy))
     return found
 
@@ -222,7 +222,7 @@ def unheard(nodes: Sequence[Node]) -> list[Finding]:
         if node["silence_s"] > SILENT:
             remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
             if node["host"] in home:
-                remedy = f"it hangs, or its host gives it no time: `kill -KILL {node['pid']}` restarts it"
+                remedy = f"it hangs, or its host gives it no CPU time: `kill -KILL {node['pid']}` restarts it"
             what = f"process {process} has not heard the platform for {node['silence_s']:.1f} s"
             found.append(Finding("problem", what, remedy))
     return found
@@ -246,7 +246,7 @@ def sharing(nodes: Sequence[Node]) -> list[Finding]:
             is_large = is_scan or (source.startswith("mapper/") and port == "map")
             if is_large and counts["received"] and hosts.get(source, node["host"]) != node["host"]:
                 what = f"{named(node)} on {node['host']} gets {stream} over the network, from {hosts[source]}"
-                remedy = "it takes less within a host: where its age is high (`navloom hz`), move it there"
+                remedy = "shared memory is faster: if its age is high (`navloom hz`), move the node to that host"
                 found.append(Finding("note", what, remedy))
     return found
 

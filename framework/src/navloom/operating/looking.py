@@ -60,7 +60,7 @@ _STOPS = {
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
     "ending": ("its gate has ended", "`navloom up` starts it again"),
     "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
-    "silent: platform": ("the platform is not heard", "`navloom doctor` looks for the cause"),
+    "silent: platform": ("the platform is silent", "`navloom doctor` looks for the cause"),
 }
 _WAITS = {
     "mapping": "it waits for a map",
@@ -72,7 +72,7 @@ _WAITS = {
 }
 """Why the robot is stopped, by the state of the goal."""
 _KINDS = {
-    "silent": ("is not heard", "`navloom hz` of its stream, `navloom doctor` looks for the cause"),
+    "silent": ("is silent", "`navloom hz` shows its stream, `navloom doctor` looks for the cause"),
     "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
     "stale": ("gives commands from old data", "its process or the network is too slow: `navloom doctor` says which"),
     "old_selection": ("does not know of the last swap", "it passes with its next step, else ask `navloom doctor`"),
@@ -238,7 +238,8 @@ def why_stopped(
 def waiting(node: str, streams: str) -> tuple[str, str]:
     """Message that a node waits for the first message of streams, and what to do."""
     first = streams.split(" and ")[0].replace(".", "/")
-    return f"{node} waits for {streams}", f"`navloom hz {first}` shows whether it comes, `navloom list` who is there"
+    remedy = f"`navloom hz {first}` shows whether it comes, `navloom list` which nodes are up"
+    return f"{node} waits for {streams}", remedy
 
 
 def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple[str, str]:

@@ -119,7 +119,7 @@ class GoalHandle:
             raise ClientError(f"robot {client.keys.prefix} went down, and goal {self.goal_id} with it")
         elif now - self._seen > GONE:
             raise ClientError(
-                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
+                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so the outcome of "
                 f"goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
             )
         self._lives = self._lives or lives
@@ -127,8 +127,8 @@ class GoalHandle:
             self._known = now
         elif now - self._known > FORGOTTEN:
             raise ClientError(
-                f"robot {client.keys.prefix}: its goal node began anew and knows nothing of goal {self.goal_id}, "
-                "which has ended with the node before"
+                f"robot {client.keys.prefix}: its goal node restarted and does not know goal {self.goal_id}, "
+                "which ended with the previous node"
             )
 
     def _note(self, message: object) -> None:

@@ -196,7 +196,8 @@ class Discovery:
         known, shipped = [*self.names(role), *beside], shipped_names(role)
         if known or not shipped:
             return close_to(name, [*known, *shipped]) or nearest(name, known)
-        return close_to(name, shipped) or f"; no {role} is: pip install 'navloom[all]' brings {', '.join(shipped)}"
+        every = f"pip install 'navloom[all]' adds {', '.join(shipped)}"
+        return close_to(name, shipped) or f"; no {role} is installed: {every}"
 
     def _given(self, role: str, name: str, registered: Mapping[str, T]) -> T:
         """The object that an entry point registered under its own name."""

@@ -1,4 +1,4 @@
-"""`navloom check`: whether a plugin keeps the framework's contract."""
+"""`navloom check`: checks that a plugin keeps the framework's contract."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def check(
 
 
 def _end(report: Report, as_json: bool) -> None:
-    """Print a report; exit code 1 where a check failed."""
+    """Print a report; exit with code 1 if a check failed."""
     from navloom.cli.output import print_json, say_so
 
     if as_json:
@@ -86,7 +86,7 @@ def _end(report: Report, as_json: bool) -> None:
 
 
 def _print(report: Report) -> None:
-    """A line for each check, and what is wrong, what was expected and how to repeat it under those that failed."""
+    """Print a line for each check; below a failed one, the fault, the expectation and the command to repeat it."""
     words = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
     for result in report.results:
@@ -137,7 +137,7 @@ def _refuse_unknown(name: str | None, only: list[str] | tuple[str, ...], tiers: 
 
 
 def _refuse_missing(name: str) -> None:
-    """Refuse a name that nothing is installed under: that is no fault of a plugin."""
+    """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
     from navloom.testing.subject import CHECKED, Request, discovery_of

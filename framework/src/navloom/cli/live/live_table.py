@@ -81,7 +81,7 @@ class StatusTable:
             self.say(text)
 
     def _driver(self) -> tuple[str, bool]:
-        """The source that drives, or why the robot is stopped (empty if the goal says it); and whether it is a fault."""
+        """The source that drives, or why the robot is stopped (empty if the goal says it); whether that is a fault."""
         from navloom.operating.looking import NO_GOAL, NO_PATH, who_drives
 
         feedback, status = self._run.feedback or NO_GOAL, self._run.status

@@ -189,7 +189,7 @@ def _readings(words: Sequence[str]) -> tuple[Floats, Beams]:
 
 
 def _sick(count: int) -> Beams:
-    """Beams of the older lines, which lack them: a SICK laser with a field of view of 180°, or 100° with 401 beams."""
+    """Beams of the older lines, which lack them: a SICK laser with a view of 180°, 100° with 400 or 401 beams."""
     half = math.radians(50.0) if count in (400, 401) else HALF_TURN / 2.0
     steps = count if count % 10 == 0 else max(count - 1, 1)
     return Beams(-half, 2.0 * half / max(steps, 1), None)

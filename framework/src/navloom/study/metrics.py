@@ -1,4 +1,4 @@
-"""What an episode is worth: numbers from its trail, each defined for failed episodes too. See docs/metrics.md."""
+"""Metrics of episodes: numbers from a trail, each defined for failed episodes too. See docs/metrics.md."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ __all__ = ["METRICS", "Metric", "all_metrics", "measure", "timing"]
 
 @dataclass(frozen=True)
 class Metric:
-    """One number of an episode.
+    """A number that describes an episode.
 
     Attributes:
         name: Column of the table: lower case letters, digits and `_`.
-        unit: As printed: "m", "s", "1/m", "1" for shares and counts.
-        better: Which way is better; None where neither is.
-        compute: Gives the number, or None where it is not defined for this episode.
+        unit: Printed unit: "m", "s", "1/m", "1" for shares and counts.
+        better: Which direction is better; None if neither is.
+        compute: Returns the number, or None if it is not defined for the episode.
         about: One or two sentences: what it is, and when it is not defined.
-        bounds: Least and greatest possible value, None where there is no bound: no interval goes beyond them.
-        is_share: It is 1 or 0 in each episode, so that its mean is a share and has an exact interval.
+        bounds: Smallest and largest possible value, None for no bound; intervals are cut at them.
+        is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
     """
 
     name: str
@@ -41,10 +41,10 @@ class Metric:
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
-    """Every metric of one episode by name, default the built-in ones; None where it is not defined.
+    """Every metric of one episode by name, default the built-in ones; None if it is not defined.
 
     Raises:
-        ValueError: A metric gave something else than a finite number or None.
+        ValueError: A metric returned neither a finite number nor None.
     """
     found: dict[str, float | None] = {}
     for metric in METRICS if metrics is None else metrics:
@@ -65,10 +65,10 @@ def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, 
 
 
 def timing(trail: Trail) -> dict[str, float | bool]:
-    """Wall time of the control steps: median, 95th and 99th percentile and maximum, µs, and whether the 99th is late.
+    """Wall time of the control steps: median, 95th and 99th percentile and maximum, µs, and whether they are too slow.
 
-    `too_slow` says that one step in a hundred or more takes longer than the control period. Empty without ticks.
-    Not reproducible: for timing.json, never for the table.
+    `too_slow` is true if at least one step in a hundred takes longer than the control period. Empty without ticks.
+    The values are not reproducible: they go to timing.json, never to the table.
     """
     if not trail.tick_ns.size:
         return {}
@@ -78,10 +78,10 @@ def timing(trail: Trail) -> dict[str, float | bool]:
 
 
 def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
-    """The built-in metrics and then those of plugins, by name.
+    """The built-in metrics, then those of plugins in order of name.
 
     Raises:
-        PluginError: A plugin's metric is no metric, or is named like a built-in one.
+        PluginError: A plugin's metric is not a `Metric`, or has the name of a built-in column.
     """
     from navloom.plugins import PluginError
 

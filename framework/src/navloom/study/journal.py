@@ -185,7 +185,7 @@ def table_of(rows: Sequence[Row], metrics: Sequence[str]) -> str:
 
 
 def open_loop_table(rows: Sequence[Row], methods: Mapping[str, str]) -> str:
-    """Open-loop rows as CSV, one line for each shadow, world, seed and quantity; `methods` maps instances to methods."""
+    """Open-loop rows as CSV, one line a shadow, world, seed and quantity; `methods` maps instances to methods."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([

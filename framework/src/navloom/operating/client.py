@@ -109,9 +109,7 @@ class Client:
         while (left := began + timeout - time.monotonic()) > 0.0:
             lives = self.lives(role, instance)
             if asked and lives - asked:
-                raise Unanswered(
-                    f"robot {self.keys.prefix}: {who} restarted during the request ({service}); {UNKNOWN}"
-                )
+                raise Unanswered(f"robot {self.keys.prefix}: {who} restarted during the request ({service}); {UNKNOWN}")
             answer = (
                 self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
             )

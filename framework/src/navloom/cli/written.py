@@ -58,7 +58,7 @@ class Written:
     def tell(self, as_json: bool) -> bool:
         """Print the files, unless the JSON output lists them, and log missing ones. Returns whether all are whole."""
         is_whole = tell_out(self.out, as_json)
-        for word, file in (("recorded in", self.record), ("to be viewed in", self.rerun)):
+        for word, file in (("recorded in", self.record), ("viewer file", self.rerun)):
             if file is not None:
                 is_whole = is_whole and file.is_whole
                 if not as_json:
@@ -69,7 +69,7 @@ class Written:
 def tell_out(out: OutFolder, as_json: bool) -> bool:
     """Print the files of `--out`, unless the JSON output lists them, and log missing ones. Returns whether none is."""
     if out.names and not as_json:
-        typer.echo(f"kept in {out.folder}: {', '.join(out.names)}")
+        typer.echo(f"written to {out.folder}: {', '.join(out.names)}")
     if out.failure:
         LOG.warning(out.failure)
     return not out.failure

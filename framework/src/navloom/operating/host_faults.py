@@ -22,7 +22,9 @@ def left_behind() -> list[Finding]:
         if told is None:
             what = f"{path} cannot be read"
         elif folder.read() is None:
-            what = f"robot {realm}/{robot} did not shut down: its process {told.pid} is gone, its folder remains"
+            what = (
+                f"robot {realm}/{robot} died without a shutdown: its process {told.pid} is gone, but its folder remains"
+            )
         else:
             continue
         found.append(Finding("note", what, f"`rm -r {path.parent}`; `navloom up` of that robot does it too"))
@@ -45,7 +47,7 @@ def left_running() -> list[Finding]:
     return [
         Finding(
             "problem",
-            f"{', '.join(map(str, left))}: orphans of robot {robot}, which is down",
+            f"{', '.join(map(str, left))}: still running, although robot {robot} is down",
             f"`navloom down --robot {robot}` ends them, and so does the next `navloom up` of that robot",
         )
         for robot, left in strays().items()
@@ -69,24 +71,24 @@ def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
             what = f"process {name} was restarted {times}: it {fate.why}"
             found.append(Finding("note", what, f"see {folder.path / f'{name}.log'}"))
         if fate.cut:
-            what = f"process {name} writes so much that {fate.cut * 1e-6:.1f} MB of its log were not kept"
+            what = f"process {name} writes so much that {fate.cut * 1e-6:.1f} MB of its log were dropped"
             found.append(Finding("note", what, f"have its plugins print less; see {folder.path / f'{name}.log'}"))
     return found
 
 
 def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, str]:
-    """State of a process in words, and what to do about it."""
+    """State of a process in words, and the remedy."""
     log = folder.path / f"{process}.log"
     if fate.state == "running":
         if fate.pid is not None and is_stopped(fate.pid):
-            return f"it is stopped (process {fate.pid})", f"`kill -CONT {fate.pid}` resumes it"
+            return f"it is suspended (pid {fate.pid})", f"`kill -CONT {fate.pid}` continues it"
         again = f"`kill -KILL {fate.pid}` makes `navloom up` restart it"
-        return f"it runs (process {fate.pid}), but is not ready, or hangs", f"look again or see {log}; {again}"
+        return f"it runs (pid {fate.pid}) but is not ready, or hangs", f"see {log}; {again}"
     said = folder.last_words(process)
-    what = f"it {fate.why}" + (f" and said last: {said}" if said else "")
+    what = f"it {fate.why}" + (f" and its last message was: {said}" if said else "")
     if fate.state == "failed":
-        return f"{what}; it is left down", "fix what it reports, then `navloom down` and `navloom up`"
-    return what, f"`navloom up` starts it again by itself; what it says is in {log}"
+        return f"{what}; it stays down", "fix what it reports, then `navloom down` and `navloom up`"
+    return what, f"`navloom up` restarts it; its log is {log}"
 
 
 def is_stopped(pid: int) -> bool:

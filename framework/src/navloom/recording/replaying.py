@@ -261,13 +261,13 @@ class Replayer:
     def _start_again(self, node: ReplayNode, step: Step) -> None:
         """Restart the node, because its process was restarted."""
         node.lives += 1
-        node.notes.append(f"its process was started again before tick {step.at.tick}")
+        node.notes.append(f"its process was restarted before tick {step.at.tick}")
         if node.source in self.system.parts:
             make_plugins(self.system, only={node.source})
         fresh = self._begin(node.source)
         node.fed, node.versions = fresh.fed, 0
         if isinstance(node.fed.node, (GateNode, GoalNode)):
-            node.notes.append("what it took up from the other processes then is not recorded")
+            node.notes.append("what it received from the other processes at that time is not recorded")
 
     def _change_parameters(self, node: ReplayNode, step: Step) -> None:
         """Bring a plugin's parameters to the version of a step."""

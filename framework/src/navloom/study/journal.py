@@ -142,7 +142,7 @@ class StudyFolder:
             more = f" (and {len(found) - SHOWN} more)" if len(found) > SHOWN else ""
             raise ConfigError(
                 f"--out {self.folder}: holds another study: {'; '.join(found[:SHOWN])}{more}; "
-                "ask for the same again to go on with it, or name another folder"
+                "repeat the same request to continue it, or name another folder"
             )
 
     def _read(self, journal: Path) -> None:

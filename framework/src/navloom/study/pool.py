@@ -334,7 +334,7 @@ def run_on_executor(tasks: Iterable[EpisodeTask], on_row: Callable[[Row], None],
             try:
                 row = future.result()
             except CancelledError:
-                raise PoolError("the cluster went away; the same command goes on with what is left") from None
+                raise PoolError("the cluster went away; the same command continues with what is left") from None
             except Exception as error:
                 # A cluster's text about a lost task names hosts and ports, which are not reproducible.
                 kind = type(error).__name__

@@ -160,7 +160,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     level = "INFO" if state == "standing" else "WARN"
     text = f"{name}: gate stops the robot: {why}" + (f"; {remedy}" if remedy and state == "stopped" else "")
     if state == "standing":
-        text = f"{name}: stands, {why}"
+        text = f"{name}: is stopped, {why}"
     yield f"/log/{name}/gate", Change(key, rr.TextLog(text, level=level) if key else None)
     slowed = f"{name}: gate slows the robot: {what_limits(message)}"
     if message.limit == "overridden":

@@ -96,8 +96,8 @@ def replay(
         raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
     for change in set_ or ():
         if change.partition(".")[0] not in stand_ins:
-            tried = ", ".join(stand_ins) or "none is tried"
-            raise ConfigError(f"--set {change}: expected ROLE.KEY=V of a role that another plugin is tried in: {tried}")
+            tried = ", ".join(stand_ins) or "none has"
+            raise ConfigError(f"--set {change}: expected ROLE.KEY=V, with a ROLE that has another plugin here: {tried}")
     recording = Recording(file)
     tell_reading(recording)
     if live:

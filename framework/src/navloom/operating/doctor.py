@@ -139,19 +139,19 @@ def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[in
     silent = {one.process for one in gone} | {node["process"] for node in nodes if not node["answers"]}
     again = restarting(folder, silent) if folder is not None else []
     if not nodes:
-        return 0, [*again, _nobody(client)]
+        return 0, [*again, _no_nodes(client)]
     answering = [node for node in nodes if node["answers"]]
     found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
     for check in (failing, lagging, flowing, differing, unheard, sharing):
         found += check(answering)
     found += _clocks(client, answering)
     ill = {one.role for one in gone} | {node["role"] for node in nodes if not node["answers"] or _is_ill(node)}
-    stands = _standing(client, answering)
-    found = _with_waiting(found, stands, ill, folder)
+    halted = _not_stepping(client, answering)
+    found = _with_waiting(found, halted, ill, folder)
     is_slowed = any(is_slow(node) and node["active"] for node in answering)
     words = last_words(client)
     found += _unsure(words["goal/feedback"])
-    return len(nodes), found + _stopped(words, has_cause=bool(stands or ill or is_slowed))
+    return len(nodes), found + _stopped(words, has_cause=bool(halted or ill or is_slowed))
 
 
 def _is_ill(node: Mapping[str, Any]) -> bool:
@@ -195,7 +195,7 @@ def _expiring(text: str) -> Finding:
     return Finding("problem" if "expired" in what else "note", what, f"{remedy}; a link ends when its certificate does")
 
 
-def _nobody(client: Client) -> Finding:
+def _no_nodes(client: Client) -> Finding:
     others = neighbours_names(client)
     known = f"; there are {', '.join(others)}: choose with --robot" if others else ""
     remedy = "`navloom up` starts its processes; a revoked certificate, or another robot's, sees no nodes either"
@@ -256,7 +256,7 @@ def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]
     ]
 
 
-def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _not_stepping(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Nodes that should step with every tick but do not."""
     left = {named(node): node for node in nodes if node["role"] in FOLLOWS and node["active"]}
     limit, is_late = time.monotonic() + ADVANCE, False
@@ -269,25 +269,25 @@ def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mappin
 
 
 def _with_waiting(
-    found: Sequence[Finding], stands: Sequence[Mapping[str, Any]], ill: Container[str], folder: RobotFolder | None
+    found: Sequence[Finding], halted: Sequence[Mapping[str, Any]], ill: Container[str], folder: RobotFolder | None
 ) -> list[Finding]:
     """Add the nodes that do not step: as findings of their own, or to the finding of the node that they wait for.
 
     Args:
         found: Findings so far.
-        stands: Nodes that do not step.
+        halted: Nodes that do not step.
         ill: Roles that already have a finding.
         folder: Folder of the robot if it was started on this host.
     """
     told = list(found)
-    still = {node["role"] for node in stands}
-    for node in stands:
+    still = {node["role"] for node in halted}
+    for node in halted:
         if node["role"] in ill or any(role in ill or role in still for role in FOLLOWS[node["role"]]):
             continue
         since = "has not stepped so far" if node["tick"] < 0 else f"has not stepped since tick {node['tick']}"
         told.append(Finding("problem", f"{named(node)} {since} ({where(node)})", _restart(node, folder)))
     for cause in ("platform", "localizer"):
-        names = [named(node) for node in stands if cause in FOLLOWS[node["role"]]]
+        names = [named(node) for node in halted if cause in FOLLOWS[node["role"]]]
         place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
         if names and place is not None and (cause in ill or cause in still):
             waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"

@@ -80,7 +80,7 @@ class Driver:
         for port, kind in (("status", GateStatus), ("command", Command)):
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
         self._heed(self._client.last("gate", "main", "status"))
-        self._refuse_where_it_stands()
+        self._refuse_if_latched()
         if self._enters_unseen:
             self._client.call("gate", "main", "enter_unseen", {})
         return self
@@ -100,7 +100,7 @@ class Driver:
         stamp_ns, tick, heard = self._newest
         if time.monotonic() - heard > HEAR:
             raise ClientError("the platform has gone silent; the robot has stopped by itself")
-        self._refuse_where_it_stands()
+        self._refuse_if_latched()
         self._sequence += 1
         envelope = Envelope(self._key, self._sequence, tick, stamp_ns, stamp_ns, 0)
         self.asked = Twist2D(vx, 0.0, math.radians(wz_deg))
@@ -111,7 +111,7 @@ class Driver:
         """What limits the operator's command; empty if nothing does."""
         return limit_in_words(self.asked, self.granted, self.before, self.status)
 
-    def _refuse_where_it_stands(self) -> None:
+    def _refuse_if_latched(self) -> None:
         if self._latched:
             raise ClientError(f"robot {self._client.keys.prefix} is stopped: {self._latched}")
 

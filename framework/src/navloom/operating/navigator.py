@@ -86,7 +86,7 @@ class GoalHandle:
                 self._asked = now
                 self._note(self._client.last("goal", "main", "result"))
                 if self.result is None:
-                    self._refuse_to_wait_for_nobody()
+                    self._refuse_endless_wait()
             if timeout is not None and self.result is None and now - began > timeout:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
@@ -110,7 +110,7 @@ class GoalHandle:
         """Cancel the goal."""
         self._client.call("goal", "main", "cancel", {})
 
-    def _refuse_to_wait_for_nobody(self) -> None:
+    def _refuse_endless_wait(self) -> None:
         client, now = self._client, time.monotonic()
         lives = client.lives("goal", "main")
         if lives or client.has_nodes():

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from navloom.recording.header import RecordingHeader
     from navloom.recording.reader import Recording
 
-__all__ = ["InCharge", "facts_of_header", "facts_of_recording", "live_messages", "recorded_messages"]
+__all__ = ["ActiveInstances", "facts_of_header", "facts_of_recording", "live_messages", "recorded_messages"]
 
 
-class InCharge:
+class ActiveInstances:
     """Determines for each message of a robot whether its instance was active.
 
     Args:
@@ -74,9 +74,9 @@ def facts_of_recording(recording: Recording) -> Facts:
 def recorded_messages(recording: Recording, facts: Facts) -> Iterator[Shown]:
     """Messages of a recording in the order of receipt."""
     first = facts.variants[0]
-    charge = InCharge(first.name, first.instances)
+    instances = ActiveInstances(first.name, first.instances)
     for one in recording.messages():
-        yield charge.shown(one.key.split("/", 2)[2], one.message, one.envelope)
+        yield instances.shown(one.key.split("/", 2)[2], one.message, one.envelope)
 
 
 def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
@@ -88,7 +88,7 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
     from navloom.operating.looking import listing, retained, tap
 
     first = facts.variants[0]
-    charge = InCharge(first.name, first.instances)
+    instances = ActiveInstances(first.name, first.instances)
     mailbox = Mailbox()
     nodes = listing(client)
     names = [f"{n['role']}/{n['instance']}/{port}" for n in nodes for port in n["published"]]
@@ -96,7 +96,7 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
     for name in taps:
         kept = retained(client, name)
         if kept is not None:
-            yield charge.shown(name, *kept)
+            yield instances.shown(name, *kept)
     seen = 0
     while True:
         come: list[tuple[str, Any, Envelope]] = []
@@ -104,6 +104,6 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
             come += [(name, message, at) for message, at in inlet.take()]
         # In order of the run clock, so that a robot's pose is known before the scans from that pose.
         for name, message, at in sorted(come, key=lambda one: one[2].stamp_ns):
-            yield charge.shown(name, message, at)
+            yield instances.shown(name, message, at)
         yield None
         seen = mailbox.wait(seen, 0.2)

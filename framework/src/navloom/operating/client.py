@@ -23,7 +23,7 @@ __all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused", "Unanswered"]
 AGAIN = 0.1
 """Shortest time between two requests of one kind, s: a router drops requests that come sooner, see `access.PACES`."""
 JOIN = 2.0
-"""Time that a tool takes at most to discover the robot's processes, s."""
+"""Longest time in which a tool discovers the robot's processes, s."""
 ATTEMPT = 2.4
 """Wait for an answer before a retry, s; longer than a service takes."""
 UNKNOWN = "it may or may not have been done: `navloom status` shows which, `navloom doctor` why there was no answer"

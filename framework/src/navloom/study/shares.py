@@ -77,7 +77,7 @@ def _means(episodes: Floats) -> Floats:
 
 
 def _independent(means: Floats, count: int) -> float:
-    """Effective number of independent trials, from the variance of the worlds' means; at most the number of episodes.
+    """Effective number of independent trials, from the variance of the worlds' means, at most that of episodes.
 
     One artificial world with the opposite outcome is added, because worlds that all agree do not show how strongly the
     episodes of one world are correlated.

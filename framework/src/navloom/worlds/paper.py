@@ -1,8 +1,8 @@
 """The world of the experiment of Hoang et al. 2013, Figs. 8 to 11: two gates under girders, and a corridor.
 
 Gate A (x -1.4..1.0) is closed by a girder below the robot's top, gate B (x 1.4..3.8) is open below a higher girder,
-corridor C (x 4.2..6.8) runs along the right wall. The text of the paper does not give the sizes; they are our choice,
-such that the printed counts and routes result.
+corridor C (x 4.2..6.8) runs along the right wall. The available text of the paper lacks the figures; the sizes are our
+choice, such that the printed counts and routes result.
 """
 
 from __future__ import annotations

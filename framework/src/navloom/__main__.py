@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    """Run the command line, exit in bounded time, and report a crash in C code by the Python lines that led to it."""
+    """Run the command line; when C code crashes it, show the Python lines that it came from."""
     from navloom.crash_watch import watch_over
     from navloom.crashes import dump_when_broken
 

@@ -1,6 +1,6 @@
-"""A small watchdog process for commands that run plugins: reports in one message where C code crashed or hangs.
+"""A small process beside a command that runs plugins: it reports in one message where C code crashed or blocks it.
 
-The broken process cannot report that itself. Keep the imports light: the fork happens before all other imports.
+The crashed process cannot report it itself. Keep the imports light: this process is forked before all others.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The hooks that a plugin module may implement, and their marker."""
+"""Hooks that a plugin module may implement, and their marker."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ hookimpl = pluggy.HookimplMarker("navloom")
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Description of a run, for observers.
+    """A run, as observers get it.
 
     Attributes:
         kind: "lockstep" for `navloom run`, "barrier" for `navloom up --barrier`, "live" for `navloom up`.
@@ -41,10 +41,10 @@ class RunInfo:
 
 
 class MessageObserver(Protocol):
-    """Object that `navloom_observe` may return: it receives the messages of one run.
+    """What `navloom_observe` may return: an object that gets the messages of one run.
 
     Attributes:
-        wants: Pairs of role and port to receive; None for every message.
+        wants: Pairs of role and port whose messages it gets; None for every message.
     """
 
     @property
@@ -65,10 +65,10 @@ class MessageObserver(Protocol):
 class HookSpecs:
     """The hooks that a plugin module may implement. Hooks register and report; control never goes through one.
 
-    `navloom_register` is called for one entry point at a time, when its name is first needed. The other hooks are
-    called for every entry point `observer.NAME`, one after the other, in each `navloom run` and `navloom up`. An
-    implementation takes only the arguments that it names. One that raises is reported once, with its distribution,
-    file and line, and is not called again in that run.
+    `navloom_register` is called in each entry point, alone, when its name is first needed. The others are called in
+    every entry point `observer.NAME`, one after the other, in each `navloom run` and `navloom up`. An implementation
+    gets the arguments that it names. One that raises is reported once, with its distribution, file and line, and is
+    not called again in the run.
     """
 
     @hookspec

@@ -1,4 +1,4 @@
-"""The registry that plugins register into, and name suggestions for errors."""
+"""The registry that plugins add to, and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from navloom.roles.base import RESERVED_KEYS
 __all__ = ["Named", "PluginError", "Registry", "close_to", "nearest"]
 
 NODE, NODE_API = "node", 1
-"""Role name and api version of nodes that belong to no role; the framework speaks this version."""
+"""Stands for the role of nodes without one; and the version of such nodes that this framework supports."""
 
 
 class Named(Protocol):
-    """Something registered under its own name. Higher layers define what else a metric or panel is."""
+    """Something registered under its own name: a metric or a panel."""
 
     @property
     def name(self) -> str:
-        """Name that users refer to it by."""
+        """Its name in configs and commands."""
 
 
 class PluginError(NavloomError, ValueError):
@@ -45,7 +45,7 @@ def close_to(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """Everything that one entry point registers: classes by role and name, and the other kinds by name."""
+    """What one entry point registers: classes by role and name, everything else by name."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}
@@ -88,7 +88,7 @@ class Registry:
         self.worlds[name] = make
 
     def world_scheme(self, scheme: str, load: Callable[[str, Path], World]) -> None:
-        """Add a world scheme: `load` gets the text after `scheme:` and the base folder of relative paths."""
+        """Add a scheme: `load` gets the text after `scheme:` and the folder that relative paths start from."""
         if scheme in self.schemes:
             raise PluginError(f"world scheme {scheme!r} is registered twice: rename one of them")
         self.schemes[scheme] = load
@@ -134,7 +134,7 @@ class Registry:
             raise PluginError(f"message {cls.__name__!r} is registered twice: rename one of them")
 
     def command(self, name: str, command: Callable[..., Any]) -> None:
-        """Add `navloom NAME`: a function that typer turns into a command, or a `typer.Typer` with several commands.
+        """Add `navloom NAME`: a function, which Typer turns into a command, or a `typer.Typer` with several commands.
 
         Raises:
             PluginError: Neither of them, or duplicate name.

@@ -60,8 +60,7 @@ def ask_header(client: Client) -> RecordingHeader:
                 return replace(header, realm=client.keys.realm, robot=client.keys.robot)
         if time.monotonic() > limit:
             raise ClientError(
-                f"robot {client.keys.prefix}: no process reports its config; "
-                "`navloom list` shows its nodes"
+                f"robot {client.keys.prefix}: no process reports its config; `navloom list` shows its nodes"
             )
         time.sleep(0.05)
 

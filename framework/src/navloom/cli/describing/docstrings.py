@@ -8,7 +8,7 @@ __all__ = ["meanings"]
 
 
 def meanings(text: str) -> dict[str, str]:
-    """What a docstring says of each field, below `Attributes:` as `name, other: Text.`"""
+    """Text of each field from a docstring, where it is below `Attributes:` as `name, other: Text.`"""
     found: dict[str, str] = {}
     names: list[str] = []
     _, _, below = text.partition("Attributes:\n")

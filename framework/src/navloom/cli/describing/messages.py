@@ -21,7 +21,7 @@ _UNIT = r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/
 """A unit in the text of a field: at its start, or after a comma."""
 
 _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
-"""Units that a name may end in."""
+"""Units by the last word of a field's name."""
 
 
 def messages(

@@ -84,10 +84,12 @@ class Share:
 
 
 LAYOUTS = (
+    ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.nodes.avoider",
+     "engine.nodes.reference"),
     ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
     ("engine.build", "engine.build", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
     ("runtime.build", "runtime.build", "runtime.executor", "runtime.trace", "dataflow.nodes", "dataflow.reference"),
-)
+)  # fmt: skip
 """Modules of this version and of older ones, in the order of the fields of `Layout`."""
 
 
@@ -109,7 +111,7 @@ class Layout:
             try:
                 return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
             except ModuleNotFoundError as error:
-                if error.name not in ("navloom.engine", "navloom.engine.making"):
+                if error.name not in ("navloom.engine", "navloom.engine.making", "navloom.engine.nodes"):
                     raise
         raise ModuleNotFoundError("no known layout of navloom")
 

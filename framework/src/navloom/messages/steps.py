@@ -46,7 +46,7 @@ class StepReport(Message):
         duration_ns: Time the step took on its machine.
         fault: What the plugin raised in this tick, empty for nothing.
         told: What the executor told the node beside its inputs, as a JSON object; empty for nothing. See
-            `engine.own_nodes`.
+            `engine.nodes.told`.
     """
 
     trigger: Name

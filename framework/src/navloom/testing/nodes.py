@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from navloom.engine.fed import FedNode
-from navloom.engine.node import Tick
-from navloom.engine.node_plugin import NodePlugin
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.ports import Declared, Port, SensorGroup, Wired
 from navloom.engine.streams import PLAIN, sensor_port
 from navloom.messages import MapUpdate, Message, OccupancyGrid, Odometry, PoseEstimate, RangeScan, Sweep, Twist2D

@@ -1,0 +1,238 @@
+"""The node of the command gate (`navigation.gate`), which also keeps the selection of active instances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.told import GateTold, Obeyed
+from navloom.engine.ports import Dated, Latest, New, Offers, Output, SensorOffers, Sensors
+from navloom.engine.streams import (
+    AvoiderPorts,
+    ControllerPorts,
+    GatePorts,
+    GoalPorts,
+    OperatorPorts,
+    PlatformPorts,
+    RecoveryPorts,
+)
+from navloom.messages import GateStatus, Message, OperatorRequest, RangeScan, Selection, TrackingCommand, Twist2D
+from navloom.messages.motion import Command
+from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed
+
+__all__ = ["GateNode"]
+
+
+class GateNode(Node):
+    """The command gate on its ports, and the keeper of the selection.
+
+    Args:
+        gate: The decision.
+        selected: Active instance, by role, at the start.
+        is_warm: Whether an instance has published what its role is for, so that it can take over.
+
+    Attributes:
+        cause_ns: Platform stamp that the last command derives from.
+        lead: Ticks between the word of a selection and the first in which it holds; live more, for it has to get there.
+        now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
+        is_silent, gone: Live: see `Sensed`.
+        find_waiting: The executor's: a node of a role that waits for a stream, and which; empty for none.
+        obeyed: Live: requests that came by a service since the last step.
+    """
+
+    role = "gate"
+    ticks = True
+    hears = "rivals"
+    request = New(OperatorPorts.request)
+    odometry = Offers(PlatformPorts.odometry)
+    contact = Latest(PlatformPorts.contact)
+    required = SensorOffers(Message, of="avoider")
+    scans = Sensors(RangeScan)
+    operator = Offers(OperatorPorts.command)
+    drive = Latest(GoalPorts.drive)
+    recovering = Latest(GoalPorts.recovery, delayed=True)
+    controller = Offers(ControllerPorts.command)
+    avoider = Offers(AvoiderPorts.command)
+    handover = Latest(AvoiderPorts.handover)
+    recovery = Offers(RecoveryPorts.command)
+    command = Output(GatePorts.command)
+    status = Output(GatePorts.status)
+    selection = Output(GatePorts.selection)
+
+    def __init__(self, gate: CommandGate, selected: dict[str, str], is_warm: Callable[[str, str], bool]) -> None:
+        self.gate = gate
+        self.selected = dict(selected)
+        self.is_warm = is_warm
+        self.epoch = 0
+        self.cause_ns = 0
+        self.lead = 1
+        self.now_ns: int | None = None
+        self.is_silent = False
+        self.gone = ""
+        self.find_waiting: Callable[[], str] = lambda: ""
+        self.obeyed: list[Obeyed] = []
+        self._warm: list[str] = []
+        self._waiting = ""
+        self._pending: dict[str, str] = {}
+        self._status: GateStatus | None = None
+        self._released: object = None
+        self._has_selected = False
+        self._from_tick = 0
+
+    def step(self, tick: Tick) -> None:
+        has_contact = self.gate.has_contact
+        for request in self.request.values:
+            self.obey(request, self.operator.value)
+        if self._take_over(tick.number) or not self._has_selected:
+            self._has_selected = True
+            self._from_tick = tick.number + self.lead if self.epoch else 0
+            chosen = tuple(f"{role} {name}" for role, name in sorted(self.selected.items()))
+            self.selection.put(Selection(self.epoch, self._from_tick, chosen))
+        sensed = self._sensed()
+        self._see()
+        twist, self.cause_ns, status = self.gate.decide(
+            sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch, self.pending
+        )
+        self.command.put(Command(twist))
+        self._gave(twist, sensed.platform_ns)
+        if status is not self._status and status != self._status:
+            self._status = status
+            self.status.put(status)
+        self._note(has_contact)
+
+    def check(self, tick: Tick) -> None:
+        """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
+        sensed, has_contact = self._sensed(), self.gate.has_contact
+        has_seen = self._see()
+        reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
+        said = self._status
+        if not reason and said is not None and has_seen:
+            self._look_again(said, sensed.platform_ns)
+        elif reason and (said is None or not said.stopped or said.latched != self.gate.is_latched):
+            self._note(has_contact)
+            self.stop(reason, sensed.platform_ns)
+
+    def stop(self, reason: str, platform_ns: int) -> None:
+        """Zero, and why."""
+        self.cause_ns = platform_ns
+        self._status = self.gate.stop(reason, self.pending)
+        self._gave(STOPPED, platform_ns)
+        self.command.put(Command(STOPPED))
+        self.status.put(self._status)
+
+    def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
+        """Take up where a gate before this one was: its selection, under a newer epoch, and its latched stop."""
+        self.epoch = epoch + 1
+        self.selected |= selected
+        self.gate.latch(latched)
+
+    def begin_anew(self) -> None:
+        """The run clock began anew: the selection in force holds from its beginning."""
+        self._from_tick = 0
+
+    @property
+    def pending(self) -> list[str]:
+        """Swaps that wait, as "role instance", in order of role."""
+        return [f"{role} {name}" for role, name in sorted(self._pending.items())] if self._pending else []
+
+    def obey(self, request: OperatorRequest, driving: Command | None) -> None:
+        """Take an operator's request; `driving` is the newest command of an operator who drives himself."""
+        if request.do in ("stop", "resume", "release", "enter_unseen"):
+            self.gate.request(request.do)
+        if request.do in ("release", "resume"):
+            self._released = driving
+        elif request.do == "swap":
+            if self.selected.get(request.role) != request.instance:
+                self._pending[request.role] = request.instance
+            else:
+                self._pending.pop(request.role, None)
+
+    def _take_over(self, number: int) -> bool:
+        """Select the pending instances that are warm, once the selection before holds; True where there were any."""
+        if number < self._from_tick:
+            return False
+        if not self._pending:
+            self._warm = []
+            return False
+        warm = [role for role, name in self._pending.items() if self.is_warm(role, name)]
+        self._warm = [f"{role} {self._pending[role]}" for role in warm]
+        for role in warm:
+            self.selected[role] = self._pending.pop(role)
+        self.epoch += bool(warm)
+        return bool(warm)
+
+    def _note(self, has_contact: bool) -> None:
+        if self.now_ns is None and not self._warm and not self._waiting:
+            self.told = ""
+            return
+        self.told = GateTold(
+            self.now_ns, self.is_silent, self.gone, tuple(self.obeyed), has_contact, tuple(self._warm), self._waiting
+        ).text
+        self.obeyed, self._warm = [], []
+
+    def _look_again(self, said: GateStatus, platform_ns: int) -> None:
+        """What a scan between two ticks changes."""
+        found = self.gate.look_again(said, platform_ns * 1e-9)
+        if found is None:
+            return
+        twist, self._status = found
+        self._gave(twist, platform_ns)
+        self._note(self.gate.has_contact)
+        self.command.put(Command(twist))
+        self.status.put(self._status)
+
+    def _see(self) -> bool:
+        """Show the monitor what came in since the last look; True where a scan did."""
+        monitor, odometry = self.gate.monitor, self.odometry.value
+        if monitor is None or odometry is None:
+            return False
+        monitor.move(odometry)
+        news = [monitor.look(f"scan.{name}", scan) for name, scans in self.scans.items() for scan in scans.values]
+        return any(news)
+
+    def _gave(self, twist: Twist2D, time_ns: int) -> None:
+        if self.gate.monitor is not None:
+            self.gate.monitor.give(time_ns * 1e-9, twist)
+
+    def _sensed(self) -> Sensed:
+        contact = self.contact.value
+        newest = _stamp_ns(self.odometry)
+        if self.now_ns is not None:
+            newest = max(newest, self.now_ns)
+        stamps = {name: _stamp_ns(one) for name, one in self.required.items()}
+        is_touching = contact is not None and contact.touching
+        self._waiting = self.find_waiting()
+        return Sensed(newest, is_touching, stamps, self.is_silent, self.gone, self._waiting)
+
+    def _offers(self, epoch: int) -> dict[str, Offer | None]:
+        drive, recovering, operator = self.drive.value, self.recovering.value, self.operator.value
+        offers: dict[str, Offer | None] = {}
+        if operator is not None and operator is not self._released:
+            offers["operator"] = self._offer("operator", self.operator, epoch)
+        if recovering is not None and recovering.active:
+            offers["recovery"] = self._offer("recovery", self.recovery, epoch)
+        elif drive is not None and drive.path_id:
+            offers["controller"] = self._offer("controller", self.controller, epoch)
+            offers["avoider"] = self._offer("avoider", self.avoider, epoch)
+        return offers
+
+    def _offer(self, role: str, held: Dated[Command | TrackingCommand], epoch: int) -> Offer | None:
+        """A command on offer. One made before the selection began to hold is not asked to know it."""
+        message, when = held.value, held.when
+        if message is None or when is None:
+            return None
+        tick, _, cause_ns, made_under = when
+        return Offer(
+            self.selected.get(role, "main"), message.twist, cause_ns, made_under if tick >= self._from_tick else epoch
+        )
+
+    def _is_engaged(self) -> bool:
+        handover = self.handover.value
+        return handover is not None and handover.engaged
+
+
+def _stamp_ns(held: Dated[Any]) -> int:
+    """Run clock of the newest message; 0 before the first."""
+    when = held.when
+    return 0 if when is None else when[1]

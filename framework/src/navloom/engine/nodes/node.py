@@ -1,0 +1,128 @@
+"""What all nodes have in common: their ports as attributes, and one step that reads and publishes on them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+from navloom.engine.ports import Declared, Group, NodeSpec, Out, Output, Port, SensorOutputs, Wired
+from navloom.messages import Message
+
+__all__ = ["Node", "Outputs", "Tick"]
+
+Outputs = list[tuple[Out[Any], Message]]
+PATIENCE = 0.005
+
+
+class Tick(NamedTuple):
+    """The step's place in time.
+
+    Attributes:
+        number: Of the tick, from 0.
+        time: Run clock, s.
+        time_ns: Run clock, ns.
+        epoch: Counts the selections of active instances.
+    """
+
+    number: int
+    time: float
+    time_ns: int
+    epoch: int
+
+
+class Node(ABC):
+    """A node of the graph: a subclass declares what it reads and publishes as class attributes, and steps.
+
+    Class attributes:
+        role: Role, or the name of a node of the framework's own.
+        ticks: It steps in every tick; else an input that triggers is needed.
+        cause: Input whose Platform stamp its outputs derive from; None for the platform itself.
+        is_awaited: Live: those that read it wait a moment for its step of a tick.
+        hears: Live: whose step reports it acts on beside those it waits for: with "rivals" the goal's and those of
+            roles that have several instances; with "faults" all that say of a fault.
+        answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
+        patience: Live: s to wait for what else belongs to the tick of a trigger.
+
+    Attributes:
+        made: What was published in the step under way.
+        told: What the executor told the node beside its inputs, of the last step, as it goes into the step record.
+    """
+
+    role: ClassVar[str] = ""
+    ticks: ClassVar[bool] = False
+    cause: ClassVar[Any] = None
+    is_awaited: ClassVar[bool] = False
+    hears: ClassVar[Literal["", "rivals", "faults"]] = ""
+    answers_when_asked: ClassVar[bool] = False
+    patience: ClassVar[float] = PATIENCE
+    declared_inputs: ClassVar[tuple[Declared[Any, Any] | Group[Any], ...]] = ()
+    declared_outputs: ClassVar[tuple[Output[Any] | SensorOutputs, ...]] = ()
+    made: Outputs
+    told: str = ""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        declared = {
+            name: one for base in reversed(cls.__mro__) for name, one in vars(base).items() if name != "cause"
+        }.values()
+        cls.declared_inputs = tuple(one for one in declared if isinstance(one, (Declared, Group)))
+        cls.declared_outputs = tuple(one for one in declared if isinstance(one, (Output, SensorOutputs)))
+        for one in cls.declared_outputs:
+            if isinstance(one, Output) and one.port.role not in ("", cls.role):
+                raise TypeError(f"{cls.__name__}.{one.name} is the port {one.port}, expected one of {cls.role!r}")
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        node = super().__new__(cls)
+        node.made = []
+        for one in cls.declared_outputs:
+            if isinstance(one, Output):
+                node.__dict__[one.name] = Out(one.port.name, node)
+        return node
+
+    @classmethod
+    def ports(cls, wired: Wired) -> list[Port[Any]]:
+        """What it publishes on."""
+        ports: list[Port[Any]] = []
+        for one in cls.declared_outputs:
+            if isinstance(one, Output):
+                ports.append(one.port if one.port.role else one.port.of(wired.role))
+            else:
+                ports += wired.sensors.get(wired.role, ())
+        return ports
+
+    @classmethod
+    def spec(cls, wired: Wired) -> NodeSpec:
+        """Its wiring for a config."""
+        inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired))
+        cause = "" if cls.cause is None else cls.cause.name
+        return NodeSpec(wired.role, inputs, tuple(cls.ports(wired)), cause, cls.ticks)
+
+    def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
+        """Lead its inputs, by name, to where they are read, and open the ports of its sensors."""
+        for one in self.declared_inputs:
+            if isinstance(one, Declared):
+                wires[one.name].bind(self.__dict__, one.name)
+            else:
+                group: dict[str, Any] = {}
+                self.__dict__[one.name] = group
+                for given in spec.inputs:
+                    if one.has(given):
+                        wires[given.name].bind(group, given.name.partition(".")[2])
+        fixed = {one.port.name for one in self.declared_outputs if isinstance(one, Output)}
+        for other in self.declared_outputs:
+            if isinstance(other, SensorOutputs):
+                names = [name for name in spec.outputs if name not in fixed]
+                self.__dict__[other.name] = {name: Out(name, self) for name in names}
+
+    def outs(self) -> list[Out[Any]]:
+        """All its ports."""
+        found: list[Out[Any]] = []
+        for one in self.declared_outputs:
+            held = self.__dict__[one.name]
+            found += [held] if isinstance(one, Output) else held.values()
+        return found
+
+    @abstractmethod
+    def step(self, tick: Tick) -> None:
+        """Read the inputs, and publish on the outputs."""

@@ -1,0 +1,110 @@
+"""Whole nodes of other distributions: one class, with the framework's own declarations of inputs and outputs."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Self, TypeVar
+
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.ports import Declared, Latest, New, Out, Output, Port, Quality, SensorGroup, Sensors, Track
+from navloom.engine.streams import (
+    PLAIN,
+    AvoiderPorts,
+    ControllerPorts,
+    GatePorts,
+    GoalPorts,
+    LocalizerPorts,
+    MapperPorts,
+    OperatorPorts,
+    PlannerPorts,
+    PlatformPorts,
+    RecoveryPorts,
+    ReferencePorts,
+)
+from navloom.messages import Message
+from navloom.roles import Role
+from navloom.roles.base import P
+
+__all__ = ["AvoiderPorts", "ControllerPorts", "GatePorts", "GoalPorts", "Latest", "LocalizerPorts", "MapperPorts",
+           "New", "NodePlugin", "OperatorPorts", "PlannerPorts", "PlatformPorts", "Publishes", "Quality",
+           "RecoveryPorts", "ReferencePorts", "Sensors", "Tick", "Track"]  # fmt: skip
+
+M = TypeVar("M", bound=Message)
+
+
+class Publishes(Output[M]):
+    """A stream of a node plugin, named like the attribute.
+
+    Args:
+        carries: The message class.
+        quality: How it travels between processes; default: what is late is dropped, without haste.
+        retained: Who joins later is given the last message.
+    """
+
+    def __init__(self, carries: type[M], quality: Quality = PLAIN, *, retained: bool = False) -> None:
+        super().__init__(Port(carries, quality, retained=retained))
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        super().__set_name__(owner, name)
+        self.port.name = self.name
+
+
+class NodePlugin(Role[P], Node):
+    """Base of whole nodes of other distributions. A table `[[node]]` of a config uses one under a name of its own.
+
+    A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message
+    class) and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock
+    or socket.
+
+    Class attributes, beside those of a role's plugin:
+        ticks: It steps in every tick; else an input must have `triggers=True`.
+        cause: Input whose Platform stamp its outputs derive from; default its first trigger, of a node that ticks the
+            odometry.
+        is_awaited: Live: those that read it wait up to 5 ms for its step of the same tick.
+        answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
+
+    The first stream is what the node is for: alternatives are compared by it, and are warm once they have published it.
+    """
+
+    role = "node"
+    accepts: ClassVar[tuple[type[Message], ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        if cls.ticks and cls.cause is None:
+            cls.paced_by = Latest(PlatformPorts.odometry)  # type: ignore[attr-defined]
+            cls.cause = cls.paced_by  # type: ignore[attr-defined]
+            cls.cause.__set_name__(cls, "paced_by")
+        super().__init_subclass__()
+        inputs, outputs = cls.declared_inputs, [one for one in cls.declared_outputs if isinstance(one, Output)]
+        triggers = [one for one in inputs if getattr(one, "triggers", False)]
+        if hasattr(cls, "name") and not cls.ticks and not triggers:
+            raise TypeError(f"{cls.__name__} never steps: set ticks = True, or triggers=True on one of its inputs")
+        if cls.cause is None:
+            cls.cause = next((one for one in triggers if isinstance(one, Declared)), None)
+        if outputs:
+            outputs[0].port.answers = True
+        cls.accepts = tuple(
+            kind for one in inputs if isinstance(one, SensorGroup) for kind in one.carries or (Message,)
+        )
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        node = super().__new__(cls, *args, **kwargs)
+        for one in cls.declared_outputs:
+            if isinstance(one, Output):
+                node.__dict__[one.name] = _CheckedOut(one.port, node)
+        return node
+
+
+class _CheckedOut(Out[Message]):
+    """A port that refuses messages of another class where they are made."""
+
+    __slots__ = ("_carries",)
+
+    def __init__(self, port: Port[Any], node: Any) -> None:
+        super().__init__(port.name, node)
+        self._carries = port.carries
+
+    def put(self, message: Message) -> None:
+        """Publish a message at the end of this step. Raises TypeError for one of another class."""
+        if message.__class__ is not self._carries and not isinstance(message, self._carries):
+            raise TypeError(f"{self.name} carries {self._carries.__name__}, got {type(message).__name__}")
+        super().put(message)

@@ -1,0 +1,109 @@
+"""The reference node: from the planner's path to the trajectory that is followed, and where on it the robot is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navloom.config.schema import Config
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.ports import Latest, Output
+from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, ReferencePorts
+from navloom.geometry.frames import inverse, transform
+from navloom.messages import Drive, Path, Point2D, Pose2D, Reference, Trajectory
+from navloom.navigation.projection import project, way_ahead
+from navloom.navigation.trajectory import SpeedLimits, make_trajectory
+from navloom.roles import RobotSpec
+
+__all__ = ["ReferenceNode", "trajectory_of"]
+
+Floats = NDArray[np.float64]
+
+
+def trajectory_of(path: Path, limits: SpeedLimits) -> Trajectory:
+    """A path rounded within its traversable grid, m, map frame; see `navigation.trajectory`."""
+    grid = path.traversable
+    if grid is None:
+        return Trajectory(path.request_id, make_trajectory(path.points, limits).samples)
+    grid_to_map = np.array([grid.origin.x, grid.origin.y, grid.origin.heading])
+    points_in_grid = transform(inverse(grid_to_map), path.points)
+    samples = make_trajectory(points_in_grid, limits, grid.cells == 0, grid.resolution).samples
+    turned = samples.copy()
+    turned[:, 1:3] = transform(grid_to_map, samples[:, 1:3])
+    turned[:, 3] = (samples[:, 3] + grid.origin.heading + math.pi) % math.tau - math.pi
+    return Trajectory(path.request_id, turned)
+
+
+class ReferenceNode(Node):
+    """Makes a trajectory of every path, and follows the one that the goal lets it drive.
+
+    Args:
+        limits: Of the reference.
+        look_ahead: From the reference point to the avoider's target, m of arc length.
+        corridor: Half width of the strip that must be free, m.
+    """
+
+    role = "reference"
+    ticks = True
+    is_awaited = True
+    path = Latest(PlannerPorts.path)
+    pose = Latest(LocalizerPorts.pose)
+    drive = Latest(GoalPorts.drive)
+    trajectory = Output(ReferencePorts.trajectory)
+    reference = Output(ReferencePorts.reference)
+    cause = pose
+
+    def __init__(self, limits: SpeedLimits, look_ahead: float, corridor: float) -> None:
+        self.limits, self.look_ahead, self.corridor = limits, look_ahead, corridor
+        self._paths: dict[int, Path] = {}
+        self._trajectory: Trajectory | None = None
+        self._driven = 0
+        self._progress = 0.0
+
+    @classmethod
+    def of(cls, config: Config, robot: RobotSpec) -> ReferenceNode:
+        """The node a config asks for."""
+        rules = config.navigation
+        limits = SpeedLimits(
+            slowest=min(rules.speed[0], robot.max_linear),
+            fastest=min(rules.speed[1], robot.max_linear),
+            turn_rate=robot.max_angular,
+            lateral=rules.lateral_acceleration,
+            acceleration=robot.max_acceleration,
+            deceleration=robot.max_deceleration,
+        )
+        half_width = float(np.abs(robot.footprint[:, 1]).max())
+        return cls(limits, rules.look_ahead, half_width + rules.corridor_margin)
+
+    def step(self, tick: Tick) -> None:
+        path, drive, estimate = self.path.value, self.drive.value, self.pose.value
+        if path is not None and path.request_id not in self._paths:
+            self._paths = {number: held for number, held in self._paths.items() if number == self._driven}
+            self._paths[path.request_id] = path
+        if drive is None or drive.path_id not in self._paths or estimate is None:
+            return
+        if drive.path_id != self._driven or self._trajectory is None:
+            self._trajectory = trajectory_of(self._paths[drive.path_id], self.limits)
+            self._driven, self._progress = drive.path_id, 0.0
+            self.trajectory.put(self._trajectory)
+        self.reference.put(self._reference(self._trajectory, drive, estimate.pose))
+
+    def _reference(self, trajectory: Trajectory, drive: Drive, base: Pose2D) -> Reference:
+        samples = trajectory.samples
+        at = project(samples, base.x, base.y, base.heading, self._progress, self.look_ahead)
+        self._progress = at.progress
+        return Reference(
+            trajectory.path_id,
+            at.progress,
+            float(samples[-1, 0]) - at.progress,
+            Pose2D(at.x, at.y, at.heading),
+            at.speed,
+            at.turn_rate,
+            at.cross_track,
+            Point2D(at.target_x, at.target_y),
+            way_ahead(samples, at.progress, self.look_ahead),
+            self.corridor,
+            drive.turn_to if drive.stop_here else None,
+        )

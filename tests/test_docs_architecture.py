@@ -10,7 +10,7 @@ import pytest
 TOP = Path(__file__).resolve().parents[1]
 SOURCE = TOP / "framework" / "src" / "navloom"
 PAGES = [TOP / "docs" / name for name in ("architecture.md", "decisions.md")]
-FILE = re.compile(r"`([a-z_]+/[a-z_]+\.py)`")
+FILE = re.compile(r"`([a-z_]+(?:/[a-z_]+)+\.py)`")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

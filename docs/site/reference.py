@@ -231,6 +231,8 @@ def testing_page() -> str:
         "Testing",
         "Import from `navloom.testing`.",
         shown("navloom.testing.builders", options="\n    options: { show_root_heading: false }"),
+        "## Messages",
+        shown("navloom.testing.messages", options="\n    options: { show_root_heading: false }"),
         "## Scenes",
         shown("navloom.testing.scenes", options="\n    options: { show_root_heading: false }"),
     )

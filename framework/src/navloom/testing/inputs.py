@@ -15,8 +15,8 @@ from navloom.plugins.registry import NODE
 from navloom.roles import Context, Platform, SensorSpec
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from navloom.roles.readings import NO_READINGS, Readings
-from navloom.testing import builders, scenes
-from navloom.testing.builders import Place
+from navloom.testing import builders, messages, scenes
+from navloom.testing.messages import Place
 from navloom.testing.nodes import node_inputs
 from navloom.testing.samples import sample
 from navloom.testing.subject import Subject
@@ -92,7 +92,7 @@ class _Maker:
 
     def scan(self, world: World, at: Place, stamp: float, **given: Any) -> RangeScan:
         """A scan with noise."""
-        seen = builders.scan(world, at, stamp=stamp, **given)
+        seen = messages.scan(world, at, stamp=stamp, **given)
         noisy = seen.ranges + SIGMA * self.rng.standard_normal(len(seen.ranges))
         return RangeScan(
             seen.stamp_ns, seen.origins, seen.bearings, seen.half_angles, seen.time_offsets,
@@ -108,11 +108,11 @@ class _Maker:
         others = [kind for kind in self.cls.accepts if kind not in (RangeScan, Sweep, Message)]
         if not others:
             return NO_READINGS
-        return {kind.__name__.lower(): (sample(kind, self.rng, builders.ns(stamp)),) for kind in others}
+        return {kind.__name__.lower(): (sample(kind, self.rng, messages.ns(stamp)),) for kind in others}
 
     def extra(self, stamp: float) -> Extras:
         """What its extra inputs hold; optional ones hold nothing at times."""
-        declared, stamp_ns = extras_of(self.cls).values(), builders.ns(stamp)
+        declared, stamp_ns = extras_of(self.cls).values(), messages.ns(stamp)
         if not declared:
             return NO_EXTRAS
         return Extras({
@@ -128,19 +128,19 @@ class _Maker:
 def _odd_scans() -> Iterator[tuple[str, str, tuple[RangeScan, ...]]]:
     """Name, topic and scans of readings that a robot meets now and then."""
     yield "no scan in this tick", "empty", ()
-    yield "a scan without beams", "empty", (builders.scan(np.empty(0)),)
-    yield "no beam has an echo", "infinite", (builders.scan(math.inf),)
-    yield "one beam without echo", "single_beam", (builders.scan(math.inf, beams=1),)
-    yield "one beam that reads 1 m", "single_beam", (builders.scan(1.0, beams=1),)
-    yield "one sonar that reads 1 m", "single_beam", (builders.scan(1.0, beams=1, half_angle=0.26, range_max=4.0),)
-    yield "every beam reads range_min", "nearest", (builders.scan(0.05),)
-    yield "every beam reads 0 m", "nearest", (builders.scan(0.0, range_min=0.0),)
+    yield "a scan without beams", "empty", (messages.scan(np.empty(0)),)
+    yield "no beam has an echo", "infinite", (messages.scan(math.inf),)
+    yield "one beam without echo", "single_beam", (messages.scan(math.inf, beams=1),)
+    yield "one beam that reads 1 m", "single_beam", (messages.scan(1.0, beams=1),)
+    yield "one sonar that reads 1 m", "single_beam", (messages.scan(1.0, beams=1, half_angle=0.26, range_max=4.0),)
+    yield "every beam reads range_min", "nearest", (messages.scan(0.05),)
+    yield "every beam reads 0 m", "nearest", (messages.scan(0.0, range_min=0.0),)
 
 
 def _again(scans: Sequence[RangeScan], stamp: float) -> tuple[RangeScan, ...]:
     """The same scans, stamped anew."""
     return tuple(
-        RangeScan(builders.ns(stamp), one.origins, one.bearings, one.half_angles, one.time_offsets, one.ranges,
+        RangeScan(messages.ns(stamp), one.origins, one.bearings, one.half_angles, one.time_offsets, one.ranges,
                   one.range_min, one.range_max)
         for one in scans
     )  # fmt: skip
@@ -188,10 +188,10 @@ def _controller(maker: _Maker) -> Iterator[Scene]:
         ("an arc to the left", 0.5, -0.02, 0.0),
         ("an arc to the right", -0.5, 0.03, -0.03),
     ):
-        followed = builders.trajectory(curvature=curvature)
+        followed = messages.trajectory(curvature=curvature)
         poses = walk((0.0, off, heading), 0.3, 0.3 * curvature, 60)
         yield Scene(name, "usual", maker.context(), tuple(_followed(maker, followed, poses)), is_gentle=True)
-    followed = builders.trajectory(length=2.0, path_id=2)
+    followed = messages.trajectory(length=2.0, path_id=2)
     poses = walk((0.0, -0.8, 1.2), 0.3, -0.3, 60)
     yield Scene("far beside a line", "usual", maker.context(), tuple(_followed(maker, followed, poses)))
     end = [(2.0, 0.0, 0.02 * k) for k in range(20)]
@@ -214,7 +214,7 @@ def _followed(maker: _Maker, followed: Any, poses: Sequence[Place]) -> Iterator[
 
 
 def _planner(maker: _Maker) -> Iterator[Scene]:
-    room = builders.map_update(scenes.room())
+    room = messages.map_update(scenes.room())
     pairs: list[tuple[Place, Place]] = [
         ((0.0, 0.0), (6.0, 1.0)), ((-1.0, 1.5, 1.0), (6.5, -1.5)), ((6.0, -1.0), (0.0, 0.0)), ((0.0, 0.0), (0.0, 0.0)),
         ((0.0, 0.0), (6.0, 1.0)),
@@ -226,7 +226,7 @@ def _planner(maker: _Maker) -> Iterator[Scene]:
     )
     yield Scene("a room", "usual", maker.context(), inputs, scenes.room())
     for world in (scenes.open_floor(), scenes.door(), scenes.corridor()):
-        known = builders.map_update(world, 0.1)
+        known = messages.map_update(world, 0.1)
         inputs = tuple(
             builders.planner_input(known, (0.0, 0.0), (4.0, 0.3 * k), request_id=11 - k, extra=maker.extra(0.0))
             for k in range(3)
@@ -252,7 +252,7 @@ def _planner(maker: _Maker) -> Iterator[Scene]:
 
 
 def _one_cell(value: int) -> OccupancyGrid:
-    return OccupancyGrid(np.full((1, 1), value, np.int8), 0.05, builders.pose())
+    return OccupancyGrid(np.full((1, 1), value, np.int8), 0.05, messages.pose())
 
 
 def _mapper(maker: _Maker) -> Iterator[Scene]:
@@ -263,8 +263,8 @@ def _mapper(maker: _Maker) -> Iterator[Scene]:
         stamp = k * PERIOD
         data: list[Any] = list(maker.scans(world, at, stamp)) if k % 2 == 0 else []
         if maker.takes_sweeps and k % 10 == 0:
-            data.append(builders.sweep(world, at, request_id=k // 10 + 1, stamp=stamp))
-        track = builders.track(poses, [j * PERIOD for j in range(len(poses))])
+            data.append(messages.sweep(world, at, request_id=k // 10 + 1, stamp=stamp))
+        track = messages.track(poses, [j * PERIOD for j in range(len(poses))])
         inputs.append(builders.mapper_input(*data, track=track, clear=k == 30, stamp=stamp + 1.5, **maker.more(stamp)))
     yield Scene("a walk through a room", "usual", maker.context(world=world), tuple(inputs), world)
     if maker.takes_scans:
@@ -273,10 +273,10 @@ def _mapper(maker: _Maker) -> Iterator[Scene]:
             yield Scene(name, topic, maker.context(), tuple(given))
     if maker.takes_sweeps:
         odd = {
-            ("no return in the whole sweep", "infinite"): builders.sweep(math.inf),
-            ("a sweep without frames", "empty"): builders.sweep(np.empty((0, 0))),
-            ("a sweep of one beam", "single_beam"): builders.sweep(np.full((1, 1), 2.0)),
-            ("every beam reads 0 m", "nearest"): builders.sweep(0.0),
+            ("no return in the whole sweep", "infinite"): messages.sweep(math.inf),
+            ("a sweep without frames", "empty"): messages.sweep(np.empty((0, 0))),
+            ("a sweep of one beam", "single_beam"): messages.sweep(np.full((1, 1), 2.0)),
+            ("every beam reads 0 m", "nearest"): messages.sweep(0.0),
         }
         for (name, topic), one in odd.items():
             yield Scene(name, topic, maker.context(), (builders.mapper_input(one, stamp=2.0, **maker.more(0.0)),))
@@ -286,7 +286,7 @@ def _mapper(maker: _Maker) -> Iterator[Scene]:
 
 def _localizer(maker: _Maker) -> Iterator[Scene]:
     world = scenes.room()
-    known = builders.map_update(world)
+    known = messages.map_update(world)
     start = (0.5, 0.3, 0.2)
     poses = walk(start, 0.3, 0.2, 60)
     odometry = walk((0.0, 0.0, 0.0), 0.3 * 1.002, 0.2, 60)

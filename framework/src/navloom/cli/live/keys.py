@@ -36,10 +36,10 @@ def new(
 
     from navloom.cli.output import print_json
     from navloom.transport.access import common_name
-    from navloom.transport.certificates import HOSTS, Request
+    from navloom.transport.certificates import HOSTS, CertificateRequest
     from navloom.transport.keys import new_authority
 
-    order = Request(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
+    order = CertificateRequest(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
     made = new_authority(folder, order)
     if as_json:
         entries = [{"name": one.name, "kind": one.kind, "common_name": common_name(one, realm, robot)} for one in made]

@@ -201,8 +201,8 @@ def geometry_page() -> str:
 
 def avoidance_page() -> str:
     """What avoiders share."""
-    modules = ("beams", "robot", "motors", "decision", "search", "steering", "smoothing", "histogram", "clearance",
-               "certainty", "support", "himm")  # fmt: skip
+    modules = ("beams", "robot", "motors", "decision", "method", "search", "steering", "smoothing", "histogram",
+               "clearance", "certainty", "support", "himm")  # fmt: skip
     return page(
         "Avoidance",
         "What several avoiders share, on plain arrays. Import from the module that is named.",

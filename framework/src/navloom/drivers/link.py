@@ -11,7 +11,6 @@ from navloom.errors import NavloomError
 
 __all__ = ["DriverError", "Link"]
 
-Pauses = tuple[float, float]
 FIRST, MOST = 0.05, 1.0
 """Pauses between two tries to open, s: the first, which doubles up to the most."""
 SLICE = 0.05

@@ -32,10 +32,7 @@ from navloom.transport.certificates import (
 )
 from navloom.transport.validity import AUTHORITY
 
-__all__ = ["DAYS", "add_identity", "new_authority", "renew", "revoke"]
-
-DAYS = 825
-"""Days a certificate is good for, where nothing else is asked."""
+__all__ = ["add_identity", "new_authority", "renew", "revoke"]
 
 
 def new_authority(folder: Path, order: CertificateRequest) -> tuple[Identity, ...]:

@@ -20,6 +20,8 @@ Hosts = Annotated[
     typer.Option("--host", metavar="ADDR", help="Name or address others connect to; repeats. Default: this host."),
 ]
 Days = Annotated[int, typer.Option(metavar="N", min=1, max=36500, help="Days the certificates are good for.")]
+DAYS = 825
+"""Validity of a certificate if nothing else is asked for, days."""
 
 
 @app.command()
@@ -28,7 +30,7 @@ def new(
     realm: Annotated[str, typer.Option(metavar="NAME", help="robot.realm of the config.")] = "lab",
     robot: Annotated[str, typer.Option(metavar="NAME", help="robot.name of the config.")] = "r1",
     host: Hosts = None,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Make an authority, and certificates of the router, the nodes, an operator and a viewer."""
@@ -59,7 +61,7 @@ def add(
     kind: Annotated[str, typer.Option(metavar="KIND", help="nodes, operator, viewer or shadow.")],
     instance: Annotated[str, typer.Option(metavar="ROLE.NAME", help="The one instance a shadow is.")] = "",
     host: Hosts = None,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Make one more certificate. A router takes it once it has the new identities.json; it need not be restarted."""
@@ -86,7 +88,7 @@ def renew(
         list[str] | None,
         typer.Option("--host", metavar="ADDR", help="Where router and nodes are connected to; default: as before."),
     ] = None,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Make new certificates in place of those there are, under the same authority. A robot may drive meanwhile."""
@@ -110,7 +112,7 @@ def revoke(
     replace: Annotated[
         bool, typer.Option("--replace", help="Make another certificate of that name; the old one stays revoked.")
     ] = False,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Lock a certificate out. Its owner can do nothing any more once the router has the new identities.json."""

@@ -1,4 +1,4 @@
-"""One goal on its way: what was asked for it, and whether its drive goes on as it should."""
+"""The active goal: its requests, and the checks of its drive."""
 
 from __future__ import annotations
 
@@ -12,43 +12,44 @@ from navloom.navigation.goal_rules import GoalView
 __all__ = ["ActiveGoal", "feedback_of"]
 
 BLOCKED = 2.0
-"""How long the gate may hold the robot before an obstacle until the goal recovers, s."""
+"""How long the gate may stop the robot for an obstacle before the goal starts a recovery, s."""
 UNFOLLOWED = 2.0
-"""How long a new path may not be followed, s; then it was lost on its way."""
+"""How long a path may stay without a reference before it counts as lost on the network, s."""
 MISSED = 1.0
-"""Time at the end of a trajectory, but not at the goal, after which another path is asked for, s."""
+"""How long the robot may be at the end of a trajectory, but not at the goal, before another path is requested, s."""
 END = 0.01
-"""What is left of a trajectory, m, at whose end the robot is."""
+"""Remaining length of a trajectory at which the robot counts as being at its end, m."""
 MISSES = 3
-"""How often a goal, or a point on the way to it, may be missed like this before it counts as no progress."""
+"""How often a goal or via point may be missed like this before it counts as no progress."""
 PROGRESS = 0.05
-"""Least decrease of the way that is left that is progress, m."""
+"""Decrease of the remaining length that counts as progress, m."""
 
 
 @dataclass
 class ActiveGoal:
-    """One goal on its way. The checks of a drive are made once a tick.
+    """The active goal. Each check of its drive is made once a tick.
 
     Attributes:
-        goal: As it was asked for.
-        legs: Points that are left to drive to, the goal's own last.
-        since: When the state under way began, or its request was made, s.
-        deadline: Run clock at which it ends, s.
-        recoveries: So far.
-        best: Least way that was left on this path, m.
-        moved_at, followed_at, free_at: When the robot last came nearer, when its path was last followed, and when the
-            gate last let it drive, s.
-        first_path: First path of this drive: what is left of an older one says nothing of it.
-        ended_at: When the robot came to the end of its trajectory, s; None before.
-        misses: How often it was at the end of a trajectory but not at the point driven to.
-        asked_ns: Stamp from which on a map answers the request for it, ns.
-        plan_id: Newest request for a path.
-        asked: Port and request that has no answer yet.
-        asked_at: When it was last published, s.
-        heard: When the recovery last said something, s.
+        goal: As requested.
+        legs: Points that remain to be reached, the goal itself last.
+        since: When the current state began or its request was made, s.
+        deadline: Run clock at which the goal times out, s.
+        recoveries: How many were started.
+        best: Least remaining length on the current path, m.
+        moved_at: When the remaining length last decreased, s.
+        followed_at: When the path last had a reference, s.
+        free_at: When the gate last did not stop the robot for an obstacle, s.
+        first_path: Number of the first path of this drive; references of older paths are ignored.
+        ended_at: When the robot reached the end of its trajectory, s; None before.
+        misses: How often it was at the end of a trajectory, but not at the goal or via point.
+        asked_ns: Stamp from which on a map answers the newest request for one, ns.
+        plan_id: Number of the newest request for a path.
+        asked: Port and message of the newest request.
+        asked_at: When that was last published, s.
+        heard: When the recovery last published its status, s.
         why: Reason of the newest recovery.
-        avoider: What the avoider said last before that: it says nothing of the drive after it.
-        has_driven: A path of it was driven.
+        avoider: Avoider status at the newest recovery: it is outdated for the drive after that.
+        has_driven: A path of this goal was driven.
     """
 
     goal: Goal
@@ -73,30 +74,30 @@ class ActiveGoal:
     has_driven: bool = False
 
     def start_drive(self, path_id: int, time: float) -> None:
-        """A path is driven from standstill."""
+        """A drive along a path starts."""
         self.best, self.has_driven = math.inf, True
         self.moved_at = self.followed_at = self.free_at = time
         self.first_path, self.ended_at = path_id, None
 
     def change_path(self, time: float) -> None:
-        """Another path is driven without a stop."""
+        """Another path is taken without a stop."""
         self.best, self.followed_at = math.inf, time
 
     def next_place(self) -> Pose2D:
-        """Where the next path ends; the heading counts for the last one only."""
+        """Where the next path ends. Only the last path has a heading."""
         leg, heading = self.legs[0], self.goal.heading
         return Pose2D(leg.x, leg.y, heading if heading is not None and len(self.legs) == 1 else 0.0)
 
     def is_unfollowed(self, path_id: int, seen: GoalView) -> bool:
-        """On a network that was cut a path may not reach who is to follow it."""
+        """Whether the reference node has not followed the path for too long: the network may have lost the path."""
         if seen.reference is not None and seen.reference.path_id == path_id:
             self.followed_at = seen.time
         return seen.time - self.followed_at > UNFOLLOWED
 
     def has_missed(self, path_id: int, seen: GoalView) -> bool:
-        """The robot came to the end of its trajectory beside the goal: off it by more than the tolerance.
+        """Whether the robot stays at the end of its trajectory without being within the tolerance of the goal.
 
-        An avoider that drove until shortly before leaves it there. Nothing on this trajectory can bring it nearer.
+        This happens if an avoider drove until shortly before the end. This trajectory cannot bring the robot nearer.
         """
         reference = seen.reference
         if _is_held(seen) or reference is None or reference.path_id != path_id or reference.remaining > END:
@@ -106,28 +107,28 @@ class ActiveGoal:
         return self.ended_at is not None and seen.time - self.ended_at >= MISSED and self.misses < MISSES
 
     def is_blocked(self, seen: GoalView) -> bool:
-        """The gate has been holding the robot for a while because of what the sensors see ahead."""
+        """Whether the gate has stopped the robot for an obstacle for too long."""
         if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
             self.free_at = seen.time
         return seen.time - self.free_at > BLOCKED
 
     def makes_no_progress(self, path_id: int, seen: GoalView, stuck_after: float) -> bool:
-        """The way that is left has not become shorter for s."""
+        """Whether the remaining length has not decreased for `stuck_after` s."""
         reference = seen.reference
         if _is_held(seen) or reference is None:
             self.moved_at = seen.time
         elif reference.path_id == path_id and reference.remaining < self.best - PROGRESS:
-            if math.isfinite(self.best):  # the first look at a path is no progress on it
+            if math.isfinite(self.best):  # the first reference of a path is no progress
                 self.moved_at = seen.time
             self.best = reference.remaining
         return seen.time - self.moved_at > stuck_after
 
 
 def feedback_of(active: ActiveGoal | None, state: str, seen: GoalView) -> Feedback:
-    """What is said of a goal in a state; None is no goal."""
+    """The feedback on a goal in a state; None for no goal."""
     reference, estimate = seen.reference if state == "driving" else None, seen.estimate
     if reference is not None and active is not None and reference.path_id < active.first_path:
-        reference = None  # the new path is not followed yet
+        reference = None  # the new path has no reference yet
     left = reference.remaining if reference is not None else 0.0
     return Feedback(
         goal_id=active.goal.goal_id if active else 0,
@@ -141,5 +142,5 @@ def feedback_of(active: ActiveGoal | None, state: str, seen: GoalView) -> Feedba
 
 
 def _is_held(seen: GoalView) -> bool:
-    """An operator's stop holds the robot."""
+    """Whether a latched stop holds the robot."""
     return seen.gate is not None and seen.gate.latched

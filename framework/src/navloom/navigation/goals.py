@@ -1,4 +1,4 @@
-"""The goal's state machine: from a request to a typed result. Pure: told what happened, it says what to ask for."""
+"""The goal's state machine: from a request to a typed result. Pure: each step takes a view and returns messages."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ __all__ = ["GoalMachine"]
 
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
-"""How long a goal waits for a platform that fell silent, s."""
+"""How long a goal waits for a silent platform before it ends with an error, s."""
 UNSURE = 5.0
-"""How long a goal waits for a localizer that is not tracking, s; then it ends lost."""
+"""How long a goal waits for a localizer that is not tracking before it ends lost, s."""
 SILENT_RECOVERY = 10.0
-"""How long a recovery may say nothing, s."""
+"""Longest silence of a recovery, s."""
 ASKS = 3
-"""How often a map or a plan is asked for, live, within the time it may take: request and answer can be lost."""
+"""How often a map or a plan is requested within its timeout, live, where request and answer can be lost."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
 
 
 class GoalMachine:
-    """Drives one goal at a time; a new one pre-empts the old.
+    """Runs one goal at a time; a new goal pre-empts the old one.
 
-    `step` gives what is to be published as pairs of port and message: `sweep`, `clear`, `plan`, `recovery`, `drive`,
-    `feedback`, `result`.
+    `step` returns the messages to publish as pairs of port and message. The ports are `sweep`, `clear`, `plan`,
+    `recovery`, `drive`, `feedback` and `result`.
     """
 
     def __init__(self, rules: GoalRules) -> None:
@@ -60,16 +60,16 @@ class GoalMachine:
 
     @property
     def is_idle(self) -> bool:
-        """No goal is on its way."""
+        """Whether no goal is active."""
         return self._active is None
 
     @property
     def goal_id(self) -> int:
-        """Number of the goal on its way; 0 for none."""
+        """Number of the active goal; 0 for none."""
         return 0 if self._active is None else self._active.goal.goal_id
 
     def submit(self, goal: Goal, seen: GoalView) -> None:
-        """Take a goal; one on its way is cancelled, but its trajectory is driven until the new plan is there."""
+        """Accept a goal. An active goal is cancelled, but its trajectory is driven until the new plan arrives."""
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
         if self._active is not None:
             self._finish("cancelled", f"pre-empted by goal {goal.goal_id}", seen)
@@ -81,24 +81,24 @@ class GoalMachine:
         self._need_map(seen)
 
     def cancel(self, seen: GoalView) -> None:
-        """End the goal on its way."""
+        """Cancel the active goal."""
         if self._active is not None:
             self._finish("cancelled", "by the operator", seen)
 
     def fail(self, reason: str, seen: GoalView) -> None:
-        """End the goal on its way because a node broke."""
+        """End the active goal because a node failed."""
         if self._active is not None:
             self._finish("error", reason, seen)
 
     def begin(self, tick: int, unfinished: int) -> None:
-        """Take up after another goal node: requests are numbered on, and the goal it left unfinished has ended.
+        """Continue after an earlier goal node: keep request numbers increasing, and end its unfinished goal.
 
         Args:
-            tick: Now; more than all requests of the node before.
-            unfinished: Goal it was at; 0 for none.
+            tick: The current tick, which is larger than all request numbers of the earlier node.
+            unfinished: Number of its unfinished goal; 0 for none.
         """
         self._requests = tick
-        self._said = (unfinished, "", "")  # so that the next report says what holds now
+        self._said = (unfinished, "", "")  # so that the next report gives the current state
         self._out.append(("drive", NO_DRIVE))
         self._out.append(("recovery", RecoveryRequest(False, 0, "")))
         if unfinished:
@@ -106,17 +106,17 @@ class GoalMachine:
             self._out.append(("result", GoalResult(unfinished, "error", "restarted: the goal node began anew", place)))
 
     def hold(self, seen: GoalView) -> None:
-        """The platform is not heard: nobody drives on, and the goal waits for it."""
+        """The platform is silent: stop the drive and wait for it."""
         if self._active is not None and self.state != "waiting":
             self._pause(self._active, "waiting", seen)
 
     def go_on(self, seen: GoalView) -> None:
-        """The platform is heard again: plan anew from where it is."""
+        """The platform is no longer silent: plan again from the robot's current pose."""
         if self._active is not None and self.state == "waiting":
             self._need_map(seen)
 
     def restart_of(self, role: str, seen: GoalView) -> None:
-        """A mapper that came back has no map, a planner that came back no request."""
+        """Repeat the request to a restarted instance: a restarted mapper has no map, a restarted planner no request."""
         active = self._active
         if role == "mapper":
             self._has_scanned = False
@@ -128,7 +128,7 @@ class GoalMachine:
             self._ask_plan(active, seen)
 
     def step(self, seen: GoalView) -> list[tuple[str, Message]]:
-        """One tick: follow the state of the goal on its way."""
+        """Advance the active goal by one tick, and return the messages to publish."""
         active = self._active
         if active is not None and seen.estimate is not None:
             if seen.gate is not None and seen.gate.reason == "contact":
@@ -155,7 +155,7 @@ class GoalMachine:
         if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
         elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
-            self._ask_plan(active, seen)  # a mapper that has nothing else to say after it was cleared
+            self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
         elif seen.time - active.since > self.rules.map_timeout:
             self._finish("error", f"no map within {self.rules.map_timeout:g} s", seen)
         else:
@@ -203,7 +203,7 @@ class GoalMachine:
         step = seen.recovery
         if step is None or seen.time == active.since:
             if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
-                self._recover(active, active.why, seen)  # it died, or its last word was lost
+                self._recover(active, active.why, seen)  # the recovery died, or its last message was lost
             return
         active.heard = seen.time
         if step.state == "done":
@@ -221,7 +221,7 @@ class GoalMachine:
             self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
     def _while_searching(self, active: ActiveGoal, seen: GoalView) -> None:
-        """The robot does not know where it is: it stands until it does, and plans from there."""
+        """The localizer is not tracking: the robot stays stopped until it is, and then plans from there."""
         estimate = seen.estimate
         assert estimate is not None
         if estimate.state == "tracking":
@@ -231,7 +231,7 @@ class GoalMachine:
             self._finish("lost", why.removesuffix(": "), seen)
 
     def _replan(self, active: ActiveGoal, seen: GoalView) -> None:
-        """Ask for another path while driving on, and take it where it is better."""
+        """Request another path without stopping, and take it if it is better."""
         watch = self._replanning
         watch.look(seen.map, seen.trajectory, seen.reference)
         if active.plan_id == self._drive.path_id:
@@ -265,9 +265,9 @@ class GoalMachine:
         self.state = state
 
     def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
-        """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map.
+        """Request a sweep if the mapper depends on requested sweeps and has had none; else plan if there is a map.
 
-        Where it was asked to forget, what it says next is waited for.
+        After a request to clear the map, wait for the mapper's next map.
         """
         active = self._active
         assert active is not None
@@ -276,7 +276,7 @@ class GoalMachine:
             self._has_scanned = True
             self._requests += 1
             self._scan = SweepRequest(self._requests), seen.time_ns
-        if self._scan is not None:  # of this goal, or of one before that got no map
+        if self._scan is not None:  # of this goal, or of an earlier one that received no map
             self._set_drive(NO_DRIVE)
             request, active.asked_ns = self._scan
             self._ask(active, "sweep", request, seen)
@@ -294,7 +294,7 @@ class GoalMachine:
         self.state = "planning"
 
     def _fail_plan(self, active: ActiveGoal, failure: PlanFailure, seen: GoalView) -> None:
-        """End the goal, but for a robot that has driven: what is in its way now may be gone from a cleared map."""
+        """End the goal; but recover if the robot has driven, since the obstacle may be gone from a cleared map."""
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", seen)
             return
@@ -313,7 +313,7 @@ class GoalMachine:
         self._out.append((port, request))
 
     def _ask_again(self, active: ActiveGoal, patience: float, seen: GoalView) -> None:
-        """Repeat a request, under its own number, that may have been lost on the network, or its answer."""
+        """Repeat a request under the same number: it or its answer may have been lost on the network."""
         if self.rules.is_live and active.asked is not None and seen.time - active.asked_at > patience / ASKS:
             self._ask(active, *active.asked, seen)
 
@@ -345,7 +345,7 @@ class GoalMachine:
         self.state = "recovering"
 
     def _react_to_swaps(self, active: ActiveGoal, seen: GoalView) -> None:
-        """A swapped-in mapper or planner means a new plan; one that waits is given what it needs to warm up."""
+        """Plan again after a swap of mapper or planner, and give a pending instance the input that warms it up."""
         pending = seen.gate.pending if seen.gate is not None else ()
         selected = self._selected
         self._selected = seen.selected

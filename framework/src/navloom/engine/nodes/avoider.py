@@ -1,4 +1,4 @@
-"""The node round an avoider."""
+"""The node around an avoider."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["AvoiderNode"]
 
 
 class AvoiderNode(RoleNode[Avoider]):
-    """Scans and the target to a velocity, and whether it is this one that drives.
+    """Turns scans and the target into a velocity, and decides whether the avoider drives.
 
     Args:
         plugin: The avoider.
-        rule: Decides who drives.
-        look_ahead: How far that is looked for along the way the robot itself takes next, m; 0 for not at all.
+        rule: Decides whether the avoider or the controller drives.
+        look_ahead: How far the rule also checks the way that the robot itself takes next, m; 0 for not at all.
     """
 
     role = "avoider"

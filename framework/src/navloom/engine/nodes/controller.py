@@ -1,4 +1,4 @@
-"""The node round a controller."""
+"""The node around a controller."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["ControllerNode"]
 
 
 class ControllerNode(RoleNode[Controller]):
-    """The reference to a velocity."""
+    """Turns the reference into a velocity."""
 
     role = "controller"
     is_awaited = True

@@ -27,17 +27,17 @@ __all__ = ["GoalNode"]
 
 
 class GoalNode(Node):
-    """The goal's state machine on its ports.
+    """Connects the goal's state machine to its ports.
 
     Args:
-        machine: The goal's.
-        optional: Nodes whose failure ends no goal.
+        machine: The goal's state machine.
+        optional: Nodes whose failure does not end a goal.
 
     Attributes:
-        fault: What broke, for which the goal ends; empty for nothing.
-        is_lost: Live: the platform is not heard.
-        restarted: Live: roles whose instance came back since the last step.
-        submitted: Live: requests that came by a service instead of a port since the last step.
+        fault: Failure that ends the goal; empty for none.
+        is_lost: Live: the platform is silent.
+        restarted: Live: roles whose instance restarted since the last step.
+        submitted: Live: requests that came through a service instead of a port since the last step.
     """
 
     role = "goal"
@@ -129,7 +129,7 @@ class GoalNode(Node):
 
 
 def _instances(selection: Selection | None) -> tuple[str, str]:
-    """Active instances of mapper and planner."""
+    """Active instances of mapper and planner; empty before the first selection."""
     if selection is None:
         return "", ""
     chosen = selection.chosen

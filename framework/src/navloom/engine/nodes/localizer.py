@@ -1,4 +1,4 @@
-"""The node round a localizer."""
+"""The node around a localizer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["LocalizerNode"]
 
 
 class LocalizerNode(RoleNode[Localizer]):
-    """Odometry and scans to a pose in the map."""
+    """Turns odometry and scans into a pose in the map."""
 
     role = "localizer"
     is_awaited = True

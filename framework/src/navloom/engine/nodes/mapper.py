@@ -1,4 +1,4 @@
-"""The node round a mapper."""
+"""The node around a mapper."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from navloom.roles import Mapper, MapperInput
 __all__ = ["MapperNode"]
 
 BEFORE_DATA_NS = 500_000_000
-"""How much more of a track a mapper is given than its data covers."""
+"""How far a mapper's track of poses reaches back before its oldest data, ns."""
 
 
 class MapperNode(RoleNode[Mapper]):
-    """Range data and the poses that cover it to a map."""
+    """Turns range data and the poses of the same time into a map."""
 
     role = "mapper"
-    patience = 1.0  # no node waits for a map, and on a slow link the poses for a sweep can arrive after it
+    patience = 1.0  # no node waits for a map, and on a slow link the poses of a sweep can arrive after it
     scans = Sensors(RANGES, triggers=True, otherwise=PlatformPorts.odometry)
     readings = OtherSensors(RANGES, triggers=True)
     track = Track(LocalizerPorts.pose)
@@ -59,7 +59,7 @@ class MapperNode(RoleNode[Mapper]):
 
 
 def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
-    """The end of a track, from a little before the oldest data on: a mapper has no use for the minutes before."""
+    """The newest part of a track, from a little before the oldest data: a mapper does not need the older poses."""
     begin_ns = since_ns - BEFORE_DATA_NS
     kept: list[PoseEstimate] = []
     for pose in reversed(poses):

@@ -1,4 +1,4 @@
-"""The node that publishes what operators ask for."""
+"""The node that publishes the requests of operators."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["OperatorNode"]
 
 
 class OperatorNode(Node):
-    """Publishes what operators asked for in this tick."""
+    """Publishes the operators' requests of this tick."""
 
     role = "operator"
     ticks = True

@@ -1,4 +1,4 @@
-"""The node round a planner."""
+"""The node around a planner."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["PlannerNode"]
 
 
 class PlannerNode(RoleNode[Planner]):
-    """The newest request to a path, or why there is none. `tolerance` is the goal's, m."""
+    """Turns the newest request into a path, or the reason why there is none. `tolerance` is the goal's, m."""
 
     role = "planner"
     plan = New(GoalPorts.plan, triggers=True)

@@ -1,4 +1,4 @@
-"""The node round a recovery."""
+"""The node around a recovery."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from navloom.roles import Recovery, RecoveryInput
 __all__ = ["RecoveryNode"]
 
 TRAIL_STEP = 0.05
-"""Distance between two places of the trail that recoveries see, m."""
+"""Distance between two points of the trail of past poses that recoveries receive, m."""
 TRAIL_LENGTH = 100
 
 
 class RecoveryNode(RoleNode[Recovery]):
-    """Called while the goal asks for it; one attempt ends with `done` or `failed`."""
+    """Runs the recovery while the goal requests it; one attempt ends with `done` or `failed`."""
 
     role = "recovery"
     ticks = True
@@ -75,7 +75,7 @@ class RecoveryNode(RoleNode[Recovery]):
         self.status.put(answer)
 
     def _follow(self, estimate: PoseEstimate | None) -> None:
-        """Keep where the robot has been."""
+        """Add the pose to the trail of where the robot has been."""
         if estimate is None:
             return
         pose = estimate.pose

@@ -1,4 +1,4 @@
-"""The base of nodes round the plugin of a role, and what such nodes read of the robot's sensors."""
+"""The base of nodes around the plugin of a role, and how such nodes read the robot's sensors."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from navloom.roles.readings import NO_READINGS, Readings
 __all__ = ["RANGES", "RoleNode", "in_order", "of_kind", "readings_of"]
 
 RANGES = (RangeScan, Sweep)
-"""What roles are given as scans and sweeps; messages of all other sensors are their readings."""
+"""Sensor messages that roles receive as scans and sweeps; those of all other sensors are readings."""
 
 M = TypeVar("M", bound=Message)
 P = TypeVar("P", bound=Role)
 
 
 class RoleNode(Node, Generic[P]):
-    """Base of the nodes whose plugins may declare extra inputs."""
+    """Base of nodes whose plugins may declare extra inputs."""
 
     extras = ExtraInputs()
     plugin: P
 
     def extra(self) -> Extras:
-        """What the extra inputs hold."""
+        """Current messages of the plugin's extra inputs."""
         if not self.extras:
             return NO_EXTRAS
         declared = extras_of(type(self.plugin))
@@ -38,7 +38,7 @@ class RoleNode(Node, Generic[P]):
 
 
 def in_order(sensors: Mapping[str, News[Any]]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
-    """What a node's sensors brought, in order of time and then of port, and the name of the sensor of each."""
+    """New messages of a node's sensors, in order of time and then of port, with the sensor's name of each."""
     if not sensors:
         return (), ()
     if len(sensors) == 1:
@@ -53,13 +53,13 @@ _first = itemgetter(0)
 
 
 def of_kind(kind: type[M], named: Sequence[tuple[Any, str]]) -> tuple[tuple[M, ...], tuple[str, ...]]:
-    """Messages of one class with the names of their sensors."""
+    """The messages of one class, and the names of their sensors."""
     found = [(one, name) for one, name in named if isinstance(one, kind)]
     return tuple([one for one, _ in found]), tuple([name for _, name in found])
 
 
 def readings_of(sensors: Mapping[str, News[Message]]) -> Readings:
-    """What sensors of other kinds brought."""
+    """New messages of sensors of other kinds, by the sensor's name."""
     if not sensors:
         return NO_READINGS
     return MappingProxyType({name: tuple(news.values) for name, news in sensors.items() if news.values})

@@ -43,7 +43,7 @@ def why_not(link: Link, patience: float = 2.0) -> str:
     except TimeoutError:
         return f"{end.text}: {end.host} does not answer within {patience:g} s: is it on, and reachable from here?"
     except (ConnectionRefusedError, FileNotFoundError):
-        return f"{end.text}: nobody listens there: is the robot, or its router, up?"
+        return f"{end.text}: nothing listens there: is the robot, or its router, up?"
     except OSError as error:
         return f"{end.text}: {error.strerror or error}"
 

@@ -23,7 +23,10 @@ def graph(
     *,
     robot: RobotOptions,
 ) -> None:
-    """Print the nodes in the order they step and what each reads; ~ marks what is read of the previous tick."""
+    """Print the nodes in the order they step, and their inputs.
+
+    A ~ marks an input from the previous tick.
+    """
     from navloom.config import ConfigError
 
     if config is None:

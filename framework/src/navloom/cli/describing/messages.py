@@ -27,7 +27,10 @@ def messages(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show the fields of this one.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List every message with its version and distribution, or the fields of one. Of one name, all are shown."""
+    """List every message, or show the fields of one.
+
+    The list has versions and distributions. If several messages have the name, all are shown.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest

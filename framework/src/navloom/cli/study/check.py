@@ -25,7 +25,7 @@ def check(
     ] = None,
     tier: Annotated[list[str] | None, typer.Option(metavar="TIER", help="Run this tier alone; repeats.")] = None,
     plugin: PluginFiles = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random in the checks.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the checks.")] = 0,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pictures into this folder.")] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="List the checks, or those of ROLE.NAME, and run none.")
@@ -34,10 +34,15 @@ def check(
         str | None,
         typer.Option(metavar="CONFIG", help="Try this config's real platform with its hardware; nothing moves."),
     ] = None,
-    drive: Annotated[bool, typer.Option("--drive", help="With --hardware: drive a short way, turn and stop.")] = False,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="With --hardware: drive a short distance, turn and stop.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check one plugin in a process of its own. Exit 0: it passes; 1: a check found a fault."""
+    """Check one plugin in a process of its own.
+
+    Exit 0: it passes; 1: a check found a fault.
+    """
     from navloom.cli.output import progress_line, say_so
     from navloom.config import ConfigError
     from navloom.testing.runner import check_plugin

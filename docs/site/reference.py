@@ -28,7 +28,7 @@ ROLE_INTROS = {
     "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked.",
     "controller": EACH_STEP,
     "avoider": "Called every tick, whether it drives or not. The framework decides whether it drives.",
-    "recovery": "Called each tick while the goal asks for it.",
+    "recovery": "Called in each tick while the goal requests a recovery.",
 }
 ANSWERS = {
     "platform": (),

@@ -1,4 +1,4 @@
-"""The tables of a config file. Those of roles and sensors carry their plugin's own parameters, unchecked here."""
+"""The tables of a config file. Tables of roles and sensors also hold plugin parameters, which are not checked here."""
 
 from __future__ import annotations
 
@@ -42,24 +42,24 @@ __all__ = [
 
 Positive = Annotated[float, Field(gt=0.0)]
 ROLE_TABLES = ROLES.keys()
-"""Roles, each with a table of its name in every config."""
+"""Roles; each has a table of its name in every config."""
 OWN_NODES = ("goal", "reference", "gate")
 TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
-"""Names below a robot's key that no table [[node]] can have."""
+"""Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
-"""Process of the tables [[node]] that no process names: apart from what drives the robot."""
+"""Process of the [[node]] tables that no process names, apart from those that drive the robot."""
 LONGEST_NAME = 48
-"""Characters of a name: a key is made of five, and has 255 bytes at most."""
+"""Longest name, in characters: a key has five names, and at most 255 bytes."""
 
 
 class Table(StrictModel):
-    """Base of the config's tables: unknown keys are refused, whole numbers pass as reals, nothing is infinite."""
+    """Base of the config's tables: unknown keys are refused, integers are accepted as floats, infinity is not."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class OpenTable(StrictModel):
-    """Base of tables that carry a plugin's parameters beside their own keys."""
+    """Base of tables that hold a plugin's parameters in addition to their own keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
@@ -93,7 +93,7 @@ class FootprintTable(Table):
 
 
 class RobotTable(Table):
-    """What every plugin is told about the robot; the gate enforces the limits."""
+    """Description of the robot for every plugin; the gate enforces the limits."""
 
     realm: str = Field(default="lab", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
     name: str = Field(default="r1", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
@@ -111,18 +111,18 @@ class RobotTable(Table):
 
     @property
     def max_angular(self) -> float:
-        """rad/s."""
+        """Largest turn rate, rad/s."""
         return math.radians(self.max_angular_deg)
 
     @property
     def max_angular_acceleration(self) -> float:
-        """rad/s²; infinite where there is no limit."""
+        """Largest angular acceleration, rad/s²; infinite for no limit."""
         given = self.max_angular_acceleration_deg
         return math.inf if given is None else math.radians(given)
 
 
 class OffsetTable(Table):
-    """How far the true start is from the one the robot believes in, along the axes of the map."""
+    """Offset of the true start from the start that the robot believes in, along the axes of the map."""
 
     x: float = Field(default=0.0, description="m")
     y: float = Field(default=0.0, description="m")
@@ -130,21 +130,21 @@ class OffsetTable(Table):
 
 
 class WorldTable(Table):
-    """Where a simulated robot is."""
+    """The world of a simulated robot."""
 
     ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
     start_offset: OffsetTable = Field(default=OffsetTable(), description="the true start less navigation.start")
 
 
 class MapTable(Table):
-    """A map made before the run, for plugins that want one."""
+    """A map known before the run, for plugins that need one."""
 
     ref: str = Field(default="world", description='a world reference, or "world" for the one of the run')
     resolution: float = Field(default=0.05, ge=0.005, le=1.0, description="m, where the reference has no raster")
 
 
 class RoleTable(OpenTable):
-    """A role's plugin; the keys not named here are its parameters."""
+    """A role's plugin; all other keys are its parameters."""
 
     plugin: str = Field(min_length=1)
     name: str | None = Field(
@@ -162,12 +162,12 @@ class RoleTable(OpenTable):
 
     @property
     def instance(self) -> str:
-        """Name of the instance: its own, or the plugin's."""
+        """Name of the instance: `name`, or the plugin's name."""
         return self.name or self.plugin
 
 
 class NodeTable(RoleTable):
-    """A whole node of another distribution's plugin."""
+    """A node plugin."""
 
     name: str = Field(
         max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="takes a role's place in keys and lists"
@@ -176,19 +176,19 @@ class NodeTable(RoleTable):
 
     @property
     def instance(self) -> str:
-        """Name of the instance: the plugin's, since `name` is the node's."""
+        """Name of the instance: the plugin's name, since `name` is the node's."""
         return self.plugin
 
 
 class AlternativeTable(RoleTable):
-    """A further instance of a role or node, in shadow or waiting to be swapped in."""
+    """Another instance of a role or node, which runs as a shadow or waits to be swapped in."""
 
     role: str = Field(min_length=1, description="a role, or the name of a [[node]]")
     shadow: bool = True
 
 
 class PlacedTable(NamedTuple):
-    """A table of an instance: its place in the file, and the role or node it is of."""
+    """The table of an instance, with its place in the file and its role or node."""
 
     place: str
     role: str
@@ -196,7 +196,7 @@ class PlacedTable(NamedTuple):
 
 
 class SensorTable(OpenTable):
-    """One sensor; the keys not named here are its settings."""
+    """One sensor; all other keys are its settings."""
 
     name: str = Field(max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$")
     kind: str = Field(min_length=1)
@@ -218,7 +218,7 @@ class PlaceTable(Table):
 
 
 class NavigationTable(Table):
-    """Start, goal and everything the framework's own nodes decide by."""
+    """Start, goal, and the settings of the framework's own nodes."""
 
     start: PlaceTable | None = Field(default=None, description="default: the world's")
     goal: PlaceTable | None = Field(default=None, description='default: the world\'s; see "drive"')
@@ -260,7 +260,7 @@ class GateTable(Table):
 
 
 class EventTable(Table):
-    """Something an operator does at a time."""
+    """An operator's action at a given time."""
 
     at: float = Field(ge=0.0, description="s of robot time")
     do: Literal["swap", "goal", "cancel", "set", "stop", "resume"]
@@ -295,11 +295,11 @@ DEFAULT_PLUGINS: dict[str, str] = {
     "avoider": "improved_vfh",
     "recovery": "wait_and_replan",
 }
-"""Of the roles without which there is no robot."""
+"""Default plugin of each role."""
 
 
 class LiveTable(Table):
-    """How `up` and `node` spread the nodes; lockstep does not read it."""
+    """How `up` and `node` distribute nodes over processes and hosts; lockstep ignores it."""
 
     processes: dict[str, list[str]] = Field(
         default_factory=lambda: {

@@ -19,8 +19,8 @@ class ControllerInput:
 
     Attributes:
         stamp_ns: Run clock.
-        trajectory: All of what is followed.
-        reference: Where on it the robot is now (progress, reference pose, speed and turn rate).
+        trajectory: The whole trajectory to follow.
+        reference: The robot's place on it (progress, reference pose, speed and turn rate).
         estimate: Pose in the map and velocity in base.
         extra: The plugin's own extra inputs, see `Extra`.
     """
@@ -40,4 +40,4 @@ class Controller(Role[P]):
 
     @abstractmethod
     def control(self, given: ControllerInput) -> TrackingCommand:
-        """Velocity for this tick and the tracking errors it answers."""
+        """Velocity for this tick, and the tracking errors that it corrects."""

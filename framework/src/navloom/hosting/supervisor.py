@@ -386,8 +386,8 @@ def _send(child: Worker, number: signal.Signals) -> None:
 
 def _why(code: int) -> str:
     if code == -SEIZED:
-        return "was ended: a node computed without ever letting go of Python"
+        return "was ended: a node computed without releasing the GIL"
     if code < 0:
         with contextlib.suppress(ValueError):
             return f"was ended by {signal.Signals(-code).name}"
-    return "gave up a node that hangs" if code == HUNG else f"ended with code {code}"
+    return "ended because a node hung" if code == HUNG else f"ended with code {code}"

@@ -73,7 +73,7 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
     else:
         for spec in system.specs:
             typer.echo(f"{spec.role} ({', '.join(names[spec.role])})")
-            typer.echo(f"  reads {', '.join(map(str, spec.inputs)) or 'nothing'}")
+            typer.echo(f"  reads {', '.join(dict.fromkeys(map(str, spec.inputs))) or 'nothing'}")
             typer.echo(f"  publishes {', '.join(f'{port.name} ({_carried(port)})' for port in spec.ports)}")
 
 

@@ -25,7 +25,7 @@ def plugins(
     ] = None,
     plugin: PluginFiles = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="With `new`: folder that gets the new one; default: this one.")
+        Path | None, typer.Option(metavar="DIR", help="With `new`: parent folder of the new one; default: this one.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""`navloom import`: a CARMEN log as a recording, and what `navloom replay` makes of an imported one."""
+"""`navloom import`: converts a CARMEN log to a recording, and replays imported recordings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["import_log", "replay_imported"]
 
 
 class Poses(StrEnum):
-    """What is taken as odometry."""
+    """Source of the odometry."""
 
     odometry = "odometry"
     corrected = "corrected"
@@ -93,13 +93,13 @@ def replay_imported(
     as_json: bool,
     place: MapOptions,
 ) -> None:
-    """`navloom replay` of an imported log: the plugins asked for on what it holds.
+    """`navloom replay` of an imported log: run the given plugins on its messages.
 
     Args:
-        recording: The log.
+        recording: The imported log.
         loaded: Its config.
         stand_ins: Plugin by role.
-        changes: Of their parameters.
+        changes: Changes of their parameters.
         out: Folder for results; None for none.
         as_json: Print JSON.
         place: Map and start, in place of those of the import.

@@ -10,7 +10,7 @@ from typing import Any
 
 from navloom.plugins.one_file import files_in_use
 from navloom.testing.checks import Check
-from navloom.testing.findings import Finding, Report, Result
+from navloom.testing.findings import CheckReport, Finding, Result
 from navloom.testing.process import Process
 from navloom.testing.tiers import TIERS, checks_of
 
@@ -40,7 +40,7 @@ def check_plugin(
     only: Sequence[str] = (),
     out: Path | None = None,
     progress: Progress = lambda check, done, total: None,
-) -> Report:
+) -> CheckReport:
     """Check one plugin.
 
     Args:
@@ -65,7 +65,7 @@ def check_plugin(
     results = tuple(told.results[one.name] for one in checks)
     options = [shlex.join(["--plugin", file]) for file in files_in_use()]
     options += [f"--set {value!r}" if " " in value else f"--set {value}" for value in params]
-    return Report(name, told.owner, told.place, seed, results, tuple(options))
+    return CheckReport(name, told.owner, told.place, seed, results, tuple(options))
 
 
 def _one_process(

@@ -11,7 +11,7 @@ import typer
 from navloom.cli.options import AsJson, PluginFiles
 
 if TYPE_CHECKING:
-    from navloom.testing.findings import Report
+    from navloom.testing.findings import CheckReport
 
 __all__ = ["check"]
 
@@ -88,7 +88,7 @@ def check(
     _end(report, as_json, "" if out is not None else "; --out DIR draws the scenes")
 
 
-def _end(report: Report, as_json: bool, hint: str = "") -> None:
+def _end(report: CheckReport, as_json: bool, hint: str = "") -> None:
     """Print a report; exit with code 1 if a check failed, with the hint if it is one of behaviour."""
     from navloom.cli.output import print_json, say_so
     from navloom.testing.tiers import BEHAVIOUR
@@ -103,7 +103,7 @@ def _end(report: Report, as_json: bool, hint: str = "") -> None:
         raise typer.Exit(1)
 
 
-def _print(report: Report) -> None:
+def _print(report: CheckReport) -> None:
     """A line for each check; for failed ones also the finding, what was expected, and how to repeat it."""
     marks = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
@@ -159,7 +159,7 @@ def _refuse_missing(name: str) -> None:
     """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
-    from navloom.testing.subject import CHECKED, Request, discovery_of
+    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of
 
     kind, _, plugin = name.partition(".")
     scheme, colon, _ = plugin.partition(":")
@@ -168,14 +168,13 @@ def _refuse_missing(name: str) -> None:
     if kind == "world" and colon:
         kind, plugin = "scheme", scheme
     if kind not in CHECKED or not plugin:
-        discovery = discovery_of(Request(name))
         if kind in CHECKED:
-            hint = nearest(plugin, discovery.names(kind))
+            hint = nearest(plugin, discovery_of(CheckRequest(name)).names(kind))
         else:
-            hint = discovery.meant(name) or nearest(kind, list(CHECKED))
+            hint = discovery_of(CheckRequest(name)).meant(name) or nearest(kind, list(CHECKED))
         raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{hint}")
-    known = discovery_of(Request(name)).names(kind)
+    known = discovery_of(CheckRequest(name)).names(kind)
     if kind == "message":
         known = [*known, *(one.rpartition(".")[2] for one in known)]
     if plugin not in known:
-        raise PluginError(f"no plugin {name} is installed{discovery_of(Request(name)).instead_of(kind, plugin)}")
+        raise PluginError(f"no plugin {name} is installed{discovery_of(CheckRequest(name)).instead_of(kind, plugin)}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.command import Command
+from navloom.cli.command import SectionedCommand
 from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 
@@ -29,7 +29,7 @@ TOLD = 10.0
 """Interval between lines of progress without a terminal, s."""
 
 
-class Variadic(Command):
+class Variadic(SectionedCommand):
     """Lets an option take several values in a row: `--worlds doorway u_trap`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

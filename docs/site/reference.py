@@ -203,8 +203,8 @@ def geometry_page() -> str:
 
 def avoidance_page() -> str:
     """What avoiders share."""
-    modules = ("beams", "robot", "motors", "decision", "search", "steering", "smoothing", "histogram", "clearance",
-               "certainty", "support", "himm")  # fmt: skip
+    modules = ("beams", "robot", "motors", "decision", "method", "search", "steering", "smoothing", "histogram",
+               "clearance", "certainty", "support", "himm")  # fmt: skip
     return page(
         "Avoidance",
         "What several avoiders share: functions on numpy arrays. Import from the named module.",
@@ -233,6 +233,8 @@ def testing_page() -> str:
         "Testing",
         "Import from `navloom.testing`.",
         shown("navloom.testing.builders", options="\n    options: { show_root_heading: false }"),
+        "## Messages",
+        shown("navloom.testing.messages", options="\n    options: { show_root_heading: false }"),
         "## Scenes",
         shown("navloom.testing.scenes", options="\n    options: { show_root_heading: false }"),
     )

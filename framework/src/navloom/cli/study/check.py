@@ -11,7 +11,7 @@ import typer
 from navloom.cli.options import AsJson, PluginFiles
 
 if TYPE_CHECKING:
-    from navloom.testing.findings import Report
+    from navloom.testing.findings import CheckReport
 
 __all__ = ["check"]
 
@@ -86,7 +86,7 @@ def check(
     _end(report, as_json)
 
 
-def _end(report: Report, as_json: bool) -> None:
+def _end(report: CheckReport, as_json: bool) -> None:
     """Print a report; exit with code 1 if a check failed."""
     from navloom.cli.output import print_json, say_so
 
@@ -99,7 +99,7 @@ def _end(report: Report, as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _print(report: Report) -> None:
+def _print(report: CheckReport) -> None:
     """A line for each check; for failed ones also the finding, what was expected, and how to repeat it."""
     marks = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
@@ -155,13 +155,13 @@ def _refuse_missing(name: str) -> None:
     """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
-    from navloom.testing.subject import CHECKED, Request, discovery_of
+    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of
 
     kind, _, plugin = name.partition(".")
     if kind not in CHECKED or not plugin:
         raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{nearest(kind, list(CHECKED))}")
-    known = discovery_of(Request(name)).names(kind)
+    known = discovery_of(CheckRequest(name)).names(kind)
     if kind == "message":
         known = [*known, *(one.rpartition(".")[2] for one in known)]
     if plugin not in known:
-        raise PluginError(f"no plugin {name} is installed{discovery_of(Request(name)).instead_of(kind, plugin)}")
+        raise PluginError(f"no plugin {name} is installed{discovery_of(CheckRequest(name)).instead_of(kind, plugin)}")

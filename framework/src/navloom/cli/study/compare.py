@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.command import Command
+from navloom.cli.command import SectionedCommand
 from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 
@@ -30,7 +30,7 @@ TOLD = 10.0
 SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 
 
-class Variadic(Command):
+class Variadic(SectionedCommand):
     """Lets an option take several values in a row: `--worlds doorway u_trap`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -73,8 +73,8 @@ class RunTable(Table):
     """One run."""
 
     seed: int = Field(default=0, ge=0, lt=2**63, description="of every random stream")
-    period: float = Field(default=0.05, ge=0.001, le=1.0, description="s, one control tick")
-    stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="s of robot time")
+    period: float = Field(default=0.05, ge=0.001, le=1.0, description="length of a control tick, s")
+    stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="longest run, s of robot time")
 
 
 class FootprintTable(Table):
@@ -150,14 +150,14 @@ class RoleTable(OpenTable):
     name: str | None = Field(
         default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
     )
-    sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
+    sensors: list[str] | None = Field(default=None, description="sensors that it reads; default: all that it supports")
     inputs: dict[str, str] | None = Field(
         default=None, description="by name of an input, the stream it reads, as people.tracks; default the only one"
     )
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
-    latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
+    latency: float = Field(default=0.0, ge=0.0, le=60.0, description="delay of its outputs in lockstep, s")
     diagnostics_rate_hz: float | None = Field(
-        default=None, ge=0.0, description="avoider: how often it says why, 2 where not given, 0 for never"
+        default=None, ge=0.0, description="avoider: rate of its diagnostics; default 2; 0: none"
     )
 
     @property
@@ -172,7 +172,7 @@ class NodeTable(RoleTable):
     name: str = Field(
         max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="takes a role's place in keys and lists"
     )
-    required: bool = Field(default=False, description="the gate stops the robot when it is gone")
+    required: bool = Field(default=False, description="the gate stops the robot when the node is gone")
 
     @property
     def instance(self) -> str:
@@ -231,13 +231,15 @@ class NavigationTable(Table):
     look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
     corridor_margin: float = Field(default=0.04, ge=0.0, description="m, beside the robot's half width")
     handover: Literal["when_blocked", "always", "never"] = "when_blocked"
-    handover_own_way: bool = Field(default=True, description="it also looks along the way the robot takes next")
+    handover_own_way: bool = Field(
+        default=True, description="the hand-over also checks the path that the robot takes next"
+    )
     handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
     stuck_after: Positive = Field(default=15.0, description="s without progress")
     max_recoveries: int = Field(default=3, ge=0)
     map_timeout: Positive = Field(default=10.0, description="s to wait for a map")
     plan_timeout: Positive = Field(default=10.0, description="s to wait for a plan")
-    replan_when_blocked: bool = Field(default=True, description="plan anew when a new map blocks the trajectory")
+    replan_when_blocked: bool = Field(default=True, description="replan when a new map blocks the trajectory")
     replan_period: float = Field(default=0.0, ge=0.0, description="s between two plans while driving; 0: none")
     replan_gain: float = Field(
         default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
@@ -253,8 +255,8 @@ class NavigationTable(Table):
 class GateTable(Table):
     """When the command gate stops the robot."""
 
-    stop_deadline: Positive = Field(default=0.10, description="s a command may be behind the platform")
-    sensor_timeout: Positive = Field(default=0.5, description="s a required sensor may be silent")
+    stop_deadline: Positive = Field(default=0.10, description="longest lag of a command behind the platform, s")
+    sensor_timeout: Positive = Field(default=0.5, description="longest silence of a required sensor, s")
     monitor: bool = Field(default=True, description="look at the range sensors before a command passes")
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
@@ -311,11 +313,11 @@ class LiveTable(Table):
     )
     hosts: dict[str, list[str]] = Field(default_factory=dict, description="processes of each host")
     router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
-    router_host: str | None = Field(default=None, description="host that starts the router; default: none, run it")
+    router_host: str | None = Field(default=None, description="host that starts the router; default: start it by hand")
     keys: str | None = Field(default=None, description="folder of certificates, see `navloom keys`")
     shared_memory: bool = Field(default=False, description="messages of 3 KB and more pass through it on one host")
-    hang_timeout: Positive = Field(default=2.0, description="s a step may take before its process is given up")
-    restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it is left down")
+    hang_timeout: Positive = Field(default=2.0, description="longest step before its process is killed, s")
+    restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it stays down")
     restart_window: Positive = Field(default=30.0, description="s")
 
     @model_validator(mode="after")

@@ -48,7 +48,7 @@ def new(
         entries = [{"name": one.name, "kind": one.kind, "common_name": common_name(one, realm, robot)} for one in made]
         print_json({"folder": str(folder), "hosts": list(order.hosts), "days": days, "identities": entries})
         return
-    typer.echo("Copy to each host, into a folder of its user alone (mode 700):")
+    typer.echo("Copy to each host, into a folder that only its user can enter (mode 700):")
     for one in made:
         files = f"ca.pem {one.name}.pem {one.name}-key.pem" + _LIST.get(one.kind, "")
         typer.echo(f"  {_FOR[one.kind]}: {files}")

@@ -1,4 +1,4 @@
-"""`navloom import`: a CARMEN log as a recording, and what `navloom replay` makes of an imported one."""
+"""`navloom import`: converts a CARMEN log to a recording, and replays imported recordings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["import_log", "replay_imported"]
 
 
 class Poses(StrEnum):
-    """What is taken as odometry."""
+    """Source of the odometry."""
 
     odometry = "odometry"
     corrected = "corrected"
@@ -99,16 +99,16 @@ def replay_imported(
     map_ref: str | None = None,
     start: str | None = None,
 ) -> None:
-    """`navloom replay` of an imported log: the plugins asked for on what it holds.
+    """`navloom replay` of an imported log: run the given plugins on its messages.
 
     Args:
-        recording: The log.
+        recording: The imported log.
         loaded: Its config.
         stand_ins: Plugin by role.
-        changes: Of their parameters.
+        changes: Changes of their parameters.
         out: Folder for results; None for none.
         as_json: Print JSON.
-        map_ref, start: In place of those of the import.
+        map_ref, start: Replacements for those of the import.
     """
     from navloom.cli.output import print_json, stage
     from navloom.cli.recordings.substitute_output import can_draw

@@ -1,4 +1,4 @@
-"""`navloom replay`: a recording again, node by node, as it was or with another plugin in one role."""
+"""`navloom replay`: repeats a recording node by node, unchanged or with another plugin in one role."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def replay(
         raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
     for change in set_ or ():
         if change.partition(".")[0] not in stand_ins:
-            tried = ", ".join(stand_ins) or "none is tried"
-            raise ConfigError(f"--set {change}: expected ROLE.KEY=V of a role that another plugin is tried in: {tried}")
+            tried = ", ".join(stand_ins) or "none has"
+            raise ConfigError(f"--set {change}: expected ROLE.KEY=V, with a ROLE that has another plugin here: {tried}")
     recording = Recording(file)
     tell_reading(recording)
     if live:
@@ -168,7 +168,7 @@ def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: P
 
 
 def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
-    """What a node raised, and the command that repeats that step; of the step that was asked for its traceback."""
+    """Log an exception of a node and the command that repeats the step; for a requested step, log its traceback too."""
     from navloom.recording.excerpt import repeating
 
     fault = found.first_fault if excerpt.until is None else found.last_fault
@@ -184,7 +184,7 @@ def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
 
 
 def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
-    """A check for people."""
+    """Print the result of a check for people."""
     from navloom.cli.output import print_table
 
     print_table(

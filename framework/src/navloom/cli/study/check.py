@@ -1,4 +1,4 @@
-"""`navloom check`: whether a plugin keeps the framework's contract."""
+"""`navloom check`: checks that a plugin keeps the framework's contract."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def check(
 
 
 def _end(report: Report, as_json: bool) -> None:
-    """Print a report; exit code 1 where a check failed."""
+    """Print a report; exit with code 1 if a check failed."""
     from navloom.cli.output import print_json, say_so
 
     if as_json:
@@ -152,7 +152,7 @@ def _refuse_unknown(name: str | None, only: list[str] | tuple[str, ...], tiers: 
 
 
 def _refuse_missing(name: str) -> None:
-    """Refuse a name that nothing is installed under: that is no fault of a plugin."""
+    """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
     from navloom.testing.subject import CHECKED, Request, discovery_of

@@ -36,7 +36,7 @@ class StepRecord(NamedTuple):
         trigger: Port (or "tick") that made it step.
         consumed: Input and the sequences read at it, see `InputRead`.
         params_version: Rises with each change of the parameters.
-        resets: How often the instance was reset.
+        resets: How often the instance was reset: 0, as a run makes new objects instead.
         duration_ns: Time the step took on this machine: never in a message or a trace.
         stamp_ns: Run clock of the tick.
         epoch: Selection in force.

@@ -42,7 +42,7 @@ class StepReport(Message):
         published: Every port with its mark after this tick.
         enabled: It steps when triggered; an alternative that waits, or a plugin that broke in lockstep, does not.
         params_version: Rises with each change of the parameters.
-        resets: How often the instance was reset.
+        resets: How often the instance was reset: 0, as a run makes new objects instead.
         duration_ns: Time the step took on its machine.
         fault: What the plugin raised in this tick, empty for nothing.
         told: What the executor told the node beside its inputs, as a JSON object; empty for nothing. See

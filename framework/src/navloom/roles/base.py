@@ -196,7 +196,11 @@ class Role(ABC, Generic[P]):
         self.context = context
 
     def reset(self) -> None:
-        """Forget everything learnt since construction. A plugin without memory leaves it as it is."""
+        """Forget everything learnt since construction. A plugin without memory leaves it as it is.
+
+        A run never calls it: every run, episode and restarted process makes a new object. `navloom check`, tests and
+        scripts call it, to use one object for several trials.
+        """
 
     def configure(self, params: P) -> None:
         """Take checked new parameters between two ticks. Forgets what was learnt, unless a plugin overrides it."""

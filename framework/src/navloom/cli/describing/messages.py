@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
 
 def messages(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show the fields of this one.")] = None,
+    plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List every message with its version and distribution, or the fields of one. Of one name, all are shown."""

@@ -84,6 +84,7 @@ def test_json_has_every_row_and_the_request(navloom: Run, config: str, tmp_path:
 
 WRONG = """
 import random
+import sys
 import time
 
 from navloom import Avoidance, Avoider, Twist2D
@@ -93,7 +94,7 @@ class Wrong(Avoider):
     name = "wrong"
 
     def avoid(self, given):
-        print("x" * 5000)
+        print("x" * 5000, file=sys.stderr)
         return Avoidance(Twist2D(0.0, 0.0, 20.0 + 1e-6 * random.random() + 1e-9 * time.monotonic()), "steering")
 """
 

@@ -15,7 +15,7 @@ from navloom.live.live_platform import LivePlatform
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
 from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, RangeScan, Twist2D
-from navloom.roles import PlatformOutput
+from navloom.roles import PlatformOutput, SensorSpec
 from navloom.transport.keyspace import KeySpace
 
 PERIOD, DEADLINE = 0.05, 0.1
@@ -32,7 +32,6 @@ class Base:
     sensor_kinds = {"ring": RangeScan}
 
     def __init__(self) -> None:
-        self.context = SimpleNamespace(sensors=[SimpleNamespace(name="sonars", kind="ring")])
         self.scans: dict[str, Any] = {}
         self.told: list[Twist2D] = []
         self.broken = 0
@@ -68,7 +67,7 @@ class Robot:
             publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
             serve=lambda *given, **more: None,
         )
-        node = PlatformNode(self.base)  # type: ignore[arg-type]
+        node = PlatformNode(self.base, [SensorSpec("sonars", "ring")])  # type: ignore[arg-type]
         self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(bus, KEYS, lossless=False))
         self.runner = LivePlatform(
             self.hosted, RunClock(clock.monotonic_ns), PERIOD, lambda: self.ended, DEADLINE, clock.monotonic_ns()

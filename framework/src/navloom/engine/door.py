@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import Any, Generic, NoReturn, TypeVar
 
@@ -39,6 +39,7 @@ from navloom.roles import (
     PlatformInput,
     PlatformOutput,
     Role,
+    SensorSpec,
     verb_of,
 )
 
@@ -90,11 +91,16 @@ class _Door:
 
 
 class PlatformDoor(_Door):
-    """The answers of a platform: messages of the declared types, stamps that move, sweeps that were asked for."""
+    """The answers of a platform: messages of the declared types, stamps that move, sweeps that were asked for.
 
-    def __init__(self, plugin: Platform) -> None:
+    Args:
+        plugin: The platform.
+        sensors: Those it is to provide.
+    """
+
+    def __init__(self, plugin: Platform, sensors: Iterable[SensorSpec]) -> None:
         super().__init__(plugin)
-        self._sensors = {spec.name: plugin.sensor_kinds.get(spec.kind, Message) for spec in plugin.context.sensors}
+        self._sensors = {spec.name: plugin.sensor_kinds.get(spec.kind, Message) for spec in sensors}
         self._newest = dict.fromkeys(self._sensors, 0)
         self._odometry_ns = self._now_ns = 0
         self._asked = 0

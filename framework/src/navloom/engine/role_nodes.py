@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
@@ -57,6 +57,7 @@ from navloom.roles import (
     Recovery,
     RecoveryInput,
     Role,
+    SensorSpec,
 )
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from navloom.roles.readings import NO_READINGS, Readings
@@ -90,9 +91,9 @@ class PlatformNode(Node):
     contact = Output(PlatformPorts.contact)
     truth = Output(PlatformPorts.truth)
 
-    def __init__(self, plugin: Platform) -> None:
+    def __init__(self, plugin: Platform, sensors: Iterable[SensorSpec]) -> None:
         self.plugin = plugin
-        self.door = PlatformDoor(plugin)
+        self.door = PlatformDoor(plugin, sensors)
         self.driven: Command | None = None
 
     def step(self, tick: Tick) -> None:

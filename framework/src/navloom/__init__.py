@@ -30,7 +30,7 @@ _HOUSES = (
 
 
 def __getattr__(name: str) -> Any:
-    """Fetch a public name from the house it lives in: late, so that `import navloom` costs nothing."""
+    """Import a public name from its house on first use, so that `import navloom` itself is fast."""
     if not name.startswith("_"):
         for house in _HOUSES:
             module = import_module(house)

@@ -46,7 +46,7 @@ ROBOT, VIEWING = "Which robot", "Viewer"
 
 
 def a_number(value: float | None) -> float | None:
-    """Check of an option or argument: any number, but no NaN and no infinity."""
+    """Check of an option or argument: any finite number."""
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter(f"got {value}, expected a finite number")
     return value
@@ -80,12 +80,12 @@ PluginFiles = Annotated[
     typer.Option(
         "--plugin",
         metavar="FILE.py",
-        help="Use the plugins in a Python file too, without packaging; repeats.",
+        help="Also use the plugins in this Python file; repeats.",
         callback=_use_files,
     ),
 ]
 Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")]
-Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, of shadows too.")]
+Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, also of shadows.")]
 RobotName = Annotated[
     str | None,
     typer.Option(
@@ -141,7 +141,7 @@ class RobotOptions:
         return join(self.robot, self.connect, self.keys, insecure=self.insecure)
 
     def navigator(self) -> Navigator:
-        """What an operator asks the robot with."""
+        """A navigator for the robot, with an operator's certificate."""
         from navloom.operating.navigator import Navigator
 
         return Navigator(self.robot, self.connect, self.keys, self.insecure)
@@ -199,17 +199,19 @@ class ViewerOptions:
         typer.Option(
             "--viewer",
             metavar="URL",
-            help="Show it in a viewer that runs already, as 127.0.0.1:9876.",
+            help="Show it in a viewer that is already open, as 127.0.0.1:9876.",
             rich_help_panel=VIEWING,
         ),
     ] = None
     rerun: Annotated[
         Path | None,
-        typer.Option("--rerun", metavar="F.rrd", help="Keep what the viewer shows in a file.", rich_help_panel=VIEWING),
+        typer.Option(
+            "--rerun", metavar="F.rrd", help="Write what the viewer shows to a file.", rich_help_panel=VIEWING
+        ),
     ] = None
 
     def where(self, view: bool, *, keeps: bool = True) -> Where:
-        """The options as what to show it in; `keeps` if --rerun is one of them.
+        """The place to show it, from these options. `keeps`: the command has the option --rerun.
 
         Raises:
             ViewerError: Two of them contradict each other, the viewer is not installed, or there is no display for it.
@@ -234,6 +236,6 @@ class ViewOptions(ViewerOptions):
     view: Annotated[bool, typer.Option("--view", help="Show it in the viewer.", rich_help_panel=VIEWING)] = False
 
     def asked(self) -> Where | None:
-        """What to show the run in; None if none of the options is given. Raises ViewerError."""
+        """The place to show the run; None if none of the options is given. Raises ViewerError."""
         is_asked = self.view or self.web or self.viewer is not None or self.rerun is not None
         return self.where(self.view) if is_asked else None

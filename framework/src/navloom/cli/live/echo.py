@@ -14,7 +14,7 @@ from navloom.cli.output import LOG
 __all__ = ["echo"]
 
 ENTRIES = 6
-"""Of a list at most, where people read it."""
+"""Largest number of list entries in the text output."""
 PATIENCE = 2.0
 """Longest silence before it is logged, s."""
 
@@ -29,7 +29,10 @@ def echo(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Print the messages of a stream as they come, until Ctrl-C; of a map, a path and the like the last one at once."""
+    """Print the messages of a stream as they arrive, until Ctrl-C.
+
+    The last map, path and the like is printed at once.
+    """
     from navloom.cli.output import json_line
     from navloom.operating.looking import envelope_fields, message_fields
 
@@ -51,7 +54,7 @@ def echo(
 
 
 def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
-    """Stream, message and envelope; what is kept first, then what comes. Says on stderr what cannot be shown."""
+    """Stream, message and envelope: retained messages first, then new ones. Logs what cannot be decoded."""
     from navloom.live.mailbox import Mailbox
     from navloom.messages.generic import GenericMessage
     from navloom.operating.client import ClientError
@@ -89,7 +92,7 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
 
 
 def chosen(values: Mapping[str, Any], fields: str | None) -> dict[str, Any]:
-    """Only the fields named, by dotted path; entries of lists by number."""
+    """Only the named fields, by dotted path; list entries by number."""
     if fields is None:
         return dict(values)
     found = {}
@@ -126,7 +129,7 @@ def _text(stream: str, head: Mapping[str, Any], values: Mapping[str, Any]) -> st
 
 
 def _value(value: Any) -> str:
-    """A value as people read it on one line."""
+    """A value as text on one line."""
     if isinstance(value, Mapping):
         if "dtype" in value and "shape" in value:
             return _array(value)

@@ -13,7 +13,7 @@ SHOWN = ("plugin", "process", "pid", "host")
 LONG = 0.5
 """Duration of a step from which a node counts as busy, s."""
 QUIET = ("streams", "places", "hosts")
-"""Parts of a description that are not in the table; `navloom graph` and `navloom hz` show them."""
+"""Parts of a description that are left out; `navloom graph` and `navloom hz` show them."""
 
 
 def list_nodes(
@@ -21,7 +21,10 @@ def list_nodes(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Print every node of a live robot with its process, host and state, and those that are missing."""
+    """Print every node of a live robot with its state.
+
+    Also its process and host, and the nodes that are missing.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.operating.client import ClientError
     from navloom.operating.looking import listing, missing

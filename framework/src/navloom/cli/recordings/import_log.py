@@ -1,4 +1,4 @@
-"""`navloom import`: a CARMEN log as a recording, and what `navloom replay` makes of an imported one."""
+"""`navloom import`: converts a CARMEN log to a recording, and replays imported recordings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["import_log", "replay_imported"]
 
 
 class Poses(StrEnum):
-    """What is taken as odometry."""
+    """Source of the odometry."""
 
     odometry = "odometry"
     corrected = "corrected"
@@ -25,15 +25,20 @@ def import_log(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A CARMEN log, or one in gzip.")],
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
     poses: Annotated[
-        Poses, typer.Option("--poses", help="The wheels' odometry, or the poses that a corrected log has for it.")
+        Poses, typer.Option("--poses", help="Raw odometry of the wheels, or the log's corrected poses.")
     ] = Poses.odometry,
     period: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Time between scans, where the log's are of no use.", callback=seconds),
+        typer.Option(metavar="S", help="Time between scans, s, if the log's stamps are unusable.", callback=seconds),
     ] = None,
     range_max: Annotated[
         float | None,
-        typer.Option(metavar="M", min=0.1, help="No echo from here on; else the log's limit.", callback=a_number),
+        typer.Option(
+            metavar="M",
+            min=0.1,
+            help="Readings from this range on are no echo, m; default: the log's limit.",
+            callback=a_number,
+        ),
     ] = None,
     mount: Annotated[
         list[str] | None,
@@ -47,7 +52,10 @@ def import_log(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Import a CARMEN log: laser scans and odometry, raw also where the log's poses are corrected."""
+    """Import a CARMEN log with laser scans and odometry.
+
+    If the log's poses are corrected, the raw odometry is recovered.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.recording.carmen_import import import_carmen
     from navloom.recording.imported import mount_option, start_option
@@ -91,16 +99,16 @@ def replay_imported(
     map_ref: str | None = None,
     start: str | None = None,
 ) -> None:
-    """`navloom replay` of an imported log: the plugins asked for on what it holds.
+    """`navloom replay` of an imported log: run the given plugins on its messages.
 
     Args:
-        recording: The log.
+        recording: The imported log.
         loaded: Its config.
         stand_ins: Plugin by role.
-        changes: Of their parameters.
+        changes: Changes of their parameters.
         out: Folder for results; None for none.
         as_json: Print JSON.
-        map_ref, start: In place of those of the import.
+        map_ref, start: Replacements for those of the import.
     """
     from navloom.cli.output import print_json, stage
     from navloom.cli.recordings.substitute_output import can_draw

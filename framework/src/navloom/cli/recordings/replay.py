@@ -1,4 +1,4 @@
-"""`navloom replay`: a recording again, node by node, as it was or with another plugin in one role."""
+"""`navloom replay`: repeats a recording node by node, unchanged or with another plugin in one role."""
 
 from __future__ import annotations
 
@@ -48,12 +48,10 @@ def replay(
         str | None,
         typer.Option(metavar="X,Y,HEADING_DEG", help="Imported log: where the robot is at first, in the map."),
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="Exit 1 where an output is not the recorded one.")] = False,
-    live: Annotated[
-        bool, typer.Option("--live", help="Publish it again, in realm replay, for tools that look.")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", help="Exit 1 if an output differs from the recorded one.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Publish the recording as a robot in realm replay.")] = False,
     speed: Annotated[
-        float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.", callback=a_number)
+        float, typer.Option(metavar="X", min=0.01, help="With --live: speed factor.", callback=a_number)
     ] = 1.0,
     only: Annotated[
         str | None, typer.Option(metavar="ROLE[.NAME]", help="Step this node alone.", rich_help_panel=DEBUGGING)
@@ -72,7 +70,10 @@ def replay(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Replay a recording: step each node on what it was given and compare, or try another plugin on the same inputs."""
+    """Replay a recording, or try another plugin on its inputs.
+
+    Each node steps on its recorded inputs, and its outputs are compared with the recorded ones.
+    """
     from tempfile import TemporaryDirectory
 
     from navloom.cli.recordings.import_log import replay_imported
@@ -95,8 +96,8 @@ def replay(
         raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
     for change in set_ or ():
         if change.partition(".")[0] not in stand_ins:
-            tried = ", ".join(stand_ins) or "none is tried"
-            raise ConfigError(f"--set {change}: expected ROLE.KEY=V of a role that another plugin is tried in: {tried}")
+            tried = ", ".join(stand_ins) or "none has"
+            raise ConfigError(f"--set {change}: expected ROLE.KEY=V, with a ROLE that has another plugin here: {tried}")
     recording = Recording(file)
     tell_reading(recording)
     if live:
@@ -167,7 +168,7 @@ def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: P
 
 
 def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
-    """What a node raised, and the command that repeats that step; of the step that was asked for its traceback."""
+    """Log an exception of a node and the command that repeats the step; for a requested step, log its traceback too."""
     from navloom.recording.excerpt import repeating
 
     fault = found.first_fault if excerpt.until is None else found.last_fault
@@ -183,7 +184,7 @@ def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
 
 
 def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
-    """A check for people."""
+    """Print the result of a check for people."""
     from navloom.cli.output import print_table
 
     print_table(

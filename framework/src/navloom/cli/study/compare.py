@@ -31,10 +31,10 @@ SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions
 
 
 class Variadic(Command):
-    """Lets an option of several values take them one after the other: `--worlds doorway u_trap`."""
+    """Lets an option take several values in a row: `--worlds doorway u_trap`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Name the option again before each further value."""
+        """Repeat the option before each further value."""
         given: list[str] = []
         option, taken = "", 0
         for word in args:
@@ -63,24 +63,26 @@ def compare(
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value for all methods; repeats.")
     ] = None,
     plugin: PluginFiles = None,
-    jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Worker processes; default: one per core.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDR", help="Run on a Dask cluster, as tcp://10.0.0.5:8786.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder to keep the study in, and to go on from.")
+        Path | None, typer.Option(metavar="DIR", help="Folder of the study; an interrupted study continues.")
     ] = None,
     baseline: Annotated[
         str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
     ] = "",
     open_loop: Annotated[
         bool,
-        typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
+        typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once per world and seed."),
     ] = False,
     twice: Annotated[
         bool,
         typer.Option(
-            "--twice", help="Also run the first episode of each method twice; exit 1 where the second run differs."
+            "--twice", help="Also run the first episode of each method twice; exit 1 if the second run differs."
         ),
     ] = False,
     hang_after: Annotated[
@@ -94,8 +96,8 @@ def compare(
 ) -> None:
     """Run methods over worlds and seeds in closed loop. The same command continues an interrupted study.
 
-    With --view, --web, --viewer or --rerun the methods drive side by side in one picture instead, in the first world
-    with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted, or
+    With --view, --web, --viewer or --rerun there is no study: the methods drive side by side in the viewer, in the
+    first world with the first seed. Exit 0: every episode ended, whatever its outcome; 1: interrupted, or
     --twice found a difference; 2: the request was wrong.
     """
     from navloom.cli.output import print_json
@@ -146,14 +148,14 @@ def compare(
 
 
 def _in_words(warning: Mapping[str, Any]) -> str:
-    """A warning of a study: of which method, and in which of its episodes."""
+    """A warning of a study, with the method and the episodes that it concerns."""
     count, world, seed = warning["episodes"], warning["world"], warning["seed"]
     episodes = "1 episode" if count == 1 else f"{count} episodes, the first"
     return f"warning: {warning['method']}: {warning['text']} ({episodes}: {world}, seed {seed})"
 
 
 def _show(study: Study, where: Where, as_json: bool) -> None:
-    """Drive one episode of each method in one picture, and say how they ended."""
+    """Drive one episode of each method in one picture, and print the outcomes."""
     from navloom.cli.output import print_json, print_table
     from navloom.study.worldset import placed
     from navloom.viewer.side_by_side import drive_side_by_side
@@ -173,7 +175,7 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
         lines = [
             (name, ends[name].outcome, *(one[key] for key in keys), ends[name].reason) for name, one in found.items()
         ]
-        print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
+        print_table(("method", "outcome", "time, s", "driven, m", "minimum clearance, m", "reason"), lines)
 
     counts = drive_side_by_side(methods, where, title, log_of("viewer").info, tell)
     if where.file is not None and counts.file_failure:
@@ -181,12 +183,12 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
 
 
 def _reported(result: StudyResult, out: Path) -> StudyResult:
-    """The report beside the tables, and its files among the names."""
+    """Write the report beside the tables, and add its files to the result."""
     from dataclasses import replace
 
     from navloom.report.report import FILES, PLOTS_MISSING, write_report
 
-    if result.missing:  # the report is made of these tables
+    if result.missing:  # the report is made from these tables
         return result
     made = write_report(out, result.study.baseline)
     if not made.has_figures:
@@ -215,7 +217,7 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
 
 
 def _print(result: StudyResult, out: Path | None) -> None:
-    """A study's result for people."""
+    """Print a study's result for people."""
     from navloom.cli.output import print_table
 
     study = result.study
@@ -227,25 +229,25 @@ def _print(result: StudyResult, out: Path | None) -> None:
     worlds, seeds = len(study.worlds), len(study.seeds)
     typer.echo(
         f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} episodes, "
-        f"{result.before} of them from before, in {result.wall:.1f} s; means over episodes"
+        f"{result.before} of them from an earlier run, in {result.wall:.1f} s; means over episodes"
     )
     print_table(("method", "episodes", *shown, "outcomes"), lines)
     for line in _truths(result):
         typer.echo(line)
     if out is None:
-        typer.echo("not kept: --out DIR keeps the table, and lets the same command go on")
+        typer.echo("not saved: with --out DIR, compare writes the table, and the same command continues the study")
     else:
-        typer.echo(f"kept in {out}: {', '.join(result.files)}")
+        typer.echo(f"written to {out}: {', '.join(result.files)}")
 
 
 def _mean(found: Mapping[str, Any], metric: str) -> Any:
-    """A mean, and the 95 % interval of a share."""
+    """A mean, with the 95 % interval if it is a share."""
     mean, ends = found["means"][metric], found["intervals"].get(metric)
     return mean if ends is None or mean is None else f"{mean:.3g} [{ends[0]:.2g}, {ends[1]:.2g}]"
 
 
 def _truths(result: StudyResult) -> Iterator[str]:
-    """By method, successes that the ground truth denies, and those that it says nothing about."""
+    """For each method, successes that the ground truth refutes, and those without a ground truth."""
     from navloom.study.trail import FALSE_SUCCESS
 
     for method in result.study.methods:
@@ -258,7 +260,7 @@ def _truths(result: StudyResult) -> Iterator[str]:
                 "and the ground truth says that it had not; counted as failures"
             )
         if untold:
-            yield f"{method.name}: {untold} of {len(rows)} successes are the robot's word: there is no ground truth"
+            yield f"{method.name}: {untold} of {len(rows)} successes are the robot's own report, without ground truth"
 
 
 @contextmanager
@@ -283,7 +285,7 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 
 @contextmanager
 def _progress(quiet: bool) -> Iterator[Callable[[int, int, float | None], None]]:
-    """Progress on standard error: a bar on a terminal, else a line now and then."""
+    """Progress on standard error: a bar on a terminal, otherwise lines at intervals."""
     if quiet:
         yield lambda done, total, left: None
     elif sys.stderr.isatty():
@@ -310,7 +312,7 @@ def _lines() -> Callable[[int, int, float | None], None]:
 
 
 def _far(done: int, total: int, left: float | None) -> str:
-    """How far a study is, in words."""
+    """Progress of a study in words."""
     if left is None:
         return f"{done} of {total} episodes (the first run compiles kernels, later ones load them)"
     minutes, seconds = divmod(round(left), 60)

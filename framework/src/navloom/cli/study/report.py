@@ -1,4 +1,4 @@
-"""`navloom report`: the report of a study, made again."""
+"""`navloom report`: writes the report of a study again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ def report(
     plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the names of the files as one JSON object.")] = False,
 ) -> None:
-    """Make the report of a study: report.html, report.md, summary.csv and differences.csv in its folder."""
+    """Write the report of a study into its folder.
+
+    The files are report.html, report.md, summary.csv and differences.csv.
+    """
     from navloom.cli.output import print_json
     from navloom.report.report import FILES, PLOTS_MISSING, write_report
     from navloom.report.results import failure_of

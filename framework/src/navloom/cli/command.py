@@ -15,7 +15,7 @@ from typer.core import TyperCommand
 from navloom.entry_kinds import TRACEBACK
 from navloom.logs import Level, set_up_logging
 
-__all__ = ["App", "Command", "EveryCommand", "with_groups", "with_groups_within"]
+__all__ = ["App", "EveryCommand", "SectionedCommand", "with_groups", "with_groups_within"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 SECTION = "Every command"
@@ -53,7 +53,7 @@ class EveryCommand:
         set_up_logging(self.log_level, self.log_json)
 
 
-class Command(TyperCommand):
+class SectionedCommand(TyperCommand):
     """A command whose help lists its options in sections, by their `rich_help_panel`."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
@@ -76,7 +76,7 @@ class App(typer.Typer):
         self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **settings: Any
     ) -> Callable[[F], F]:
         """Register a command as typer does, with its option groups expanded."""
-        register = super().command(name, cls=cls or Command, **settings)
+        register = super().command(name, cls=cls or SectionedCommand, **settings)
 
         def registered(function: F) -> F:
             register(with_groups(function))

@@ -1,6 +1,7 @@
 """Options that several commands share: each is declared once, and those that belong together are one dataclass.
 
-A command takes such a dataclass as one parameter; `navloom.cli.command.App` turns it into its options.
+A command takes such a dataclass as one parameter; `navloom.cli.command.App` turns it into its options. Commands of
+other distributions may take them too.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ __all__ = [
     "ConfigOptions",
     "Insecure",
     "Keys",
+    "MapOptions",
     "PluginFiles",
     "Record",
     "RobotName",
@@ -41,7 +43,7 @@ __all__ = [
     "seconds",
 ]
 
-ROBOT, VIEWING = "Which robot", "Viewer"
+ROBOT, VIEWING, IMPORTED = "Which robot", "Viewer", "Imported log"
 """Sections of the help."""
 
 
@@ -180,6 +182,33 @@ class RunOptions(ConfigOptions):
         for notice in loaded.notices() if say is not None else ():
             say(notice)  # type: ignore[misc]
         return loaded
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """The map of an imported log, and where in it the robot is when the log begins."""
+
+    map_: Annotated[
+        str | None,
+        typer.Option(
+            "--map", metavar="WORLD", help="Map for replays, a world or a map's .yaml.", rich_help_panel=IMPORTED
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            metavar="X,Y,HEADING_DEG",
+            help="Where the robot is at first, in the map.",
+            rich_help_panel=IMPORTED,
+        ),
+    ] = None
+
+    def pose(self) -> tuple[float, float, float] | None:
+        """The start, x, y, m, heading, rad; None if it was not given. Raises ConfigError."""
+        from navloom.recording.imported import start_option
+
+        return None if self.start is None else start_option(self.start)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ __all__ = [
     "OffsetTable",
     "OpenTable",
     "PlaceTable",
-    "Placed",
+    "PlacedTable",
     "PluginsTable",
     "PointTable",
     "ROLE_TABLES",
@@ -187,7 +187,7 @@ class AlternativeTable(RoleTable):
     shadow: bool = True
 
 
-class Placed(NamedTuple):
+class PlacedTable(NamedTuple):
     """The table of an instance, with its place in the file and its role or node."""
 
     place: str

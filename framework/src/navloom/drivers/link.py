@@ -11,7 +11,6 @@ from navloom.errors import NavloomError
 
 __all__ = ["DriverError", "Link"]
 
-Pauses = tuple[float, float]
 FIRST, MOST = 0.05, 1.0
 """First and longest pause between attempts to open, s; the pause doubles from one to the other."""
 SLICE = 0.05

@@ -27,7 +27,7 @@ GONE = 15.0
 """Time without any node after which the robot counts as gone, s; a restart takes less."""
 
 
-class Streams(NamedTuple):
+class GoalStreams(NamedTuple):
     """Inlets of the streams that report on goals."""
 
     results: Inlet
@@ -53,7 +53,7 @@ class GoalHandle:
         speed: Newest measured forward speed, m/s, or None.
     """
 
-    def __init__(self, client: Client, mailbox: Mailbox, streams: Streams, goal_id: int) -> None:
+    def __init__(self, client: Client, mailbox: Mailbox, streams: GoalStreams, goal_id: int) -> None:
         self.goal_id = goal_id
         self.feedback: Feedback | None = None
         self.result: GoalResult | None = None
@@ -179,7 +179,7 @@ class Navigator:
     def __enter__(self) -> Navigator:
         robot, connect, keys, insecure = self._given
         self._client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
-        self._streams = Streams(
+        self._streams = GoalStreams(
             self._inlet("goal", "main", "result"),
             self._inlet("goal", "main", "feedback"),
             self._inlet("gate", "main", "status"),

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
@@ -23,7 +24,7 @@ LONGEST = 30
 
 
 @dataclass(frozen=True)
-class Kind:
+class PluginKind:
     """The parts of a template that differ between kinds of plugin.
 
     Attributes:
@@ -46,9 +47,9 @@ _STUDY = " --seeds 0:2 --out study"
 _BESIDE = "`navloom compare` puts it beside another $kind and writes `study/report.html`."
 
 
-def _of_role(about: str, pure: str, other: str) -> Kind:
+def _of_role(about: str, pure: str, other: str) -> PluginKind:
     study = f"navloom compare paper --vary $kind=$name,{other}{_STUDY}"
-    return Kind(f"The $kind `$name` for navloom: {about}.", pure, (_DRIVE, study), _BESIDE)
+    return PluginKind(f"The $kind `$name` for navloom: {about}.", pure, (_DRIVE, study), _BESIDE)
 
 
 KINDS = {
@@ -62,46 +63,46 @@ KINDS = {
     ),
     "localizer": _of_role("dead reckoning with a variance that grows", "frames", "odometry"),
     "recovery": _of_role("it backs up where it came from, and asks for a fresh map", "backing", "wait_and_replan"),
-    "platform": Kind(
+    "platform": PluginKind(
         "The platform `$name` for navloom: a simulated unicycle with motor lag, a laser, sonars and a pitched laser.",
         "rays",
         (_DRIVE, f"navloom compare paper --set platform.plugin=$name --vary avoider=improved_vfh,vff{_STUDY}"),
         "To make a driver of it, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
         "no truth.",
     ),
-    "node": Kind(
+    "node": PluginKind(
         "The node `$name` for navloom: it reads range sensors and publishes the nearest echo.",
         "nearest",
         ("navloom run robot.toml", "navloom run robot.toml --record run.mcap && navloom replay run.mcap --check"),
         "`robot.toml` has the node in a table `[[node]]`. Live, `navloom echo nearest/echo` prints what it publishes.",
         ("node.$name", "message.${Name}Echo"),
     ),
-    "metric": Kind(
+    "metric": PluginKind(
         "The metric `$name` for navloom: the share of the ticks in which the robot turns.",
         "turning",
         (f"navloom compare paper --vary avoider=improved_vfh,vff{_STUDY}",),
         "Every study has its column from now on.",
     ),
-    "panel": Kind(
+    "panel": PluginKind(
         "The viewer panel `$name` for navloom: the nearest echo of each range sensor, as a dot.",
         "nearest",
         ("navloom run paper --view",),
         "Every viewer draws it from now on.",
     ),
-    "world": Kind(
+    "world": PluginKind(
         "The world `$name` for navloom: a room with two rows of posts.",
         "layout",
         ("navloom run building --set world.ref=$name", f"navloom compare building --worlds $name{_STUDY}"),
         "It has a start and a goal of its own.",
     ),
-    "scheme": Kind(
+    "scheme": PluginKind(
         "The world scheme `$name` for navloom: worlds from files with a post a line.",
         "reading",
         ("navloom run building --set world.ref=$name:posts.txt",
          f"navloom compare building --worlds $name:posts.txt{_STUDY}"),
         "`posts.txt` is such a file.",
     ),
-    "message": Kind(
+    "message": PluginKind(
         "The message `$Name` for navloom: things that were seen, and how sure that is.",
         "messages",
         ("navloom messages $package.$Name",),
@@ -152,15 +153,16 @@ def new_distribution(kind: str, name: str, where: Path, discovery: Discovery | N
     folder = where / values["distribution"]
     if folder.exists():
         raise PluginError(f"{folder}: exists already; choose another name, another --out, or remove it")
-    if not where.is_dir():
-        raise PluginError(f"--out {where}: there is no such folder")
+    if where.exists() and not where.is_dir():
+        raise PluginError(f"--out {where}: is a file, expected a folder")
     texts = {path: Template(text).substitute(values) for path, text in _files(kind, values)}
     for path, text in texts.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, "utf-8")
     (folder / "src" / values["package"] / "py.typed").touch()
     commands = tuple(Template(command).substitute(values) for command in KINDS[kind].commands)
-    first = ("pip install -e '.[test]'", "pytest", f"navloom check {values['check']}")
+    install = "pip install" if find_spec("pip") else "uv pip install"  # uv makes environments without pip
+    first = (f"{install} -e '.[test]'", "pytest", f"navloom check {values['check']}")
     return Made(folder, values["distribution"], values["package"], values["check"], tuple(sorted(texts)),
                 (f"cd {folder}", *first, *commands))  # fmt: skip
 

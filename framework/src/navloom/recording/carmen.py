@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from navloom.inputs.bounds import LOG_MB, bytes_of, open_file, too_large
 from navloom.recording.header import RecordingError
 
-__all__ = ["LASERS", "ODOM", "Beams", "Survey", "scans", "survey"]
+__all__ = ["LASERS", "ODOM", "BeamPattern", "Survey", "scans", "survey"]
 
 Floats = NDArray[np.float64]
 ODOM = 0
@@ -51,7 +51,7 @@ class _Unfit(ValueError):
 
 
 @dataclass(frozen=True)
-class Beams:
+class BeamPattern:
     """Beams of a laser: the first bearing and the step, rad, in its own frame; its maximum range, m, or None."""
 
     first: float
@@ -109,7 +109,7 @@ def survey(path: Path) -> Survey:
     return found
 
 
-def scans(path: Path) -> Iterator[tuple[int, Floats, Beams]]:
+def scans(path: Path) -> Iterator[tuple[int, Floats, BeamPattern]]:
     """Line, ranges, (n,) m, and beams of each scan for which `survey` has an event, in the same order."""
     for number, words in _lines(path):
         if words[0] in LASERS:
@@ -174,7 +174,7 @@ def _places(words: Sequence[str]) -> tuple[int, int]:
     return first, after
 
 
-def _readings(words: Sequence[str]) -> tuple[Floats, Beams]:
+def _readings(words: Sequence[str]) -> tuple[Floats, BeamPattern]:
     first, _ = _places(words)
     count = _count(words, first - 1)
     try:
@@ -185,14 +185,14 @@ def _readings(words: Sequence[str]) -> tuple[Floats, Beams]:
         return ranges, _sick(count)
     start, span, step, range_max = _numbers(words[2:6], 1e4)
     step = step or span / max(count - 1, 1)
-    return ranges, Beams(start, step, range_max if range_max > 0.0 else None)
+    return ranges, BeamPattern(start, step, range_max if range_max > 0.0 else None)
 
 
-def _sick(count: int) -> Beams:
+def _sick(count: int) -> BeamPattern:
     """Beams of the older lines, which lack them: a SICK laser with a view of 180°, 100° with 400 or 401 beams."""
     half = math.radians(50.0) if count in (400, 401) else HALF_TURN / 2.0
     steps = count if count % 10 == 0 else max(count - 1, 1)
-    return Beams(-half, 2.0 * half / max(steps, 1), None)
+    return BeamPattern(-half, 2.0 * half / max(steps, 1), None)
 
 
 def _count(words: Sequence[str], place: int) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom.recording.carmen import LASERS, ODOM, Beams, Survey, scans, survey
+from navloom.recording.carmen import LASERS, ODOM, BeamPattern, Survey, scans, survey
 from navloom.recording.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of
 from navloom.recording.header import RecordingError
 from navloom.recording.imported import RANGE_SCAN, ImportedLog, imported_config, placed_in_map, writing
@@ -162,7 +162,7 @@ def _mount(found: Survey, word: str, name: str) -> tuple[float, float, float]:
     return (offset if abs(offset) < 10.0 else 0.0), 0.0, (math.pi if name == "rear_laser" else 0.0)
 
 
-def _limit(found: Survey, name: str, given: float | None, beams: Beams) -> float:
+def _limit(found: Survey, name: str, given: float | None, beams: BeamPattern) -> float:
     if given is not None or beams.range_max is not None:
         return given or beams.range_max or RANGE_MAX
     try:
@@ -216,7 +216,7 @@ def _write(
 
 
 def _scan(
-    stamp_ns: int, ranges: Floats, beams: Beams, mount: tuple[float, float, float], range_max: float
+    stamp_ns: int, ranges: Floats, beams: BeamPattern, mount: tuple[float, float, float], range_max: float
 ) -> RangeScan | None:
     """A scan in the base frame. Readings at or beyond the limit are no echo; those below `RANGE_MIN` are left out."""
     is_kept = ranges >= RANGE_MIN

@@ -9,8 +9,8 @@ from itertools import islice
 from typing import Any
 
 from navloom.config.schema import Config
+from navloom.engine.nodes.told import GoalTold
 from navloom.engine.ports import Input, NodeSpec
-from navloom.engine.told import GoalTold
 from navloom.messages import Envelope, Message, OperatorRequest, Selection, StepReport
 from navloom.recording.reader import Recorded
 from navloom.recording.shelf import Entry, Shelf

@@ -15,8 +15,8 @@ from navloom.engine.build import assemble
 from navloom.engine.differences import differences
 from navloom.engine.fed import FedNode
 from navloom.engine.making import make_plugins, role_nodes
-from navloom.engine.node import Tick
-from navloom.engine.reference import ReferenceNode
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.reference import ReferenceNode
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep

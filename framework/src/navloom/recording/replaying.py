@@ -10,10 +10,11 @@ from navloom.engine.assembly import own_node
 from navloom.engine.events import schedule
 from navloom.engine.fed import FedNode
 from navloom.engine.making import configure, make_plugins, role_nodes
-from navloom.engine.node import Node, Tick
-from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.told import GateTold, GoalTold
 from navloom.engine.system import System
-from navloom.engine.told import GateTold, GoalTold
 from navloom.messages import Command, Envelope, Message, OperatorRequest, Parameters, Selection, StepReport
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.excerpt import SOURCES, Excerpt, stop_inside

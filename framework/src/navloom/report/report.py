@@ -14,16 +14,16 @@ from navloom.report.data import StudyFiles, read_study
 from navloom.report.html import Section
 from navloom.report.openloop import open_loop_data, over_time_figure, shadow_summary, spread_figure
 from navloom.report.tables import TextTable
+from navloom.study.metrics import headlines
 from navloom.study.statistics import THESE_WORLDS
 from navloom.study.trail import FALSE_SUCCESS
 
-__all__ = ["Report", "build_report", "write_report"]
+__all__ = ["WrittenReport", "build_report", "write_report"]
 
 PLOTS_MISSING = (
     "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
     "pip install 'navloom[plots]') and write the report again with `navloom report`."
 )
-HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
 
 
@@ -61,7 +61,7 @@ class ReportPart:
 
 
 @dataclass(frozen=True)
-class Report:
+class WrittenReport:
     """The texts of a report.
 
     Attributes:
@@ -79,7 +79,7 @@ class Report:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
-def write_report(folder: Path, baseline: str = "") -> Report:
+def write_report(folder: Path, baseline: str = "") -> WrittenReport:
     """Write the report of a study into its folder, each file atomically.
 
     Args:
@@ -94,7 +94,7 @@ def write_report(folder: Path, baseline: str = "") -> Report:
     return replace(report, missing=write_each(folder, dict(zip(FILES, contents, strict=True))))
 
 
-def build_report(study: StudyFiles) -> Report:
+def build_report(study: StudyFiles) -> WrittenReport:
     """The report of a study. It is reproducible, except for the section from `timing.json`."""
     draws = find_spec("matplotlib") is not None
     parts = [_in_short(study), _outcomes(study, draws), _results(study, draws)]
@@ -110,7 +110,7 @@ def build_report(study: StudyFiles) -> Report:
     title = f"Study of {study.request['config']}: {title}"
     page = html.page(title, [Section(part.title, "\n".join(part.html)) for part in parts])
     text = f"# {title}\n\n" + "\n".join(f"## {part.title}\n\n" + "\n".join(part.markdown) for part in parts)
-    return Report(page, text, tables.summary_csv(study), tables.differences_csv(study), draws)
+    return WrittenReport(page, text, tables.summary_csv(study), tables.differences_csv(study), draws)
 
 
 def _in_short(study: StudyFiles) -> ReportPart:
@@ -158,7 +158,8 @@ def _in_short(study: StudyFiles) -> ReportPart:
     if any(untold.values()):
         counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
         part.say(f"Successes by the robot's own report only, without ground truth: {counts}.", "note")
-    names = [metric for metric in map(study.metric, HEADLINES) if metric is not None]
+    wanted = headlines([metric.name for metric in study.metrics])
+    names = [metric for metric in map(study.metric, wanted) if metric is not None]
     rows = []
     for method in study.methods:
         cells = []

@@ -11,20 +11,18 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 from navloom.config import Loaded
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_drive, check_task
+from navloom.engine.checks import check_drive
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
 from navloom.engine.system import System
-from navloom.engine.trace import TraceWriter
 from navloom.hosting.network import network_of
 from navloom.hosting.robot import LiveRobot
 from navloom.live.cells import all_sources
-from navloom.live.conductor import BarrierError, Conductor
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.placing import spread
 from navloom.live.switchboard import Switchboard
@@ -50,7 +48,7 @@ from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
 from navloom.transport.keyspace import FAULT
 
-__all__ = ["LiveRun", "run_barrier"]
+__all__ = ["START", "Beside", "LiveRun"]
 
 START = 180.0
 """Longest startup of a robot, s; kernels may have to be compiled."""
@@ -67,51 +65,6 @@ TELLING = ("goal", "gate")
 """Roles whose messages wake this thread immediately."""
 QUIET = 1.0
 """Time without a goal after which a run that ends with its goals ends, s."""
-
-
-def run_barrier(
-    loaded: Loaded,
-    *,
-    trace: IO[bytes] | None = None,
-    say: Callable[[str], None] = lambda text: None,
-    progress: Callable[[float, float], None] | None = None,
-    ends: Callable[[], bool] = lambda: False,
-    beside: Beside | None = None,
-    onlookers: Onlookers | None = None,
-) -> Episode:
-    """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for the rest.
-
-    Raises:
-        ConfigError, PluginError: The request was wrong; StartError: the robot did not come up;
-        BarrierError: a node did not report a tick.
-    """
-    system = assemble(loaded)
-    check_task(system)
-    recorder, run = Recorder(), loaded.config.run
-    with LiveRobot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
-        robot.wait_complete(START, ends=ends)
-        if beside is not None:
-            attending.enter_context(beside(robot))
-
-        def check() -> None:
-            if ends():
-                raise KeyboardInterrupt
-            for child in robot.supervisor.poll(restarts=False):
-                raise BarrierError(
-                    f"process {child.task.name} {child.why} in the run. "
-                    f"Its last message: {robot.supervisor.tail(child)}"
-                )
-
-        board = Switchboard(robot.bus, robot.keys, lossless=True)
-        shown = [] if onlookers is None else onlookers.begin(run_info(loaded, "barrier"))
-        conductor = Conductor(
-            system, board, schedule(loaded.config, system.goal), [recorder, *shown], TraceWriter(trace), check
-        )
-        board.connect()
-        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
-        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
-        log = conductor.run(ticks, tell)
-        return Episode(system, log, recorder, warnings=LiveWarnings(robot.bus, robot.keys).look())
 
 
 @dataclass(eq=False)

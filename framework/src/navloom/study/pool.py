@@ -76,7 +76,7 @@ class Agenda:
 
 
 @dataclass(eq=False)
-class Worker:
+class EpisodeWorker:
     """One worker process, as its parent sees it."""
 
     process: BaseProcess
@@ -112,7 +112,7 @@ class Workers:
         self, agenda: Agenda, jobs: int, on_row: Callable[[Row], None], hang_after: float = HANG_AFTER
     ) -> None:
         self.agenda, self.jobs, self.on_row, self.hang_after = agenda, jobs, on_row, hang_after
-        self.workers: list[Worker] = []
+        self.workers: list[EpisodeWorker] = []
         self.lost = 0
         self._stillborn = 0
         self._context = multiprocessing.get_context("spawn")
@@ -156,7 +156,7 @@ class Workers:
         for _ in range(min(self.jobs - len(self.workers), len(self.agenda) - starting)):
             self.workers.append(self._start())
 
-    def _start(self) -> Worker:
+    def _start(self) -> EpisodeWorker:
         ours, theirs = self._context.Pipe()
         dump = NamedTemporaryFile("r", prefix="navloom-", errors="replace")  # noqa: SIM115  (as long as the worker)
         given = (theirs, dump.name)
@@ -164,9 +164,9 @@ class Workers:
         with _one_thread():
             process.start()
         theirs.close()
-        return Worker(process, ours, dump)
+        return EpisodeWorker(process, ours, dump)
 
-    def _employ(self, worker: Worker) -> None:
+    def _employ(self, worker: EpisodeWorker) -> None:
         worker.task = self.agenda.take(worker.world)
         if worker.task is None:
             self._retire(worker)
@@ -177,7 +177,7 @@ class Workers:
         with suppress(OSError):
             worker.connection.send(worker.task)
 
-    def _hear(self, worker: Worker) -> None:
+    def _hear(self, worker: EpisodeWorker) -> None:
         kind, value, resident = _word_of(worker.connection)
         worker.seen = monotonic()
         if kind == "ready":
@@ -190,15 +190,15 @@ class Workers:
         elif kind == "dead":
             self._reap(worker, "")
 
-    def _patience(self, worker: Worker) -> float:
+    def _patience(self, worker: EpisodeWorker) -> float:
         """Longest time without a heartbeat for a worker, s: the bound of episodes does not apply to imports."""
         return self.hang_after if worker.task is not None else max(self.hang_after, HANG_AFTER)
 
-    def _give_up(self, worker: Worker) -> None:
+    def _give_up(self, worker: EpisodeWorker) -> None:
         worker.process.kill()
         self._reap(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
 
-    def _reap(self, worker: Worker, reason: str) -> None:
+    def _reap(self, worker: EpisodeWorker, reason: str) -> None:
         """Remove a dead worker and report its episode as lost."""
         worker.process.join()
         worker.connection.close()
@@ -216,7 +216,7 @@ class Workers:
                     'is above; a script must start its study below `if __name__ == "__main__":`'
                 )
 
-    def _retire(self, worker: Worker) -> None:
+    def _retire(self, worker: EpisodeWorker) -> None:
         with suppress(OSError):
             worker.connection.send(None)
         self.workers.remove(worker)

@@ -22,7 +22,7 @@ from navloom.plugins import Discovery, PluginError
 __all__ = [
     "OWN_WORLD",
     "CachedDiscovery",
-    "Placed",
+    "PlacedConfig",
     "WorldCase",
     "expanded",
     "placed",
@@ -74,7 +74,7 @@ class WorldCase:
 
 
 @dataclass(frozen=True)
-class Placed(Loaded):
+class PlacedConfig(Loaded):
     """A config with an explicit base folder for references that are not from a file."""
 
     here: Path = Path()
@@ -88,7 +88,7 @@ class Placed(Loaded):
         return self.here if self.sources.get(place) == "--set" else self.base
 
 
-def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path) -> Placed:
+def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path) -> PlacedConfig:
     """A method's config in one world with one seed.
 
     Args:
@@ -102,7 +102,7 @@ def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path)
         table, key = place.split(".")
         tree[table] = {**tree.get(table, {}), key: value}
     sources = {**given["sources"], **dict.fromkeys(values, "--set")}
-    return Placed(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
+    return PlacedConfig(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
 
 
 def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:

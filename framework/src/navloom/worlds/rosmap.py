@@ -1,4 +1,4 @@
-"""Maps of the ROS map_server (a YAML file and an image), read and saved like nav2_map_server.
+"""Maps of the ROS map_server (a YAML file and an image), read and written like nav2_map_server.
 
 A pixel's occupancy is p = 1 - shade (p = shade with `negate`), the image's top row has the highest y. Modes:
 
@@ -18,7 +18,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.files import write_whole
 from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
 from navloom.geometry.world import Interval, Place, Raster, World
 from navloom.inputs.bounds import YAML_MB
@@ -27,7 +26,7 @@ from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of,
 from navloom.worlds.images import Shades, read_image
 from navloom.worlds.rasters import raster_bounds, wall_height
 
-__all__ = ["load_raster", "read_rosmap", "rosmap_files", "rosmap_world", "save_rosmap"]
+__all__ = ["load_raster", "read_rosmap", "rosmap_files", "rosmap_world"]
 
 _MODES = ("trinary", "scale", "raw")
 _UNKNOWNS = ("occupied", "free")
@@ -162,29 +161,6 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
     if not free < occupied:
         raise WorldError(f"{path}: free_thresh = {free}: expected less than occupied_thresh = {occupied}")
     return _Description(file_of(image, path.parent), resolution, Place(x, y, yaw), bool(negate), occupied, free, mode)
-
-
-def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "trinary") -> None:
-    """Save a grid like map_server's saver: `path`, a `.yaml` file, and a `.pgm` file beside it.
-
-    Each file is written atomically, the image before the YAML file that names it, so that no reader finds a partial
-    file.
-
-    Args:
-        grid, mode: See `rosmap_files`.
-        path: The YAML file.
-
-    Raises:
-        WorldError: The name does not end in `.yaml` or `.yml`, or the files cannot be written.
-    """
-    if path.suffix not in (".yaml", ".yml"):
-        raise WorldError(f"{path}: expected a name that ends in .yaml")
-    image, description = rosmap_files(grid, path.stem, mode).values()
-    for file, content in ((path.with_suffix(".pgm"), image), (path, description)):
-        try:
-            write_whole(file, content)
-        except OSError as error:
-            raise WorldError(f"{file}: cannot be written: {error.strerror}") from error
 
 
 def rosmap_files(grid: GridMap, name: str, mode: Literal["trinary", "raw"] = "trinary") -> dict[str, bytes]:

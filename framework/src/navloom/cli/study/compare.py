@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.command import Command
+from navloom.cli.command import SectionedCommand
 from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 
@@ -27,10 +27,9 @@ __all__ = ["Variadic", "compare"]
 MANY = ("--worlds", "--vary", "--set")
 TOLD = 10.0
 """Interval between lines of progress without a terminal, s."""
-SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 
 
-class Variadic(Command):
+class Variadic(SectionedCommand):
     """Lets an option take several values in a row: `--worlds doorway u_trap`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -219,9 +218,10 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
 def _print(result: StudyResult, out: Path | None) -> None:
     """Print a study's result for people."""
     from navloom.cli.output import print_table
+    from navloom.study.metrics import headlines
 
     study = result.study
-    shown = [name for name in SHOWN if name in study.metrics]
+    shown = headlines(study.metrics)
     lines = []
     for name, found in result.summary().items():
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())

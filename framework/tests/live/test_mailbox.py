@@ -129,7 +129,7 @@ def test_a_message_of_another_kind_is_malformed_and_one_of_another_stream_misrou
     inlet.give(Packet(data, label, KEY, StepReport))
     assert sequences(inlet) == [1]
     assert (inlet.counts.malformed, inlet.counts.misrouted) == (1, 1)
-    assert inlet.counts.complaint == f"Contact came by {KEY}, which carries StepReport"
+    assert inlet.counts.complaint == f"Contact arrived on {KEY}, which carries StepReport"
     assert inlet.counts.summary()["origin"] == KEY
 
 

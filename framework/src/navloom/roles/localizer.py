@@ -45,7 +45,7 @@ class Localizer(Role[P]):
         Raises:
             InputError: This localizer does not accept a pose.
         """
-        raise InputError(f"localizer {self.name} cannot be told where the robot is")
+        raise InputError(f"localizer {self.name} does not accept a pose")
 
     @abstractmethod
     def localize(self, given: LocalizerInput) -> PoseEstimate:

@@ -24,7 +24,7 @@ from navloom.hosting.folder_keeper import FolderKeeper
 from navloom.hosting.heartbeat import HeartMonitor
 from navloom.hosting.node_main import share_to_json
 from navloom.hosting.node_process import HUNG, Share, longest_seizure
-from navloom.hosting.nursery import READY, Born, Nursery
+from navloom.hosting.nursery import READY, ForkedProcess, Nursery
 from navloom.hosting.process import SEIZED, link_to_json
 from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
 from navloom.hosting.shared_memory import remove_orphans
@@ -100,7 +100,7 @@ class Worker:
     task: ProcessTask
     log: ProcessLog
     heart: HeartMonitor
-    process: subprocess.Popen[bytes] | Born | None = None
+    process: subprocess.Popen[bytes] | ForkedProcess | None = None
     started: float = 0.0
     again_at: float = 0.0
     wait: float = FIRST_WAIT
@@ -230,7 +230,7 @@ class Supervisor:
         child.log.reopen()
         child.process = None
         if self._nursery is not None and module == NODE:
-            child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
+            child.process = self._nursery.fork(name, module, spec, child.log.shared, patience)
         if child.process is None:
             self._end_descendants(name)  # the nursery may have forked one nevertheless, and answered too late
             child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})

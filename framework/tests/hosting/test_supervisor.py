@@ -229,8 +229,7 @@ def test_a_process_that_prints_much_has_its_log_cut_and_keeps_its_last_words(
     assert sum(path.stat().st_size for path in folder.path.glob("child.log*")) < LARGEST_LOG + 200
     assert keeper.tail(child, 1) == "the last word"
     assert said == [
-        "process child writes too much: the last 2 MB each are kept of "
-        f"{folder.path / 'child.log'} and child.log.1"
+        f"process child writes too much: the last 2 MB each are kept of {folder.path / 'child.log'} and child.log.1"
     ]
     until(lambda: folder.fates()["child"].cut, keeper)
     cut = child.log.cut

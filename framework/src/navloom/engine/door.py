@@ -194,9 +194,7 @@ class MapperDoor(_Door):
             )
         self._newest = answer.stamp_ns
         if not answer.grid.cells.size:
-            self.refuse(
-                f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell, or None for no map"
-            )
+            self.refuse(f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell, or None for no map")
         return answer
 
 

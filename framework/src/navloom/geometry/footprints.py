@@ -63,9 +63,7 @@ def polygon(corners: ArrayLike) -> Floats:
         outline = outline[::-1].copy()
     _check_turns(outline)
     if _edge_distances(outline).min() <= 0.0:
-        raise FootprintError(
-            f"footprint {outline.tolist()} does not contain the base frame's origin (0, 0): shift it"
-        )
+        raise FootprintError(f"footprint {outline.tolist()} does not contain the base frame's origin (0, 0): shift it")
     outline.flags.writeable = False
     return outline
 

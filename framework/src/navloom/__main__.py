@@ -12,7 +12,7 @@ RUNS_PLUGINS = {"check", "map", "plan", "replay", "run"}
 
 
 def main() -> None:
-    """Entry point. A shell that completes a word, and `--version`, are answered before anything heavy is imported."""
+    """Entry point. Shell completion and `--version` are answered before anything heavy is imported."""
     given = sys.argv[1:]
     if given[:1] == ["__complete"]:
         from navloom.installed import print_candidates
@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    """The command line as a process of its own: it ends, and code in C that breaks it is shown by its Python lines."""
+    """Run the command line; when C code crashes it, show the Python lines that it came from."""
     from navloom.crash_watch import watch_over
     from navloom.crashes import dump_when_broken
 

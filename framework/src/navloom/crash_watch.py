@@ -1,6 +1,6 @@
-"""A small process beside a command that runs plugins: it says in one message where code in C broke it, or holds it.
+"""A small process beside a command that runs plugins: it reports in one message where C code crashed or blocks it.
 
-No code of the broken process can say so itself. Keep the imports light: it is forked off before all others.
+The crashed process cannot report it itself. Keep the imports light: this process is forked before all others.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from navloom.crashes import crashed_at, dump_when_broken
 __all__ = ["dump_file", "is_watched", "watch_over"]
 
 LOOK = 0.5
-"""Time between two looks, s."""
+"""Time between two checks of the dump, s."""
 MOST = 1 << 20
-"""What is read of a dump, bytes."""
+"""Largest part of a dump that is read, bytes."""
 _STANDARD_ERROR = 2
 _file = _STANDARD_ERROR
 
 
 def dump_file() -> int:
-    """Open file that Python prints dumps to: standard error, or what the watching process reads."""
+    """File descriptor that Python prints dumps to: standard error, or the file that the watchdog process reads."""
     return _file
 
 
 def is_watched() -> bool:
-    """Whether a process watches over this one."""
+    """Whether a watchdog process observes this one."""
     return _file != _STANDARD_ERROR
 
 
 def watch_over(is_whole: bool) -> None:
-    """Fork the process that watches over this one.
+    """Fork the watchdog process for this one.
 
     Args:
-        is_whole: It prints the whole dump below its message.
+        is_whole: Whether it prints the whole dump below its message.
     """
     global _file
     if sys.platform == "linux":
@@ -55,7 +55,7 @@ def watch_over(is_whole: bool) -> None:
 
 
 def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
-    """In the watching process: read what Python prints until the command's process is gone."""
+    """Run in the watchdog process: read what Python prints until the command's process has ended."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.close(0)
@@ -72,15 +72,15 @@ def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
 
 
 def _message(dump: str, pid: int, is_whole: bool) -> str:
-    """What a dump says, in one line; with the dump where it names no plugin."""
+    """Summary of a dump in one line, followed by the dump itself if no plugin can be named."""
     place = crashed_at(dump)
     at = f" at {place}" if place else ""
     late = re.match(r"Timeout \((\d+):(\d+):(\d+)", dump)
     if late:
         seconds = 3600 * int(late[1]) + 60 * int(late[2]) + int(late[3])
-        said = f"no tick for {seconds} s: the run is{at or ' in code in C'}, which holds the GIL; `kill {pid}` ends it"
+        said = f"no tick for {seconds} s: the run is{at or ' in C code'}, which holds the GIL; `kill {pid}` ends it"
     else:
         what = re.match(r"Fatal Python error: (.*)", dump)
-        said = f"the process broke in code in C: {what[1] if what else 'unknown error'}{at}"
+        said = f"the process crashed in C code: {what[1] if what else 'unknown error'}{at}"
         said += "" if is_whole or not place else "; --traceback prints all lines"
     return f"navloom: {said}\n" + (dump if is_whole or not place else "")

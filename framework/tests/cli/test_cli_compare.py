@@ -113,7 +113,7 @@ def test_without_a_folder_nothing_is_written(
         (("papr",), "did you mean 'paper'"),
         (("paper", "--vary", "avoider=improved_vf"), "did you mean 'improved_vfh'"),
         (("paper", "--worlds", "empty", "dorway", "--seeds", "0:2"), "did you mean 'doorway'"),
-        (("paper", "--seeds", "2:1"), "END is not one"),
+        (("paper", "--seeds", "2:1"), "END itself is not included"),
         (("paper", "--vary", "controller.k33=1"), "did you mean 'k3'"),
         (("paper", "--jobs", "0"), "--jobs"),
         (("paper", "--vary", "avoider=vff,vfh", "--baseline", "vhf"), "did you mean 'vfh'"),

@@ -23,7 +23,7 @@ from navloom.operating.doctor import diagnose
 from navloom.operating.joining import join
 from navloom.transport import connection
 from navloom.transport.access import Identity
-from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority, renew, revoke
 from navloom.transport.links import Link
 from navloom.transport.quality import quality_of
@@ -47,7 +47,7 @@ class Net:
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
         self.folder, self._stack = folder, stack
-        new_authority(folder, Request("lab", "r1", HOSTS, 20, datetime.now(UTC)))
+        new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 20, datetime.now(UTC)))
         add_identity(folder, Identity("bob", "operator"), (), 20, datetime.now(UTC))
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))

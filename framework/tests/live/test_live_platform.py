@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from navloom.config import load_config
 from navloom.engine.build import assemble
-from navloom.engine.role_nodes import PlatformNode
+from navloom.engine.nodes.platform import PlatformNode
 from navloom.live import live, live_platform
 from navloom.live.cells import Hosted, make_cell
 from navloom.live.live_platform import LivePlatform

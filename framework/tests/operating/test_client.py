@@ -16,7 +16,7 @@ from navloom.operating.client import Client, ClientError, Refused, Unanswered
 from navloom.operating.findings import differing, failing, flowing, sharing, unheard
 from navloom.operating.looking import listing
 from navloom.operating.metering import clock_offsets
-from navloom.operating.navigator import GoalHandle, Streams
+from navloom.operating.navigator import GoalHandle, GoalStreams
 from navloom.transport.once import Once
 from navloom.transport.zenoh_bus import TIMED_OUT, Answer
 
@@ -169,7 +169,7 @@ def handle(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> GoalHandle:
     monkeypatch.setattr(navigator, "time", Clock())
     mailbox = Mailbox()
     monkeypatch.setattr(mailbox, "wait", lambda seen, timeout: seen)
-    streams = Streams(
+    streams = GoalStreams(
         *(Inlet(KEYS.port("goal", "main", port), mailbox, 4) for port in ("result", "feedback", "gate", "odometry"))
     )
     return GoalHandle(Client(bus, KEYS), mailbox, streams, 3)  # type: ignore[arg-type]

@@ -27,7 +27,7 @@ __all__ = [
     "OffsetTable",
     "OpenTable",
     "PlaceTable",
-    "Placed",
+    "PlacedTable",
     "PluginsTable",
     "PointTable",
     "ROLE_TABLES",
@@ -150,14 +150,14 @@ class RoleTable(OpenTable):
     name: str | None = Field(
         default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
     )
-    sensors: list[str] | None = Field(default=None, description="those it reads; default: all that it accepts")
+    sensors: list[str] | None = Field(default=None, description="sensors that it reads; default: all that it supports")
     inputs: dict[str, str] | None = Field(
         default=None, description="stream of each input, as people.tracks; default: the only stream that fits"
     )
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
     latency: float = Field(default=0.0, ge=0.0, le=60.0, description="delay of its outputs in lockstep, s")
     diagnostics_rate_hz: float | None = Field(
-        default=None, ge=0.0, description="avoider: rate of its diagnostics; default: 2, 0 for none"
+        default=None, ge=0.0, description="avoider: rate of its diagnostics; default 2; 0: none"
     )
 
     @property
@@ -172,7 +172,7 @@ class NodeTable(RoleTable):
     name: str = Field(
         max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="name of the node, used like a role's"
     )
-    required: bool = Field(default=False, description="the gate stops the robot without it")
+    required: bool = Field(default=False, description="the gate stops the robot when the node is gone")
 
     @property
     def instance(self) -> str:
@@ -187,7 +187,7 @@ class AlternativeTable(RoleTable):
     shadow: bool = True
 
 
-class Placed(NamedTuple):
+class PlacedTable(NamedTuple):
     """The table of an instance, with its place in the file and its role or node."""
 
     place: str
@@ -311,10 +311,10 @@ class LiveTable(Table):
     )
     hosts: dict[str, list[str]] = Field(default_factory=dict, description="processes of each host")
     router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
-    router_host: str | None = Field(default=None, description="host that starts the router; default: none, run it")
+    router_host: str | None = Field(default=None, description="host that starts the router; default: start it by hand")
     keys: str | None = Field(default=None, description="folder of certificates, see `navloom keys`")
-    shared_memory: bool = Field(default=False, description="for messages of 3 KB and more on one host")
-    hang_timeout: Positive = Field(default=2.0, description="longest step before its process is ended, s")
+    shared_memory: bool = Field(default=False, description="messages of 3 KB and more pass through it on one host")
+    hang_timeout: Positive = Field(default=2.0, description="longest step before its process is killed, s")
     restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it stays down")
     restart_window: Positive = Field(default=30.0, description="s")
 

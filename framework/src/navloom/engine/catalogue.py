@@ -7,20 +7,20 @@ from types import MappingProxyType
 from typing import Any
 
 from navloom.config.schema import Config
-from navloom.engine.node import Node
-from navloom.engine.node_plugin import NodePlugin
-from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.nodes.avoider import AvoiderNode
+from navloom.engine.nodes.controller import ControllerNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.localizer import LocalizerNode
+from navloom.engine.nodes.mapper import MapperNode
+from navloom.engine.nodes.node import Node
+from navloom.engine.nodes.node_plugin import NodePlugin
+from navloom.engine.nodes.operator import OperatorNode
+from navloom.engine.nodes.planner import PlannerNode
+from navloom.engine.nodes.platform import PlatformNode
+from navloom.engine.nodes.recovery import RecoveryNode
+from navloom.engine.nodes.reference import ReferenceNode
 from navloom.engine.ports import Port, Wired
-from navloom.engine.reference import ReferenceNode
-from navloom.engine.role_nodes import (
-    AvoiderNode,
-    ControllerNode,
-    LocalizerNode,
-    MapperNode,
-    PlannerNode,
-    PlatformNode,
-    RecoveryNode,
-)
 from navloom.messages import Message
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from navloom.engine.door import verb_place
-from navloom.engine.node import Outputs, Tick
+from navloom.engine.nodes.node import Outputs, Tick
 from navloom.engine.run_warnings import RunWarnings
 from navloom.engine.stepper import Stepper
 from navloom.plugins.owners import home_of

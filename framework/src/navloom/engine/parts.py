@@ -12,7 +12,7 @@ from navloom.config.schema import Config
 from navloom.config.tables import RoleTable
 from navloom.engine.catalogue import Catalogue, carries_truth, node_plugin
 from navloom.engine.graph import GraphError, order
-from navloom.engine.node_plugin import NodePlugin
+from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.ports import Declared, NodeSpec, Port, SensorGroup, Wired
 from navloom.messages import Message
 from navloom.plugins import Discovery, PluginError

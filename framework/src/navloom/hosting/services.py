@@ -19,7 +19,7 @@ from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
 from navloom.engine.making import configure
-from navloom.engine.role_nodes import LocalizerNode
+from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.system import System
 from navloom.entry_kinds import TRACEBACK
 from navloom.hosting.process_warnings import ProcessWarnings

@@ -390,4 +390,4 @@ def _why(code: int) -> str:
     if code < 0:
         with contextlib.suppress(ValueError):
             return f"was ended by {signal.Signals(-code).name}"
-    return "ended because a node hangs" if code == HUNG else f"ended with code {code}"
+    return "ended because a node hung" if code == HUNG else f"ended with code {code}"

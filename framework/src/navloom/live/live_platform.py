@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.node import Outputs, Tick
-from navloom.engine.role_nodes import PlatformNode
+from navloom.engine.nodes.node import Outputs, Tick
+from navloom.engine.nodes.platform import PlatformNode
 from navloom.engine.stepper import fault_text
 from navloom.live.cell import Feed
 from navloom.live.cells import Hosted

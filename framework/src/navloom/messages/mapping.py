@@ -62,7 +62,7 @@ class MapUpdate(Message):
 
 @message()
 class ClearRequest(Message):
-    """Asks the mapper to clear its map; `request_id` increases with each request."""
+    """Asks the mapper to clear what it can observe again; `request_id` increases with each request."""
 
     request_id: int
 

@@ -26,14 +26,14 @@ from navloom.roles import ROLES, Role
 __all__ = ["available_points", "use_files"]
 
 FILES = "NAVLOOM_PLUGIN_FILES"
-"""Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they have the same plugins."""
+"""Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they load the same plugins."""
 _LOADED: dict[Path, list[FilePoint]] = {}
 """Entry points of the files that this process has imported."""
 
 
 @dataclass(frozen=True)
 class FileOrigin:
-    """What stands in the place of a distribution in lists, messages and recordings.
+    """Replaces the distribution in lists, messages and recordings.
 
     Attributes:
         name: Path of the file.
@@ -45,26 +45,26 @@ class FileOrigin:
 
 
 class FilePoint(EntryPoint):
-    """An entry point of a class in a file: it leads to the hooks instead of to a module to import."""
+    """An entry point of a class in a file: it holds the hooks, so there is no module left to import."""
 
     def __init__(self, name: str, module: str, origin: FileOrigin, hooks: object) -> None:
         super().__init__(name, module, GROUP)
         vars(self).update(dist=origin, hooks=hooks)
 
     def load(self) -> Any:
-        """The object with the hook implementations; the file is imported already."""
+        """The object with the hook implementations; the file is already imported."""
         return vars(self)["hooks"]
 
 
 class Listed:
-    """The hook of a file that has none of its own: it registers the classes found in the file."""
+    """The hook of a file that defines none: it registers the classes found in the file."""
 
     def __init__(self, classes: Iterable[type[Any]]) -> None:
         self.classes = tuple(classes)
 
     @hookimpl
     def navloom_register(self, registry: Registry) -> None:
-        """Add each class as what it is."""
+        """Add each class to the registry as a message, a node or a role's plugin."""
         for cls in self.classes:
             if issubclass(cls, Message):
                 registry.message(cls)
@@ -75,19 +75,19 @@ class Listed:
 
 
 def available_points() -> list[EntryPoint]:
-    """The entry points of the installed distributions, and those of the files in use.
+    """The entry points of the installed distributions and of the plugin files in use.
 
     Raises:
-        PluginError: A file cannot be used, or changed after the command started.
+        PluginError: A file cannot be used, or has changed since the command started.
     """
     return [*installed_points(), *(point for path, digest in _in_use() for point in _points_of(path, digest))]
 
 
 def use_files(files: Iterable[Path]) -> None:
-    """Import plugin files; this process and those it starts then have their plugins.
+    """Import plugin files, for this process and those that it starts later.
 
     Raises:
-        PluginError: A file cannot be read or imported, or has no plugin; the message names the file and the line.
+        PluginError: A file cannot be read or imported, or has no plugin; the message names the file and line.
     """
     used = dict(_in_use())
     for file in files:
@@ -123,7 +123,7 @@ def _points_of(path: Path, digest: str) -> list[FilePoint]:
 
 
 def _imported(path: Path) -> ModuleType:
-    """The file as a module of its own name."""
+    """The file, imported as a module of the same name."""
     name = re.sub(r"\W", "_", path.stem)
     if path.suffix != ".py" or not name.isidentifier():
         raise PluginError(f"--plugin {path}: expected the name of a Python file, as my_avoider.py")
@@ -158,7 +158,7 @@ def _refuse_taken(name: str, path: Path) -> None:
 
 
 def _plugins_in(module: ModuleType) -> Iterator[tuple[str, object]]:
-    """Names of the entry points of a file, each with the object that implements its hooks."""
+    """Names of a file's entry points, each with the object that implements its hooks."""
     own = {name for name in vars(HookSpecs) if hasattr(vars(module).get(name), "navloom_impl")}
     hooks: object = module
     if own - {"navloom_register"}:
@@ -179,7 +179,7 @@ def _plugins_in(module: ModuleType) -> Iterator[tuple[str, object]]:
 
 
 def _classes_in(module: ModuleType) -> list[type[Any]]:
-    """The plugins and messages that a file defines. A class without a `name` serves as a base of others."""
+    """The plugin and message classes that a file defines. A class without a `name` counts as a base of others."""
     kinds = (*ROLES.values(), Message)
     own = [cls for cls in vars(module).values() if inspect.isclass(cls) and cls.__module__ == module.__name__]
     parts = [cls for cls in dict.fromkeys(own) if issubclass(cls, kinds) or getattr(cls, "role", "") == NODE]
@@ -195,7 +195,7 @@ def _classes_in(module: ModuleType) -> list[type[Any]]:
 
 
 def _registered(module: ModuleType, hooks: Any) -> Registry:
-    """What a file registers."""
+    """The registry that a file fills."""
     registry = Registry()
     parts = [Listed([cls]) for cls in hooks.classes] if isinstance(hooks, Listed) else [hooks]
     for part in parts:

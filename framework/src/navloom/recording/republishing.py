@@ -25,7 +25,7 @@ from navloom.transport.zenoh_bus import Bus, Publication, Question
 __all__ = ["REALM", "republish"]
 
 REALM = "replay"
-"""Realm of what is published again, so that it is never taken for the robot itself."""
+"""Realm of republished messages, so that they are never taken for the robot itself."""
 PROCESS = "replay"
 
 
@@ -34,12 +34,12 @@ def republish(recording: Recording, speed: float, ending: threading.Event, say: 
 
     Args:
         recording: What to publish.
-        speed: Times as fast as it was received.
-        ending: Set to end.
-        say: Told where it can be looked into.
+        speed: Factor of the recorded pace.
+        ending: Event that ends it.
+        say: Receives the name under which it can be observed.
 
     Returns:
-        How many messages were published.
+        Number of messages published.
 
     Raises:
         DirectoryError: A recording of that robot is published already.
@@ -63,7 +63,7 @@ def republish(recording: Recording, speed: float, ending: threading.Event, say: 
 
 
 class _Player:
-    """The nodes of a recording, as far as tools ask for them."""
+    """Stands for the nodes of a recording in the queries of tools."""
 
     def __init__(self, bus: Bus, keys: KeySpace, recording: Recording) -> None:
         self.bus, self.keys, self.recording = bus, keys, recording
@@ -90,7 +90,7 @@ class _Player:
         bus.serve(keys.process(PROCESS, "config"), self._show_config)
 
     def play(self, speed: float, ending: threading.Event) -> int:
-        """Publish everything in its time."""
+        """Publish every message at its time."""
         began, first = time.monotonic(), None
         count = 0
         for one in self.recording.messages():

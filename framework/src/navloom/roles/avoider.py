@@ -46,7 +46,7 @@ class AvoiderInput:
 
 
 class Avoider(Role[P]):
-    """Steers around sensed obstacles. It steps in every tick, whether it drives or not."""
+    """Steers around sensed obstacles. While a trajectory is followed, it steps in every tick, driving or not."""
 
     role = "avoider"
     needs_sensor = True

@@ -33,7 +33,7 @@ class ControllerInput:
 
 
 class Controller(Role[P]):
-    """Follows trajectories."""
+    """Follows trajectories. It steps in every tick while a trajectory is followed."""
 
     role = "controller"
     accepts: ClassVar[tuple[type[Message], ...]] = ()

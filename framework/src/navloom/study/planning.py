@@ -1,4 +1,4 @@
-"""One path on one map, without a run."""
+"""Plans one path on one map, without a run."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ __all__ = ["map_update", "plan_once"]
 LARGEST = 100.0
 """Longest side of a robot, m."""
 POINT = 1e-6
-"""Size that stands for a point robot, m."""
+"""Side length that represents a point robot, m."""
 
 
 def map_update(grid: OccupancyGrid) -> MapUpdate:
-    """A map without segments: planners then work on its cells."""
+    """A map without segments, so that planners use its cells."""
     return MapUpdate(0, grid, np.empty((0, 4)), ())
 
 
@@ -47,12 +47,13 @@ def plan_once(
     """Plan on a world's map.
 
     Args:
-        reference: World reference, relative paths from `base`.
-        start, goal: m, map frame.
+        reference: World reference.
+        base: Base folder of relative paths.
+        start, goal: x and y, m, map frame.
         planner: Name of the plugin.
         changes: Its parameters as `key=value`.
         size: Length and width of the robot, m; 0 is a point.
-        resolution: Cell of maps without a raster, m.
+        resolution: Cell size for maps without a raster, m.
 
     Returns:
         `outcome` ("found" or the kind of failure), `reason`, `place`, `length_m`, `points`, `planner`, `planner_ms`.

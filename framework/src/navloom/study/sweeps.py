@@ -1,4 +1,4 @@
-"""Recorded sweeps of pitched lasers, and the map one mapper makes of one."""
+"""Recorded sweeps of pitched lasers, and the map that a mapper makes of one."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ __all__ = ["MappedSweep", "SweepRecording", "find_floor", "map_sweep", "read_rec
 
 Floats = NDArray[np.float64]
 ARRAYS = ("ranges_m", "pitch_deg", "beam_deg")
-"""What a recorded sweep holds."""
+"""Arrays of a recorded sweep."""
 FRAME_TIME = 0.0133
-"""s between frames where the file does not say: 75 frames a second."""
+"""Time between frames, s: 75 frames a second; files do not contain it."""
 SMALLEST = 0.3
-"""Shorter ranges are not looked at when the floor is sought, m."""
+"""Shortest range that is used to find the floor, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class SweepRecording:
-    """One sweep as recorded.
+    """A recorded sweep.
 
     Attributes:
         ranges: (frames, beams) m.
         pitches: (frames,) rad, up positive.
-        bearings: (beams,) rad, rising, counter-clockwise in the scan plane.
-        range_max: Greatest number the scanner gives, m; it stands for no return.
+        bearings: (beams,) rad, increasing, counter-clockwise in the scan plane.
+        range_max: Largest range that the scanner reports, m; it means no return.
     """
 
     ranges: Floats
@@ -51,14 +51,14 @@ class SweepRecording:
 
 @dataclass(frozen=True, eq=False)
 class MappedSweep:
-    """What became of a recording: the sweep as handed in, the map, and how long the mapper took, ms."""
+    """A sweep with its map and the computing time of the mapper, ms."""
 
     sweep: Sweep
     update: MapUpdate
     mapper_ms: float
 
     def counts(self) -> dict[str, int]:
-        """Points by what became of them; they sum to the points given."""
+        """Number of points by use; the sum is the number of points in the sweep."""
         return {count.name: count.value for count in self.update.counts}
 
 
@@ -66,7 +66,7 @@ def read_recording(path: Path) -> SweepRecording:
     """Read an .npz with `ranges_m` (frames, beams), `pitch_deg` (frames,) and `beam_deg` (beams,), right positive.
 
     Raises:
-        ConfigError: Missing, damaged, or arrays that do not fit each other.
+        ConfigError: The file is missing or damaged, or its arrays do not match.
     """
     try:
         found = Arrays(path, ConfigError)
@@ -100,16 +100,16 @@ def _refuse_bad_numbers(path: Path, name: str, values: Floats, good: NDArray[np.
 
 
 def find_floor(recording: SweepRecording) -> tuple[float, float]:
-    """How the pitch is zeroed and how high the sensor stands, read off the floor itself.
+    """Zero offset of the pitch and height of the sensor, estimated from the floor.
 
-    In rings of 0.25 m ahead, the most frequent height below the sensor is the floor's; a line through them gives the
-    height under the sensor, and its slope is the zero offset of the pitch.
+    In rings of 0.25 m ahead, the most frequent height below the sensor is that of the floor. A line through these
+    heights gives the height under the sensor, and its slope the zero offset of the pitch.
 
     Returns:
         Offset to add to the pitches, rad, and height of the sensor above the floor, m.
 
     Raises:
-        ConfigError: No floor in at least three rings.
+        ConfigError: The floor is seen in fewer than three rings.
     """
     alpha, beta = recording.pitches[:, None], recording.bearings[None, :]
     forward = recording.ranges * np.cos(beta)
@@ -129,7 +129,7 @@ def find_floor(recording: SweepRecording) -> tuple[float, float]:
 
 
 def sweep_of(recording: SweepRecording, pitch_offset: float, height: float) -> Sweep:
-    """The message a mapper is given: a planar laser pitched as a whole, `height` m above the floor."""
+    """The message for a mapper: a planar laser that pitches as a whole, `height` m above the floor."""
     frames = len(recording.pitches)
     try:
         return Sweep(
@@ -153,7 +153,7 @@ def sweep_of(recording: SweepRecording, pitch_offset: float, height: float) -> S
 def map_sweep(
     sweep: Sweep, *, mapper: str = "ipabd", changes: Sequence[str] = (), discovery: Discovery | None = None
 ) -> MappedSweep:
-    """Hand one sweep, taken at standstill at the origin, to a mapper plugin.
+    """Map one sweep, taken at standstill at the origin, with a mapper plugin.
 
     Args:
         sweep: The sweep.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from navloom.testing.checks import Check
-from navloom.testing.findings import Finding, Report, Result
+from navloom.testing.findings import CheckReport, Finding, Result
 from navloom.testing.process import Process
 from navloom.testing.tiers import TIERS, checks_of
 
@@ -38,7 +38,7 @@ def check_plugin(
     only: Sequence[str] = (),
     out: Path | None = None,
     progress: Progress = lambda check, done, total: None,
-) -> Report:
+) -> CheckReport:
     """Check one plugin.
 
     Args:
@@ -62,7 +62,7 @@ def check_plugin(
         _blame(told, checks, *ended, is_last=deaths >= MOST_DEATHS)
     results = tuple(told.results[one.name] for one in checks)
     options = tuple(f"--set {value!r}" if " " in value else f"--set {value}" for value in params)
-    return Report(name, told.owner, told.place, seed, results, options)
+    return CheckReport(name, told.owner, told.place, seed, results, options)
 
 
 def _one_process(

@@ -17,13 +17,13 @@ from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.roles import ROLES, Role, verb_of
 
-__all__ = ["CHECKED", "Request", "Subject", "discovery_of", "find"]
+__all__ = ["CHECKED", "CheckRequest", "Subject", "discovery_of", "find"]
 
 CHECKED = (*ROLES, NODE, "metric", "panel", "world", "scheme", "message")
 """Kinds of plugin that there are checks for."""
 
 
-class Request(NamedTuple):
+class CheckRequest(NamedTuple):
     """Which plugin is to be checked, as plain values: it is found again in each process.
 
     Attributes:
@@ -112,12 +112,12 @@ def place_of(thing: Any) -> str:
         return ""
 
 
-def discovery_of(request: Request) -> Discovery:
+def discovery_of(request: CheckRequest) -> Discovery:
     """Where plugins are looked for. The one place to add sources beside the installed entry points."""
     return Discovery()
 
 
-def find(request: Request) -> Subject:
+def find(request: CheckRequest) -> Subject:
     """Load a plugin.
 
     Raises:
@@ -160,7 +160,7 @@ def _schema_of(discovery: Discovery, name: str) -> str:
     return name if name in known else next((one for one in known if one.rpartition(".")[2] == name), name)
 
 
-def _params(cls: type, request: Request) -> Any:
+def _params(cls: type, request: CheckRequest) -> Any:
     """A plugin's parameters: its defaults, with what the request changes."""
     if not issubclass(cls, Role):
         if request.params:

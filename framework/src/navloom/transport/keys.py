@@ -21,8 +21,8 @@ from navloom.transport.access import IDENTITIES, KINDS, AccessError, Identity, r
 from navloom.transport.certificates import (
     AUTHORITY_DAYS,
     SERVING,
+    CertificateRequest,
     KeysError,
-    Request,
     alternative_name,
     hosts_of,
     make_authority,
@@ -32,13 +32,10 @@ from navloom.transport.certificates import (
 )
 from navloom.transport.validity import AUTHORITY
 
-__all__ = ["DAYS", "add_identity", "new_authority", "renew", "revoke"]
-
-DAYS = 825
-"""Default validity of a certificate, days."""
+__all__ = ["add_identity", "new_authority", "renew", "revoke"]
 
 
-def new_authority(folder: Path, order: Request) -> tuple[Identity, ...]:
+def new_authority(folder: Path, order: CertificateRequest) -> tuple[Identity, ...]:
     """Make a folder with an authority and certificates of router, nodes, operator and viewer: all of them, or none.
 
     Args:
@@ -86,7 +83,7 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
         raise KeysError(f"--host {hosts[0]}: only for --kind nodes; a {identity.kind} accepts no connections")
     _check_identity(identity)
     with _changing(folder) as (draft, listed):
-        order = Request(listed.realm, listed.robot, tuple(hosts), days, now)
+        order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
         _check_order(order)
         files = _files(identity.name)
         if any((folder / file).exists() for file in files) or identity.name in listed.by_name:
@@ -201,13 +198,13 @@ def _known(folder: Path, listed: _Listed, name: str) -> Identity:
 
 def _order_again(
     folder: Path, listed: _Listed, identity: Identity, hosts: Sequence[str], days: int, now: datetime
-) -> Request:
+) -> CertificateRequest:
     """The request for another certificate of an identity."""
     if identity.kind not in SERVING:
         hosts = ()
     elif not hosts:
         hosts = hosts_of(folder / f"{identity.name}.pem")
-    order = Request(listed.realm, listed.robot, tuple(hosts), days, now)
+    order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
     _check_order(order)
     return order
 
@@ -217,7 +214,7 @@ def _files(name: str) -> tuple[str, str]:
     return f"{name}-key.pem", f"{name}.pem"
 
 
-def _check_order(order: Request) -> None:
+def _check_order(order: CertificateRequest) -> None:
     for what, name in (("--realm", order.realm), ("--robot", order.robot)):
         if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
             raise KeysError(f"{what} {name!r}: expected letters, digits, _ and -")

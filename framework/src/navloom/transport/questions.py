@@ -42,7 +42,7 @@ RATE, BURST = 100.0, 100.0
 REFUSALS = 20.0
 """Refusals of one process: in the long run, Hz, and at once. Further queries are dropped without a refusal, which costs
 as much as an answer."""
-TOO_MANY = "too many questions: ask again in 1 s"
+TOO_MANY = "too many requests: try again in 1 s"
 """Refusal of a query beyond the rate."""
 FRESH = 0.05
 """How long an answer that only reads may be reused, s."""
@@ -99,7 +99,7 @@ class Desk:
 
         def take(question: Question) -> None:
             if question.size > largest:
-                self._refuse(question, f"a question of {question.size} bytes: {service} takes {largest} at most")
+                self._refuse(question, f"a request of {question.size} bytes: {service} takes at most {largest}")
             elif len(waiting) >= WAITING or not allowance.spend():
                 self._refuse(question, TOO_MANY)
             else:

@@ -40,7 +40,7 @@ def graph(
 
 
 def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool) -> None:
-    """The connections that a config makes."""
+    """Print the connections that a config defines."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
     from navloom.engine.build import assemble
@@ -73,17 +73,17 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
     else:
         for spec in system.specs:
             typer.echo(f"{spec.role} ({', '.join(names[spec.role])})")
-            typer.echo(f"  reads {', '.join(map(str, spec.inputs)) or 'nothing'}")
+            typer.echo(f"  reads {', '.join(dict.fromkeys(map(str, spec.inputs))) or 'nothing'}")
             typer.echo(f"  publishes {', '.join(f'{port.name} ({_carried(port)})' for port in spec.ports)}")
 
 
 def _carried(port: Any) -> str:
-    """Schema name of what a port carries; the framework's own without its package."""
+    """Schema name of a port's message; the framework's own without the package."""
     return str(port.carries.schema_name).removeprefix("navloom.") or "any message"
 
 
 def _live_graph(robot: RobotOptions, as_json: bool, dot: bool) -> None:
-    """The nodes, what each publishes, and whose messages it has received."""
+    """Print the nodes, the ports that each publishes, and the streams that it has received."""
     from navloom.cli.live.live_graph import live_edges, live_nodes, print_dot, print_nodes
     from navloom.cli.output import print_json
     from navloom.operating.client import ClientError

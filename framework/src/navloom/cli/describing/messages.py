@@ -1,4 +1,4 @@
-"""`navloom messages`: what flows, of the framework and of every distribution, and the fields of one."""
+"""`navloom messages`: messages of the framework and of every distribution, and the fields of one."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 __all__ = ["messages"]
 
 _UNIT = r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/s|1/m|kg|N|V|A|W|%)(?=[,;. ]|$)"
-"""A unit in the text of a field: at its begin, or after a comma."""
+"""A unit in the text of a field: at its start, or after a comma."""
 
 _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
-"""Units that a name may end in."""
+"""Units by the last word of a field's name."""
 
 
 def messages(
@@ -97,7 +97,7 @@ def _fields(cls: type[Message]) -> Iterator[dict[str, str]]:
 
 
 def _meanings(text: str) -> dict[str, str]:
-    """What a docstring says of each field, below `Attributes:` as `name, other: Text.`"""
+    """Text of each field from a docstring, where it is below `Attributes:` as `name, other: Text.`"""
     found: dict[str, str] = {}
     names: list[str] = []
     _, _, below = text.partition("Attributes:\n")

@@ -25,7 +25,7 @@ def plugins(
     ] = None,
     plugin: PluginFiles = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="With `new`: folder that gets the new one; default: this one.")
+        Path | None, typer.Option(metavar="DIR", help="With `new`: parent folder of the new one; default: this one.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -81,7 +81,7 @@ def plugins(
 
 
 def _new(kind_and_name: Sequence[str], where: Path, discovery: Any, as_json: bool) -> None:
-    """Write a distribution, and say what to do with it."""
+    """Write a distribution, and print the next commands."""
     from navloom.cli.output import print_json
     from navloom.plugins.scaffold import KINDS, new_distribution
 
@@ -102,7 +102,7 @@ def _new(kind_and_name: Sequence[str], where: Path, discovery: Any, as_json: boo
 
 
 def kinds_of(cls: Any) -> dict[str, Any]:
-    """The kinds of sensor that a platform provides: the message class of each, and what its table may hold."""
+    """The kinds of sensor that a platform provides, each with its message class and the schema of its settings."""
     from navloom.roles import Platform
 
     if not issubclass(cls, Platform):

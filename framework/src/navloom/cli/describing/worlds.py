@@ -1,4 +1,4 @@
-"""`navloom worlds`: where a run can take place."""
+"""`navloom worlds`: the named worlds and the world schemes."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def _localizer(feedback: Any) -> str:
 
 
 def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """The row of who drives, or of why nothing does."""
+    """The row with the source that drives, or with why the robot is stopped."""
     from navloom.operating.looking import who_drives
 
     gate = words["gate/status"]

@@ -1,4 +1,4 @@
-"""`navloom view`: see a live robot or a recording."""
+"""`navloom view`: shows a live robot or a recording."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
     from navloom.viewer.showing import showing
     from navloom.viewer.sources import facts_of_header, live_messages
 
-    os.nice(NICE)  # before the network's threads are there: each has a priority of its own
+    os.nice(NICE)  # before the network's threads start: each thread has a priority of its own
     with ending() as event, robot.look() as client:
         header = ask_header(client)
         facts = facts_of_header(header, header.prefix)

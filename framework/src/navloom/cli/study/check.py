@@ -1,7 +1,8 @@
-"""`navloom check`: whether a plugin keeps the framework's contract."""
+"""`navloom check`: checks that a plugin keeps the framework's contract."""
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,38 +11,46 @@ import typer
 from navloom.cli.options import AsJson, PluginFiles
 
 if TYPE_CHECKING:
-    from navloom.testing.findings import Report
+    from navloom.testing.findings import CheckReport
 
 __all__ = ["check"]
 
+COUNTED = (
+    ("passed", "checks passed"),
+    ("failed", "failed"),
+    ("shown", "measured but not claimed"),
+    ("not_run", "not run"),
+)
+"""Outcomes of checks in the last line of a report, in its order."""
+
 
 def check(
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, node.…")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Like avoider.vff, metric.…, node.…")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
     ] = None,
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="CHECK", help="Run this check alone; repeats.")
+        list[str] | None, typer.Option("--only", metavar="CHECK", help="Run only this check; repeats.")
     ] = None,
-    tier: Annotated[list[str] | None, typer.Option(metavar="TIER", help="Run this tier alone; repeats.")] = None,
+    tier: Annotated[list[str] | None, typer.Option(metavar="TIER", help="Run only this tier; repeats.")] = None,
     plugin: PluginFiles = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the checks.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers in the checks.")] = 0,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pictures into this folder.")] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="List the checks, or those of ROLE.NAME, and run none.")
     ] = False,
     hardware: Annotated[
         str | None,
-        typer.Option(metavar="CONFIG", help="Try this config's real platform with its hardware; nothing moves."),
+        typer.Option(metavar="CONFIG", help="Check the real platform of this config with its hardware; nothing moves."),
     ] = None,
     drive: Annotated[
         bool, typer.Option("--drive", help="With --hardware: drive a short distance, turn and stop.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check one plugin in a process of its own.
+    """Check one plugin in a separate process.
 
-    Exit 0: it passes; 1: a check found a fault.
+    Exit 0: no check failed; 1: a check failed.
     """
     from navloom.cli.output import progress_line, say_so
     from navloom.config import ConfigError
@@ -77,8 +86,8 @@ def check(
     _end(report, as_json)
 
 
-def _end(report: Report, as_json: bool) -> None:
-    """Print a report; exit code 1 where a check failed."""
+def _end(report: CheckReport, as_json: bool) -> None:
+    """Print a report; exit with code 1 if a check failed."""
     from navloom.cli.output import print_json, say_so
 
     if as_json:
@@ -90,12 +99,12 @@ def _end(report: Report, as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _print(report: Report) -> None:
-    """A line for each check, and what is wrong, what was expected and how to repeat it under those that failed."""
-    words = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
+def _print(report: CheckReport) -> None:
+    """A line for each check; for failed ones also the finding, what was expected, and how to repeat it."""
+    marks = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
     for result in report.results:
-        typer.echo(f"{words[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
+        typer.echo(f"{marks[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
         for line in report.sentences(result):
             typer.echo(f"        {line}")
         for shown in result.shown:
@@ -104,9 +113,10 @@ def _print(report: Report) -> None:
             typer.echo(f"        picture: {picture}")
         if result.findings:
             typer.echo(f"        repeat:  {report.command(result)}")
-    passed = sum(result.outcome == "passed" for result in report.results)
+    counts = Counter[str](result.outcome for result in report.results)
+    said = [f"{counts[one]} {words}" for one, words in COUNTED if counts[one] or one == "failed"]
     owner = f" ({report.owner})" if report.owner else ""
-    typer.echo(f"{report.plugin}{owner}: {passed} of {len(report.results)} checks passed, {len(report.failed)} failed")
+    typer.echo(f"{report.plugin}{owner}: {', '.join(said)}")
 
 
 def _list(name: str | None, tiers: tuple[str, ...] | list[str], as_json: bool) -> None:
@@ -142,16 +152,16 @@ def _refuse_unknown(name: str | None, only: list[str] | tuple[str, ...], tiers: 
 
 
 def _refuse_missing(name: str) -> None:
-    """Refuse a name that nothing is installed under: that is no fault of a plugin."""
+    """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
-    from navloom.testing.subject import CHECKED, Request, discovery_of
+    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of
 
     kind, _, plugin = name.partition(".")
     if kind not in CHECKED or not plugin:
         raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{nearest(kind, list(CHECKED))}")
-    known = discovery_of(Request(name)).names(kind)
+    known = discovery_of(CheckRequest(name)).names(kind)
     if kind == "message":
         known = [*known, *(one.rpartition(".")[2] for one in known)]
     if plugin not in known:
-        raise PluginError(f"no plugin {name} is installed{discovery_of(Request(name)).instead_of(kind, plugin)}")
+        raise PluginError(f"no plugin {name} is installed{discovery_of(CheckRequest(name)).instead_of(kind, plugin)}")

@@ -1,4 +1,4 @@
-"""`navloom map`: one recorded sweep to one map."""
+"""`navloom map`: makes a map from one recorded sweep."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`navloom plan`: one path on one map."""
+"""`navloom plan`: plans one path on one map."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import typer
 __all__ = ["plan"]
 
 STRAIGHT = 0.1
-"""How far a path may swerve from the straight lines that are printed of it, m."""
+"""Largest distance of a path from the straight lines that are printed for it, m."""
 FEW = 4
-"""Corners at either end that are printed of a long path."""
+"""Number of corners at either end that are printed for a long path."""
 
 
 def plan(
@@ -59,7 +59,7 @@ def plan(
 
 
 def _print_path(answer: dict[str, Any]) -> None:
-    """Length, time, and the few places where the path turns."""
+    """Print the length, the time, and the corners of the path."""
     import numpy as np
 
     from navloom.geometry.polylines import corners

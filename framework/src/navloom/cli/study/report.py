@@ -1,4 +1,4 @@
-"""`navloom report`: the report of a study, made again."""
+"""`navloom report`: writes the report of a study again."""
 
 from __future__ import annotations
 

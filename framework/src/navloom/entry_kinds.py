@@ -32,7 +32,7 @@ class CommandPoint(NamedTuple):
     """A command that a distribution adds, as its metadata describes it.
 
     Attributes:
-        name: As it is typed after `navloom`.
+        name: Name of the command, typed after `navloom`.
         value: Module that registers it.
         distribution: Name of its distribution.
         summary: Purpose of that distribution, in one line.

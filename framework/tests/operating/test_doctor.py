@@ -275,7 +275,7 @@ def test_configs_that_differ_are_told_by_their_hash() -> None:
 def test_a_process_that_does_not_hear_the_platform_is_told_while_others_do() -> None:
     deaf = {"silence_s": 2.5, "host": "brain"}
     found = only(unheard(everyone(mapper=deaf, goal=deaf)))
-    assert found.what == "process think on brain has not heard the platform for 2.5 s"
+    assert found.what == "process think on brain has not received a platform message for 2.5 s"
     assert found.remedy.startswith("the network between them")
     here = only(unheard(everyone(mapper={"silence_s": 2.5}, goal={"silence_s": 2.5})))
     assert here.remedy == "it hangs, or its host gives it no CPU time: `kill -KILL 4711` restarts it"

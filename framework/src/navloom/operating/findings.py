@@ -221,7 +221,7 @@ def unheard(nodes: Sequence[Node]) -> list[Finding]:
             remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
             if node["host"] in home:
                 remedy = f"it hangs, or its host gives it no CPU time: `kill -KILL {node['pid']}` restarts it"
-            what = f"process {process} has not heard the platform for {node['silence_s']:.1f} s"
+            what = f"process {process} has not received a platform message for {node['silence_s']:.1f} s"
             found.append(Finding("problem", what, remedy))
     return found
 

@@ -96,6 +96,11 @@ class Discovery:
         parts = (_key(point).partition(".") for point in self._points)
         return [name for owner, _, name in parts if owner == role]
 
+    def meant(self, name: str) -> str:
+        """`; did you mean 'avoider.vff'?` for a plugin that is named without its kind, to append; else empty."""
+        found = [_key(point) for point in self._points if name and _key(point).partition(".")[2] == name]
+        return f"; did you mean {' or '.join(map(repr, found))}?" if found else ""
+
     def role(self, role: str, name: str) -> type[Role]:
         """The class of one plugin.
 

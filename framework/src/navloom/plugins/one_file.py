@@ -23,7 +23,7 @@ from navloom.plugins.hooks import HookSpecs, hookimpl
 from navloom.plugins.registry import NODE, PluginError, Registry
 from navloom.roles import ROLES, Role
 
-__all__ = ["available_points", "use_files"]
+__all__ = ["available_points", "files_in_use", "use_files"]
 
 FILES = "NAVLOOM_PLUGIN_FILES"
 """Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they load the same plugins."""
@@ -95,6 +95,11 @@ def use_files(files: Iterable[Path]) -> None:
         used[path] = _digest_of(path)
         _points_of(path, used[path])
     os.environ[FILES] = json.dumps([(str(path), digest) for path, digest in used.items()])
+
+
+def files_in_use() -> list[str]:
+    """Absolute paths of the files, for commands that are to find the same plugins."""
+    return [str(path) for path, _ in _in_use()]
 
 
 def _in_use() -> list[tuple[Path, str]]:

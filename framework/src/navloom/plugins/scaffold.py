@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
@@ -152,15 +153,16 @@ def new_distribution(kind: str, name: str, where: Path, discovery: Discovery | N
     folder = where / values["distribution"]
     if folder.exists():
         raise PluginError(f"{folder}: exists already; choose another name, another --out, or remove it")
-    if not where.is_dir():
-        raise PluginError(f"--out {where}: there is no such folder")
+    if where.exists() and not where.is_dir():
+        raise PluginError(f"--out {where}: is a file, expected a folder")
     texts = {path: Template(text).substitute(values) for path, text in _files(kind, values)}
     for path, text in texts.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, "utf-8")
     (folder / "src" / values["package"] / "py.typed").touch()
     commands = tuple(Template(command).substitute(values) for command in KINDS[kind].commands)
-    first = ("pip install -e '.[test]'", "pytest", f"navloom check {values['check']}")
+    install = "pip install" if find_spec("pip") else "uv pip install"  # uv makes environments without pip
+    first = (f"{install} -e '.[test]'", "pytest", f"navloom check {values['check']}")
     return Made(folder, values["distribution"], values["package"], values["check"], tuple(sorted(texts)),
                 (f"cd {folder}", *first, *commands))  # fmt: skip
 

@@ -102,6 +102,8 @@ class StudyFiles:
         """Shell command that drives one episode again."""
         changes = [*self.request["methods"][method]["changes"], *self.request["worlds"][world]["changes"]]
         words = ["navloom", "run", self.request["config"]]
+        for file in self.request.get("plugin_files", ()):
+            words += ["--plugin", file]
         for change in changes:
             words += ["--set", change]
         return shlex.join([*words, "--seed", str(seed)])

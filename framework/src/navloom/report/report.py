@@ -14,6 +14,7 @@ from navloom.report.data import StudyFiles, read_study
 from navloom.report.html import Section
 from navloom.report.openloop import open_loop_data, over_time_figure, shadow_summary, spread_figure
 from navloom.report.tables import TextTable
+from navloom.study.metrics import headlines
 from navloom.study.statistics import THESE_WORLDS
 from navloom.study.trail import FALSE_SUCCESS
 
@@ -23,7 +24,6 @@ PLOTS_MISSING = (
     "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
     "pip install 'navloom[plots]') and write the report again with `navloom report`."
 )
-HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
 
 
@@ -158,7 +158,8 @@ def _in_short(study: StudyFiles) -> ReportPart:
     if any(untold.values()):
         counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
         part.say(f"Successes by the robot's own report only, without ground truth: {counts}.", "note")
-    names = [metric for metric in map(study.metric, HEADLINES) if metric is not None]
+    wanted = headlines([metric.name for metric in study.metrics])
+    names = [metric for metric in map(study.metric, wanted) if metric is not None]
     rows = []
     for method in study.methods:
         cells = []

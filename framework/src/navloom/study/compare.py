@@ -22,6 +22,7 @@ from navloom.engine.build import assemble
 from navloom.engine.checks import check_task
 from navloom.engine.system import System
 from navloom.plugins import PluginError
+from navloom.plugins.one_file import files_in_use
 from navloom.plugins.registry import NODE, nearest
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder
@@ -108,8 +109,8 @@ class Study:
     def request(self) -> dict[str, Any]:
         """The request as `study.json` stores it: equal requests give equal rows.
 
-        To drive one episode again, pass the `changes` of its method and world to `navloom run` as `--set`, and its
-        seed as `--seed`.
+        To drive one episode again, pass the `changes` of its method and world to `navloom run` as `--set`, its seed as
+        `--seed` and the `plugin_files` as `--plugin`.
         """
         return {
             "config": self.config,
@@ -128,6 +129,7 @@ class Study:
             "held_equal": self.held_equal,
             "differs": self.differs,
             "versions": self.versions,
+            **({"plugin_files": files} if (files := files_in_use()) else {}),
             **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
         }  # fmt: skip
 

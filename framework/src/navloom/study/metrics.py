@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -14,7 +14,7 @@ from navloom.study.trail import Trail
 if TYPE_CHECKING:
     from navloom.plugins import Discovery
 
-__all__ = ["METRICS", "Metric", "all_metrics", "measure", "timing"]
+__all__ = ["METRICS", "Metric", "all_metrics", "headlines", "measure", "timing"]
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,13 @@ def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
     return (*METRICS, *found)
 
 
+def headlines(names: Sequence[str]) -> list[str]:
+    """Which metrics of a study its short tables show: the chief built-in ones, and all that other distributions add."""
+    built_in = {metric.name for metric in METRICS}
+    return [name for name in _HEADLINES if name in names] + [name for name in names if name not in built_in]
+
+
+_HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 _COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
 SHARE = (0.0, 1.0)
 NOT_NEGATIVE = (0.0, None)

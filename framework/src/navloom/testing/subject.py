@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path, PurePath
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
@@ -133,7 +134,8 @@ def find(request: CheckRequest) -> Subject:
         )
     discovery = discovery_of(request)
     thing = _loaded(discovery, kind, name)
-    info = next((one for one in discovery.infos() if (one.role, one.name) == (kind, name)), None)
+    point = ("scheme", name.partition(":")[0]) if kind == "world" and ":" in name else (kind, name)
+    info = next((one for one in discovery.infos() if (one.role, one.name) == point), None)
     owner = f"{info.distribution} {info.version}".strip() if info is not None else ""
     return Subject(kind, name, thing, owner, _params(thing, request) if isinstance(thing, type) else None)
 
@@ -143,6 +145,10 @@ def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
         return discovery.plugin(kind, name)
     if kind == "message":
         return discovery.message(_schema_of(discovery, name))
+    if kind == "world" and ":" in name:
+        scheme, _, argument = name.partition(":")
+        load = _loaded(discovery, "scheme", scheme)
+        return wraps(load)(lambda: load(argument, Path.cwd()))
     registry = discovery.load(kind, name)
     of_kind: Mapping[str, Mapping[str, Any]] = {
         "metric": registry.metrics, "panel": registry.panels, "world": registry.worlds, "scheme": registry.schemes,

@@ -172,7 +172,7 @@ def legend(facts: Facts) -> str:
     ]
     if single:
         lines += [
-            "| blue cones | sonar echoes; grey: nothing heard |",
+            "| blue cones | sonar echoes; grey: no echo |",
             "| ring round the robot | polar histogram: vermilion blocked, green free; inner green arc: a free slot |",
             "| square with orange to red cells | certainty window of the avoider |",
             "| light floor, dark cells | the robot's own map; nothing where unknown |",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navloom.cli.describing.docstrings import meanings
 from navloom.cli.output import LOG
 
 if TYPE_CHECKING:
@@ -88,26 +89,9 @@ def _head(cls: type[Message], owner: str) -> dict[str, Any]:
 def _fields(cls: type[Message]) -> Iterator[dict[str, str]]:
     from navloom.recording.schemas import typed
 
-    meanings = _meanings(inspect.getdoc(cls) or "")
+    told = meanings(inspect.getdoc(cls) or "")
     for name, kind in cls.kinds.items():
-        meaning = meanings.get(name, "")
+        meaning = told.get(name, "")
         unit = re.search(_UNIT, meaning)
         in_name = _IN_NAME.get(name.rpartition("_")[2], "") if "_" in name else ""
         yield {"name": name, "type": typed(kind), "unit": unit[1] if unit else in_name, "meaning": meaning}
-
-
-def _meanings(text: str) -> dict[str, str]:
-    """Text of each field from a docstring, where it is below `Attributes:` as `name, other: Text.`"""
-    found: dict[str, str] = {}
-    names: list[str] = []
-    _, _, below = text.partition("Attributes:\n")
-    for line in below.splitlines():
-        entry = re.match(r" {4}(\w+(?:, \w+)*): (.*)", line)
-        if line and not line.startswith(" "):
-            break
-        if entry:
-            names = entry[1].split(", ")
-            found |= dict.fromkeys(names, entry[2])
-        elif line.strip():
-            found |= {name: f"{found[name]} {line.strip()}" for name in names}
-    return found

@@ -44,8 +44,8 @@ def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> No
         name = f"{node['role']}/{node['instance']}"
         typer.echo(f"{name} ({node['state']}; {_place(node)})")
         into = [edge for edge in edges if edge["to"] == name]
-        for words, heard in (("hears", True), ("has not heard", False)):
-            streams = [f"{edge['from']}/{edge['port']}" for edge in into if bool(edge["received"]) is heard]
+        for words, is_received in (("receives", True), ("has not received", False)):
+            streams = [f"{edge['from']}/{edge['port']}" for edge in into if bool(edge["received"]) is is_received]
             if streams:
                 typer.echo(f"  {words} {', '.join(streams)}")
         if node["published"]:

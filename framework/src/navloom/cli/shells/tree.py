@@ -69,7 +69,7 @@ class CommandEntry:
 
     @property
     def name(self) -> str:
-        """As it is typed."""
+        """Full name, as it is typed."""
         return " ".join(self.path)
 
     @property

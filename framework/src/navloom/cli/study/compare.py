@@ -27,7 +27,6 @@ __all__ = ["Variadic", "compare"]
 MANY = ("--worlds", "--vary", "--set")
 TOLD = 10.0
 """Interval between lines of progress without a terminal, s."""
-SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 
 
 class Variadic(SectionedCommand):
@@ -219,9 +218,10 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
 def _print(result: StudyResult, out: Path | None) -> None:
     """Print a study's result for people."""
     from navloom.cli.output import print_table
+    from navloom.study.metrics import headlines
 
     study = result.study
-    shown = [name for name in SHOWN if name in study.metrics]
+    shown = headlines(study.metrics)
     lines = []
     for name, found in result.summary().items():
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())

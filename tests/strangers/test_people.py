@@ -331,7 +331,7 @@ WATCHED = ('node=[{ name = "eyes", plugin = "watcher" }]', *SHORT)
 @pytest.mark.parametrize(
     ("more", "names", "said"),
     [
-        ("truth = Latest(Truth, triggers=True)", "Truth", "watcher reads Truth: the truth reaches no plugin"),
+        ("truth = Latest(Truth, triggers=True)", "Truth", "watcher reads Truth: no plugin may read the ground truth"),
         (
             "command = Latest(Command, triggers=True)",
             "Command",

@@ -157,7 +157,7 @@ def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> No
     robot.command(AHEAD, 1)
     robot.turn(0.05)
     robot.base.broken = 10_000
-    with pytest.raises(RuntimeError, match=r"could not be told anything for 1 s: .*Input/output error"):
+    with pytest.raises(RuntimeError, match=r"commands to the wheels failed for 1 s: .*Input/output error"):
         robot.turn(3.0)
     assert 1001.1 < robot.now < 1001.3
 

@@ -342,7 +342,7 @@ def test_a_malformed_entry_of_the_arrays_is_refused(entry: Any) -> None:
 )  # fmt: skip
 def test_an_array_that_does_not_lie_in_the_bytes_at_a_multiple_of_64_is_refused(entry: Any) -> None:
     data = track_with(entry)
-    expected = f"expected it to lie at a multiple of 64 within the {len(data)} bytes given"
+    expected = f"expected it at a multiple of 64 within the {len(data)} bytes given"
     assert expected in refusal(data, TRACK_LABEL)
 
 

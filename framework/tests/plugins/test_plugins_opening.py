@@ -163,7 +163,7 @@ def nested(depth: int) -> list[Any]:
         (b"", "got 0 bytes"),
         (b"\xff\xff\xff\xff", "got 4 bytes, expected a header that fits"),
         (header_of(3), "fields is int, expected a map"),
-        (header_of({}, [["<f8", [1 << 40], 0]]), "expected it to lie at a multiple of 64"),
+        (header_of({}, [["<f8", [1 << 40], 0]]), "expected it at a multiple of 64"),
         (header_of({}, [["|O", [1], 0]]), "expected dtype, shape and offset"),
         (header_of({"a": nested(40)}), "nested deeper than 16"),
         (header_of({str(n): [0] * 4000 for n in range(10)}), "fields holds more than 32768 values"),

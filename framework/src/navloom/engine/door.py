@@ -128,7 +128,7 @@ class PlatformDoor(_Door):
         if not isinstance(answer.odometry, Odometry):
             self.refuse(f"gave odometry={brief(answer.odometry)}", "Odometry")
         if not isinstance(answer.contact, Contact):
-            self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) where nothing is felt")
+            self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) for no contact")
         if answer.truth is not None and not isinstance(answer.truth, Truth):
             self.refuse(f"gave truth={brief(answer.truth)}", "Truth or None")
         if answer.scans.__class__ is not dict and not isinstance(answer.scans, Mapping):
@@ -200,9 +200,7 @@ class MapperDoor(_Door):
             )
         self._newest = answer.stamp_ns
         if not answer.grid.cells.size:
-            self.refuse(
-                f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell; None where there is no map"
-            )
+            self.refuse(f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell, or None for no map")
         return answer
 
 

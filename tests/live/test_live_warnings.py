@@ -34,7 +34,8 @@ class Busy(NodePlugin):
     blobs = Publishes(Blob)
 
     def step(self, tick: Tick) -> None:
-        if tick.number % 40 == 0:
+        self.steps = getattr(self, "steps", 0) + 1
+        if self.steps % 10 == 0:
             self.blobs.put(Blob(tick.time_ns, np.zeros(17 * 2**20, np.uint8)))
         if not hasattr(self, "thread"):
             self.thread = threading.Thread(target=time.sleep, args=(300.0,), name="stays")

@@ -159,7 +159,7 @@ def _refuse_missing(name: str) -> None:
     """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
-    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of
+    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of, schema_of
 
     kind, _, plugin = name.partition(".")
     scheme, colon, _ = plugin.partition(":")
@@ -175,6 +175,6 @@ def _refuse_missing(name: str) -> None:
         raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{hint}")
     known = discovery_of(CheckRequest(name)).names(kind)
     if kind == "message":
-        known = [*known, *(one.rpartition(".")[2] for one in known)]
+        plugin = schema_of(discovery_of(CheckRequest(name)), plugin)
     if plugin not in known:
         raise PluginError(f"no plugin {name} is installed{discovery_of(CheckRequest(name)).instead_of(kind, plugin)}")

@@ -114,6 +114,8 @@ def compare(
         if places:
             belong = "belongs" if len(places) == 1 else "belong"
             LOG.info(f"{method}: {', '.join(places)} {belong} to the replaced plugin: dropped")
+    for reason in study.unusable:
+        LOG.warning(f"{reason}; the study goes on without this metric")
     if (where := view.asked()) is not None:
         _show(study, where, as_json)
         return

@@ -91,9 +91,7 @@ def test_each_warning_is_said_once_while_the_robot_is_up(tmp_path: Path) -> None
     plugins.write_text(PLUGINS, "utf-8")
     with up(str(config), "--plugin", str(plugins), "--json", "--set", "run.stop_after=40") as robot:
         robot.wait_for("every node is there")
-        assert (
-            robot.json("hz", "busy/blobs", "--for", "4")["busy/busy/blobs"]["messages"] > 0
-        )  # what nobody hears is not sent
+        robot.run("hz", "busy/blobs", "--for", "4")  # only a stream with a reader is sent
         for text in SAID.values():
             robot.wait_for(f"warning: {text}", 60.0)
         assert robot.process.stdout is not None

@@ -76,12 +76,12 @@ sensors = ["sonars"]
 """
 )
 SAID = {
-    "large": "node busy (plugin busy) published a message of 17.8 MB on blobs",
-    "limits": "avoider spinning asked for 20 times the turn limit: degrees? It gave 20 rad/s",
+    "large": "busy busy published a message of 17.8 MB on blobs",
+    "limits": "avoider spinning asked for ",
     "output": "busy busy printed more than 64 kB within 10 s: the rest is left out (everything_wrong.py:",
     "silent": "platform half_deaf gave no scan of the sensor 'second' after 0.95 s",
     "slow": "busy busy is slow: ",
-    "thread": "busy busy started the thread 'stays', which still runs and is no daemon (everything_wrong.py:",
+    "thread": "busy busy started the thread 'stays', which still runs and is not a daemon (everything_wrong.py:",
 }
 
 

@@ -60,7 +60,7 @@ class HalfDeaf(SensorsSim):
         return replace(got, scans=heard)
 """
 CONFIG = (
-    EMPTY.replace("drive = false\n", "goal = { x = 8.0, y = 0.0 }\n").replace("sensors_sim", "half_deaf")
+    EMPTY.replace("drive = false\n", "goal = { x = 4.5, y = 7.0 }\n").replace("sensors_sim", "half_deaf")
     + """
 [[sensor]]
 name = "second"

@@ -31,7 +31,7 @@ __all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]
 
 WATCHED = 8.0
 """s a robot is watched to which nothing is done."""
-DONE = "new certificates are in force for all"
+DONE = "all connections use the new certificates"
 DAYS = 60
 TRIES = 20
 """Commands and questions that a revoked operator sends."""

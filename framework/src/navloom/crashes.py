@@ -73,7 +73,8 @@ def _threads(lines: Iterable[str]) -> Iterator[tuple[bool, list[_Frame]]]:
 
 
 def _place(frames: list[_Frame]) -> str:
-    """The innermost line of the plugin that the framework had called; empty if it had called none."""
+    """The innermost line of the plugin that the framework had called, or imported; empty if it had done neither."""
+    frames = [one for one in frames if not one.path.startswith("<frozen")]  # of Python's import
     called = next((number for number, one in enumerate(frames) if one.path.startswith(CALLERS)), 0)
     verb = frames[called - 1].path if called else ""
     if not verb or _is_standard(verb) or verb.startswith(os.path.join(HERE, "")):

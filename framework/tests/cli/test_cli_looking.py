@@ -187,7 +187,7 @@ def test_echo_prints_chosen_fields_as_a_json_object_a_line(robot: Up, look: Look
         (["hz", "platform/ear", "--for", "0"], "--for': Input should be greater than or equal to 0.1"),
         (["list", "--robot", "lab/r2"], "--robot lab/r2: it is not up on this host; up are lab/r1; did you mean"),
         (["status", "--connect", "127.0.0.1"], "endpoint '127.0.0.1': unknown protocol '127.0.0.1', expected tls/"),
-        (["doctor", "--connect", "tcp/127.0.0.1:9", "--robot", "r1"], "--robot r1: expected REALM/NAME, as in lab/r1"),
+        (["doctor", "--connect", "tcp/127.0.0.1:9", "--robot", "r1"], "expected REALM/NAME of letters, digits"),
     ],
     ids=["stream", "role", "field", "entry", "part", "count", "for", "robot", "endpoint", "name"],
 )  # fmt: skip

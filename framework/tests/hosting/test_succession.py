@@ -134,7 +134,7 @@ def test_a_renewal_reaches_listener_and_clients_and_each_message_is_heard_once(n
     assert (sender.losses, hearer.losses) == (0, 0)
     assert net.shown().serial_number != before.serial_number
     assert net.shown().not_valid_after_utc > before.not_valid_after_utc
-    assert net.said[-1] == "new certificates are in force for all"
+    assert net.said[-1] == "all connections use the new certificates"
 
 
 def test_a_process_takes_its_own_new_certificate_without_the_routers_help(net: Net) -> None:
@@ -231,7 +231,7 @@ def test_files_that_do_not_fit_are_named_and_the_router_goes_on_with_the_old_one
     stream = Stream(net.join("nodes"), net.join("nodes"))
     (net.folder / "router.pem").write_bytes((net.folder / "viewer.pem").read_bytes())
     net.take_new_files()
-    assert "router-key.pem does not belong to" in net.said[-1] and "old ones stay in force" in net.said[-1]
+    assert "router-key.pem does not belong to" in net.said[-1] and "old ones stay in use" in net.said[-1]
     expected = stream.end()
     assert stream.heard == expected
 

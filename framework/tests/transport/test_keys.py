@@ -219,7 +219,7 @@ def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: Certifi
         (Identity("nodes-key", "viewer"), (), "not ending in -key"),
         (Identity("bob", "router"), (), "--kind router: expected nodes, operator, viewer, shadow"),
         (Identity("bob", "viewer", "avoider.forces"), (), "only for --kind shadow"),
-        (Identity("bob", "viewer"), ("10.0.0.2",), "nobody connects to a viewer"),
+        (Identity("bob", "viewer"), ("10.0.0.2",), "a viewer accepts no connections"),
         (Identity("bob", "shadow"), (), "--instance \\(none\\).*expected ROLE.NAME"),
         (Identity("bob", "shadow", "gate.main"), (), "roles are localizer, mapper"),
         (Identity("bob", "shadow", "platform.sim"), (), "roles are localizer, mapper"),

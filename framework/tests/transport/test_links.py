@@ -110,7 +110,7 @@ def test_what_is_no_endpoint_is_refused_with_its_text(text: str, words: str) -> 
 @pytest.mark.parametrize("insecure", [False, True])
 @pytest.mark.parametrize("text", ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/*:7447", "udp/0:7447"])
 def test_every_interface_is_never_listened_at_without_tls(text: str, insecure: bool) -> None:
-    assert "over TLS only" in refusal(Link("router", (text,), insecure=insecure))
+    assert "every interface needs TLS" in refusal(Link("router", (text,), insecure=insecure))
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "udp"])

@@ -1,4 +1,4 @@
-"""What methods have in common that decide on one command a tick: the robot, its motors, and what it was sent."""
+"""Base of avoidance methods that decide on one command per tick: the robot, its motors, and the commands in flight."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Point = tuple[float, float]
 
 
 class Method(ABC):
-    """A method that decides on one command a tick, for one robot. What is its own is `decide`.
+    """A method that decides on one command per tick for one robot. A subclass implements `decide`.
 
     Args:
-        robot: What it has to know of it.
-        period: Of the control tick, s.
+        robot: The robot's properties.
+        period: Control tick, s.
 
     Attributes:
-        edges: Of the footprint, see `clearance.footprint_edges`.
-        motors: Of the robot, with the commands that it was given.
-        in_flight: (n, 2) m/s and rad/s, of this tick, see `Motors.in_flight`.
+        edges: Half planes of the footprint, see `clearance.footprint_edges`.
+        motors: Model of the robot's motors, with the commands that they have not followed yet.
+        in_flight: (n, 2) commands in flight in this tick, m/s and rad/s, see `Motors.in_flight`.
     """
 
     def __init__(self, robot: Robot, period: float) -> None:
@@ -48,11 +48,11 @@ class Method(ABC):
         """Decide for one tick.
 
         Args:
-            beams: Readings of this tick, None where there are none.
+            beams: Readings of this tick; None for none.
             pose: x, y, m, heading, rad, of the base in the pose frame.
-            twist: Present forward speed, m/s, and turn rate, rad/s.
+            twist: Current forward speed, m/s, and turn rate, rad/s.
             target: x_t, y_t, m, pose frame.
-            share: Of the last command that the gate let through.
+            share: Share of the last command that the gate let pass.
         """
         self.in_flight = self.motors.in_flight(twist, share)
         decision = self.decide(beams, pose, twist, target)

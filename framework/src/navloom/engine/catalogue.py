@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -24,7 +24,7 @@ from navloom.engine.ports import Port, Wired
 from navloom.messages import Message
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
-from navloom.roles import ROLES, Avoider, Planner, Role
+from navloom.roles import ROLES, Avoider, Planner, Platform, Role, SensorSpec
 
 __all__ = ["FRAMEWORK", "NODES", "Catalogue", "catalogue_of", "role_node"]
 
@@ -118,16 +118,25 @@ def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
     return cls
 
 
-def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0, tolerance: float = 0.0) -> Node:
+def role_node(
+    plugin: Role,
+    rule: HandOverRule | None = None,
+    look_ahead: float = 0.0,
+    tolerance: float = 0.0,
+    sensors: Iterable[SensorSpec] = (),
+) -> Node:
     """The node for a plugin.
 
     Args:
         plugin: The plugin.
         rule, look_ahead: For an avoider: the hand-over rule, and how far it looks along the robot's own way, m.
         tolerance: For a planner: how near to its goal the robot must come, m.
+        sensors: For a platform: those it is to provide.
     """
     if isinstance(plugin, NodePlugin):
         return plugin
+    if isinstance(plugin, Platform):
+        return PlatformNode(plugin, sensors)
     if isinstance(plugin, Planner):
         return PlannerNode(plugin, tolerance)
     if isinstance(plugin, Avoider):

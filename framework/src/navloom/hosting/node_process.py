@@ -322,7 +322,7 @@ class NodeProcess:
                     self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s{_at(source, stepper.node)}"
                     return
             if not all(thread.is_alive() for thread in threads):
-                self.hung = "a node's thread ended by itself"
+                self.hung = "a node's thread ended unexpectedly"
                 return
             alive()
 

@@ -307,9 +307,9 @@ class Services:
             node = " ".join(runner.cell.source)
             if waits or not begun.acquire(blocking=False):
                 raise ServiceError(
-                    f"{node} has been in one step for {patience:.1f} s: this is done once that has ended"
+                    f"{node} has been in one step for {patience:.1f} s: the request is done when this step ends"
                 )
-            raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; ask again")
+            raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; try again")
         if failure:
             raise ServiceError(str(failure[0]))
 

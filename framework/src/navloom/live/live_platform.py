@@ -99,7 +99,7 @@ class LivePlatform(LiveRunner):
         """
         self._follow_gate()
         if self._untold_since is not None and time.monotonic() - self._untold_since > UNTOLD:
-            raise RuntimeError(f"the wheels could not be told anything for {UNTOLD:g} s: {self._refusal or self.fault}")
+            raise RuntimeError(f"commands to the wheels failed for {UNTOLD:g} s: {self._refusal or self.fault}")
         now_ns = self._now_ns()
         if now_ns < self._next * self.period_ns:
             return

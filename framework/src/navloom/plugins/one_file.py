@@ -8,8 +8,11 @@ import inspect
 import json
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -27,6 +30,8 @@ __all__ = ["available_points", "files_in_use", "use_files"]
 
 FILES = "NAVLOOM_PLUGIN_FILES"
 """Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they load the same plugins."""
+LONGEST_IMPORT = 60.0
+"""Longest import of a file, s."""
 _LOADED: dict[Path, list[FilePoint]] = {}
 """Entry points of the files that this process has imported."""
 
@@ -42,6 +47,10 @@ class FileOrigin:
 
     name: str
     version: str
+
+
+class ImportTimeout(BaseException):
+    """An import took too long. No `except Exception` of the file catches it."""
 
 
 class FilePoint(EntryPoint):
@@ -141,13 +150,33 @@ def _imported(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        with _bounded():
+            spec.loader.exec_module(module)
     except BaseException as error:
         del sys.modules[name]
-        if not isinstance(error, (Exception, SystemExit)):
+        if not isinstance(error, (Exception, SystemExit, ImportTimeout)):
             raise
         raise PluginError(f"--plugin {path}: the import fails: {raised_in(error, name)}") from error
     return module
+
+
+@contextmanager
+def _bounded() -> Iterator[None]:
+    """Raise ImportTimeout in an import that does not end. Code in C that holds the GIL is not interrupted."""
+    if threading.current_thread() is not threading.main_thread():  # which alone handles signals
+        yield
+        return
+
+    def over(*_: object) -> None:
+        raise ImportTimeout(f"not over after {LONGEST_IMPORT:g} s; long work belongs in warm_up()")
+
+    handler = signal.signal(signal.SIGALRM, over)
+    left, interval = signal.setitimer(signal.ITIMER_REAL, LONGEST_IMPORT)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, left, interval)
+        signal.signal(signal.SIGALRM, handler)
 
 
 def _refuse_taken(name: str, path: Path) -> None:

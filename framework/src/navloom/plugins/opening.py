@@ -82,7 +82,7 @@ class Opener:
         schema, owner = f"{package}.{name}", self._discovery.owner_of(package)
         if schema not in SCHEMAS:
             if not owner:
-                install = f"pip install {package.replace('_', '-')}"
+                install = f"pip install {package.replace('_', '-')}, or --plugin {package}.py"
                 return f"messages of {package} are not installed here ({schema}/{version} came): {install}"
             if schema not in self._discovery.names("message"):
                 return f"message {schema} is not declared by {owner}, which is installed here: update it, or unblock it"

@@ -20,6 +20,7 @@ from navloom.inputs.npz import Arrays
 from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery
 from navloom.roles import Context, Mapper, MapperInput, RobotSpec
+from navloom.study.planning import blamed
 
 __all__ = ["MappedSweep", "SweepRecording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
 
@@ -161,19 +162,21 @@ def map_sweep(
         changes: Its parameters as `key=value`.
 
     Raises:
-        ConfigError, PluginError: The request is wrong; InputError: the mapper cannot use the sweep.
+        ConfigError, PluginError: The request is wrong, or the mapper fails; InputError: it cannot use the sweep.
     """
     cls = (discovery or Discovery()).role("mapper", mapper)
     assert issubclass(cls, Mapper)
     params: Any = check_params(cls.Params, dict(map(parse_override, changes)), "--set")
     robot = RobotSpec(rectangle(0.8, 0.8), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
-    cls.warm_up()
-    plugin = cls(params, Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0)))
+    context = Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0))
     end_ns = round(float(sweep.frame_times.max()) * 1e9)
     track = PoseTrack(np.array([0, end_ns + 1]), np.zeros((2, 3)))
-    before = perf_counter_ns()
-    update = plugin.update(MapperInput(end_ns, (sweep,), (), track))
-    spent = (perf_counter_ns() - before) * 1e-6
+    with blamed(cls):
+        cls.warm_up()
+        plugin = cls(params, context)
+        before = perf_counter_ns()
+        update = plugin.update(MapperInput(end_ns, (sweep,), (), track))
+        spent = (perf_counter_ns() - before) * 1e-6
     if update is None:
         raise ConfigError(f"mapper {mapper} makes no map of a sweep")
     return MappedSweep(sweep, update, spent)

@@ -97,8 +97,8 @@ class _Trial:
     def __init__(self, system: System, loaded: Loaded, platform: Platform, say: Callable[[str], None]) -> None:
         self.robot, self.platform, self.say = system.robot, platform, say
         self.period, self.deadline = loaded.config.run.period, loaded.config.gate.stop_deadline
-        self.sensors = [spec.name for spec in platform.context.sensors]
-        self._door, self._began, self._tick = PlatformDoor(platform), time.monotonic(), 0
+        self.sensors = [spec.name for spec in system.sensors]
+        self._door, self._began, self._tick = PlatformDoor(platform, system.sensors), time.monotonic(), 0
 
     def run(self, drives: bool) -> Iterator[Result]:
         """The checks, one after the other; the port is given up at the end, whatever happens."""

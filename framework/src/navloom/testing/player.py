@@ -127,7 +127,7 @@ class Player:
         """What holds an answer against the input: of a fresh door, since doors remember stamps."""
         plugin, kind = self.plugin, self.subject.kind
         if kind == "platform":
-            return PlatformDoor(plugin).check
+            return PlatformDoor(plugin, self.context.sensors).check
         if kind == "localizer":
             return LocalizerDoor(plugin).check
         if kind == "mapper":

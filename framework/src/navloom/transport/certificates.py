@@ -76,9 +76,9 @@ def hosts_of(path: Path) -> tuple[str, ...]:
             x509.SubjectAlternativeName
         )
     except OSError as error:
-        raise KeysError(f"{path}: {error.strerror}; say with --host where it is connected to") from None
+        raise KeysError(f"{path}: {error.strerror}; give its address with --host") from None
     except (ValueError, x509.ExtensionNotFound):
-        raise KeysError(f"{path}: names no hosts; say with --host where it is connected to") from None
+        raise KeysError(f"{path}: names no hosts; give its address with --host") from None
     return tuple(str(name.value) for name in names.value)
 
 

@@ -80,7 +80,7 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
             KeysError: The name is taken or invalid, or there is no authority; nothing was changed.
     """
     if hosts and identity.kind not in SERVING:
-        raise KeysError(f"--host {hosts[0]}: only for --kind nodes; nobody connects to a {identity.kind}")
+        raise KeysError(f"--host {hosts[0]}: only for --kind nodes; a {identity.kind} accepts no connections")
     _check_identity(identity)
     with _changing(folder) as (draft, listed):
         order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
@@ -115,7 +115,7 @@ def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, n
     with _changing(folder) as (draft, listed):
         chosen = [_known(folder, listed, name) for name in names] or list(listed.identities)
         if hosts and all(identity.kind not in SERVING for identity in chosen):
-            raise KeysError(f"--host {hosts[0]}: only for router and nodes; nobody connects to others")
+            raise KeysError(f"--host {hosts[0]}: only for router and nodes; others accept no connections")
         authority = read_authority(folder)
         for identity in chosen:
             order = _order_again(folder, listed, identity, hosts, days, now)
@@ -143,8 +143,8 @@ def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None 
         identity = _known(folder, listed, name)
         if identity.kind == "router":
             raise KeysError(
-                f"{folder}: the router's certificate cannot be revoked, since no list stands between it and those who "
-                "connect to it; make a new folder with `navloom keys new`, which no certificate of this one fits"
+                f"{folder}: the router's certificate cannot be revoked, since its clients do not "
+                "check the list; make a new folder with `navloom keys new`, with which no certificate of this one works"
             )
         if name == "nodes" and replacement_days is None:
             raise KeysError(

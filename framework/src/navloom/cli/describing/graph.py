@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, Changes, RobotOptions
+from navloom.cli.options import AsJson, Changes, PluginFiles, RobotOptions
 from navloom.installed import config_help
 
 __all__ = ["graph"]
@@ -18,6 +18,7 @@ def graph(
         str | None, typer.Argument(metavar="[CONFIG]", help=f"{config_help()} Without one, of a live robot.")
     ] = None,
     set_: Changes = None,
+    plugin: PluginFiles = None,
     as_json: AsJson = False,
     dot: Annotated[bool, typer.Option("--dot", help="Print the graph for Graphviz.")] = False,
     *,

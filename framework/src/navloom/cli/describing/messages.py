@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navloom.cli.describing.docstrings import meanings
+from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
 
 def messages(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show the fields of this one.")] = None,
+    plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List every message, or show the fields of one.

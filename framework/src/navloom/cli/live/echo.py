@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, RobotOptions
+from navloom.cli.options import AsJson, PluginFiles, RobotOptions
 from navloom.cli.output import LOG
 
 __all__ = ["echo"]
@@ -24,6 +24,7 @@ def echo(
     fields: Annotated[str | None, typer.Option(metavar="A.B,C", help="Only these fields.")] = None,
     count: Annotated[int | None, typer.Option(metavar="N", min=1, help="End after N messages.")] = None,
     whole: Annotated[bool, typer.Option("--whole", help="Arrays whole instead of summarised.")] = False,
+    plugin: PluginFiles = None,
     *,
     robot: RobotOptions,
     as_json: AsJson = False,

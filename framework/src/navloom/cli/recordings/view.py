@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, RobotOptions, ViewerOptions, a_number
+from navloom.cli.options import AsJson, PluginFiles, RobotOptions, ViewerOptions, a_number
 from navloom.cli.output import log_of, say_so
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def view(
         bool, typer.Option("--foxglove", help="Serve the live robot to Foxglove or Lichtblick on this host.")
     ] = False,
     foxglove_port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="With --foxglove.")] = 8765,
+    plugin: PluginFiles = None,
     *,
     viewer: ViewerOptions,
     robot: RobotOptions,

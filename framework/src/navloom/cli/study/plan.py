@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.options import PluginFiles
+
 __all__ = ["plan"]
 
 STRAIGHT = 0.1
@@ -24,6 +26,7 @@ def plan(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the planner; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     size: Annotated[str, typer.Option(metavar="L,W", help="Length and width of the robot, m; 0,0 is a point.")] = "0,0",
     resolution: Annotated[
         float, typer.Option(metavar="M", help="Cell of maps without a raster, m, 0.005 to 1.")

@@ -1,1 +1,1 @@
-"""The nodes of a robot: those around the roles, the framework's own, and the base of those of other distributions."""
+"""The nodes of a robot: nodes around the roles, the framework's own nodes, and the base of node plugins."""

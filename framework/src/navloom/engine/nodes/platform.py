@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from navloom.engine.door import PlatformDoor
 from navloom.engine.nodes.node import Node, Tick
 from navloom.engine.ports import Latest, New, Output, SensorOutputs
 from navloom.engine.streams import GatePorts, GoalPorts, PlatformPorts
 from navloom.messages import Command, Twist2D
-from navloom.roles import Platform, PlatformInput
+from navloom.roles import Platform, PlatformInput, SensorSpec
 
 __all__ = ["PlatformNode"]
 
@@ -27,9 +29,9 @@ class PlatformNode(Node):
     contact = Output(PlatformPorts.contact)
     truth = Output(PlatformPorts.truth)
 
-    def __init__(self, plugin: Platform) -> None:
+    def __init__(self, plugin: Platform, sensors: Iterable[SensorSpec]) -> None:
         self.plugin = plugin
-        self.door = PlatformDoor(plugin)
+        self.door = PlatformDoor(plugin, sensors)
         self.driven: Command | None = None
 
     def step(self, tick: Tick) -> None:

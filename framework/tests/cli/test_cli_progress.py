@@ -101,7 +101,7 @@ def test_lines_of_progress_come_at_most_every_10_s(
 ) -> None:
     clock = iter(
         [0.0, 4.0, 11.0, 11.0, 20.0, 21.5, 21.5]
-    )  # read once at the start, once a text, once more if it is said
+    )  # at the start, for each text, again if said
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
     say = paced()
     with caplog.at_level("INFO", "navloom.cli"):

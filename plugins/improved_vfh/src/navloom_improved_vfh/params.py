@@ -1,4 +1,4 @@
-"""Parameters of the improved VFH. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+"""Parameters of the improved VFH. Defaults are engineering choices; `paper_literal()` lists the paper's values."""
 
 from typing import Any, Literal
 
@@ -8,7 +8,7 @@ from pydantic import Field
 
 
 class ImprovedVfhParams(Params):
-    """Hoang et al. 2013, III.C. Where the paper prints a value it is the default, or named in the description."""
+    """Hoang et al. 2013, III.C. A value that the paper prints is the default, or the description names it."""
 
     cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in VFH).")
@@ -121,10 +121,10 @@ class ImprovedVfhParams(Params):
 
 
 def paper_literal() -> dict[str, Any]:
-    """The parameters with which the plugin follows the printed text, to be compared with the defaults.
+    """Parameters with which the plugin follows the printed text, for comparison with the defaults.
 
-    The reach is VFH's d_max of a 33 x 33 window, sqrt(2) * 16 cells. The threshold of 59 for (2, 3, 2) is
-    59 / (9 * 22.6) here, times 11 / 36 because VFH divides the smoothed sum by 2 l + 1 and we by the weights' sum.
+    The reach is VFH's d_max for a 33 x 33 window, sqrt(2) * 16 cells. The threshold of 59 for (2, 3, 2) is
+    59 / (9 * 22.6) here, times 11 / 36: VFH divides the smoothed sum by 2 l + 1, this plugin by the weights' sum.
     """
     return {
         "reset_scope": "window",

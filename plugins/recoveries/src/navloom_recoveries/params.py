@@ -9,7 +9,7 @@ __all__ = ["RetraceParams"]
 
 
 class RetraceParams(Params):
-    """How far to go back and to turn. The README tells where each default comes from."""
+    """How far to go back and to turn. The README gives the source of each default."""
 
     distance: float = Field(0.4, ge=0.0, le=10.0, description="Way back in the first attempt, m; twice in the second …")
     speed: float = Field(0.15, gt=0.0, le=5.0, description="Backwards, m/s.")

@@ -1,4 +1,4 @@
-"""Parameters of the VFF. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+"""Parameters of the VFF. Defaults are engineering choices; `paper_literal()` lists the paper's values."""
 
 from typing import Any, Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field
 
 
 class VffParams(Params):
-    """Borenstein & Koren 1989. Where the paper prints a value it is the default, or named in the description."""
+    """Borenstein & Koren 1989. A value that the paper prints is the default, or the description names it."""
 
     cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in the paper).")
@@ -59,7 +59,7 @@ class VffParams(Params):
 
 
 def paper_literal() -> dict[str, Any]:
-    """The parameters with which the plugin follows the printed text, to be compared with the defaults."""
+    """Parameters with which the plugin follows the printed text, for comparison with the defaults."""
     return {
         "clear_margin": 0.0,
         "blind_depth": 0.0,

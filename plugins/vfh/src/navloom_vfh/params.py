@@ -1,4 +1,4 @@
-"""Parameters of the three methods. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+"""Parameters of the three methods. Defaults are engineering choices; `paper_literal()` lists the papers' values."""
 
 from typing import Any, Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 
 class HistogramParams(Params):
-    """What the three methods have in common."""
+    """Parameters that the three methods share."""
 
     cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in VFH).")
@@ -52,7 +52,7 @@ class HistogramParams(Params):
 
 
 class VfhParams(HistogramParams):
-    """Borenstein & Koren 1991. Where the paper prints a value it is the default, or named in the description."""
+    """Borenstein & Koren 1991. A value that the paper prints is the default, or the description names it."""
 
     smoothing: int = Field(1, ge=0, le=12, description="l, sectors: half width of the smoothing.")
     threshold: float = Field(0.3, gt=0.0, le=100.0, description="Density from which a sector is blocked.")
@@ -111,7 +111,7 @@ class VfhStarParams(VfhPlusParams):
 
 
 def paper_literal(name: str) -> dict[str, Any]:
-    """The parameters with which one of the three follows the printed text, to be compared with the defaults.
+    """Parameters with which one of the three methods follows the printed text, for comparison with the defaults.
 
     Args:
         name: vfh, vfh_plus or vfh_star.

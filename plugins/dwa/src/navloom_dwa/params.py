@@ -1,4 +1,4 @@
-"""Parameters of the dynamic window. Each default is the engineering choice; `fox_1997()` lists those of the paper."""
+"""Parameters of the dynamic window. Defaults are engineering choices; `fox_1997()` lists the paper's values."""
 
 from typing import Any, Literal
 
@@ -82,7 +82,7 @@ class DwaParams(Params):
 
 
 def fox_1997() -> dict[str, Any]:
-    """The parameters with which the plugin follows the paper, to be compared with the defaults."""
+    """Parameters with which the plugin follows the paper, for comparison with the defaults."""
     return {
         "objective": "1997",
         "shape": "disc",

@@ -11,7 +11,7 @@ __all__ = ["FierroLewisParams", "KanayamaParams", "PurePursuitParams", "RamseteP
 
 
 class TrackerParams(Params):
-    """What all trackers share."""
+    """Parameters that all trackers share."""
 
     turn_in_place_above_deg: float = Field(
         60.0, gt=0.0, le=180.0, description="Heading error that starts a turn in place, degrees; 180: never."
@@ -46,7 +46,7 @@ class KanayamaParams(TrackerParams):
 
 
 class FierroLewisParams(TrackerParams):
-    """Gains of the kinematic law and of the lag behind it, Fierro & Lewis 1997."""
+    """Gains of the kinematic law and of the velocity loop, Fierro & Lewis 1997."""
 
     k1: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s (10 in the paper).")
     k2: float = Field(5.0, gt=0.0, le=1000.0, description="Gain of the lateral error, 1/m².")

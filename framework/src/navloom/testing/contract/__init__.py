@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from navloom.testing.contract import answers, conduct, declared, objects, parameters, repeats, sense, state
+from navloom.testing.contract import (
+    answers,
+    conduct,
+    declared,
+    lasting,
+    objects,
+    parameters,
+    platforms,
+    repeats,
+    sense,
+    state,
+    surroundings,
+)
 
 __all__ = ["CHECKS"]
 
@@ -10,10 +22,13 @@ CHECKS = (
     *declared.CHECKS,
     *answers.CHECKS,
     *sense.CHECKS,
+    *surroundings.CHECKS,
+    *platforms.CHECKS,
     *repeats.CHECKS,
     *state.CHECKS,
     *parameters.CHECKS,
     *conduct.CHECKS,
+    *lasting.CHECKS,
     *objects.CHECKS,
 )
 """In the order they run: first what needs no object, then what says most of a broken plugin."""

@@ -15,6 +15,8 @@ from navloom.testing.process import digests_of
 
 __all__ = ["CHECKS"]
 
+FEW = 5
+"""Steps of the short episode between two resets."""
 STREAM = "random numbers from self.context.stream('name') alone"
 IN_SELF = "state in self alone: no module or class variable that a call changes"
 
@@ -89,12 +91,14 @@ def fresh_process(bench: Bench) -> Iterator[Finding]:
 
 @check("contract", PLAYED, "reset() gives the state of a new object.")
 def reset_as_new(bench: Bench) -> Iterator[Finding]:
-    """A scene is played, the object reset, and the scene played again."""
+    """A scene is played, the object reset, a little played, the object reset again, and the scene played again."""
 
     def again(scene: Scene) -> list[bytes]:
         with alike():
             player = bench.player(scene)
             player.play(scene.inputs)
+            player.reset()
+            player.play(scene.inputs[:FEW])
         with alike():
             player.reset()
             return player.play(scene.inputs)

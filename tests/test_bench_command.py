@@ -122,7 +122,10 @@ def test_the_table_names_a_peer_that_is_missing(in_process: Run, monkeypatch: py
     assert code == 0
     row = next(line for line in out.splitlines() if line.startswith("9494 rays, 50 boxes"))
     assert row.split()[5:] == ["-", "ms", "-", "-", "mujoco", "mj_multiRay"]
-    assert "9494 rays, 50 boxes: mujoco is not installed: pip install mujoco; one thread, f64" in out.splitlines()
+    assert (
+        "9494 rays, 50 boxes: mujoco is not installed: pip install mujoco; one thread, 64-bit floats"
+        in out.splitlines()
+    )
 
 
 def test_an_entry_that_fails_is_left_out_and_the_exit_code_says_so(

@@ -20,15 +20,15 @@ from tables import (
 
 __all__ = ["PAGES"]
 
-EACH_STEP = "Called once a tick, or as its table's `rate_hz` says."
 ROLE_INTROS = {
     "platform": "Moves the robot and reads its sensors: a simulator or a driver. One for each robot.",
-    "localizer": EACH_STEP,
-    "mapper": "Called with new sweeps or scans, and when the map is to be cleared.",
+    "localizer": "Called in every tick, with the new odometry and scans.",
+    "mapper": "Called for new sweeps or scans, and when the map is to be cleared.",
     "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked.",
-    "controller": EACH_STEP,
-    "avoider": "Called every tick, whether it drives or not. The framework decides whether it drives.",
-    "recovery": "Called each tick while the goal asks for it.",
+    "controller": "Called in every tick while a trajectory is followed.",
+    "avoider": "Called in every tick while a trajectory is followed, whether it drives or not. The framework decides "
+    "whether it drives.",
+    "recovery": "Called in every tick while the goal requests a recovery.",
 }
 ANSWERS = {
     "platform": (),
@@ -64,8 +64,9 @@ def role_page(role: str) -> str:
         f"`{verb}(self, given: {name}Input) -> {answer}`",
         ROLE_INTROS[role],
         *([f"Messages of the answer: {messages}."] if messages else []),
-        "What the framework checks of the answer: [Checks](../writing-a-plugin.md#checks). What every plugin is made "
-        "with: [Plugins and their context](plugins.md).",
+        "With `rate_hz` in its table, a plugin is called only in every n-th tick. "
+        "[Checks](../writing-a-plugin.md#checks) lists what the framework checks in the answer, and "
+        "[Plugins and their context](plugins.md) what a plugin's constructor gets.",
         public(*structs, name),
         "## Shipped",
         plugin_table(role),
@@ -80,8 +81,8 @@ def page(title: str, *parts: str) -> str:
 def overview() -> str:
     """What is where."""
     rows = (
-        ("what a role is given and answers", "the page of the role, as [Avoider](avoider.md)"),
-        ("what every plugin is made with: `Context`, `RobotSpec`, `Params`", "[plugins.md](plugins.md)"),
+        ("input and answer of a role", "the page of the role, for example [Avoider](avoider.md)"),
+        ("what a plugin's constructor gets: `Context`, `RobotSpec`, `Params`", "[plugins.md](plugins.md)"),
         ("every message, field by field", "[messages.md](../messages.md)"),
         ("a stream's message, quality of service and key", "[streams.md](streams.md)"),
         ("the keys of a config", "[config.md](config.md)"),
@@ -91,8 +92,8 @@ def overview() -> str:
     return page(
         "Reference",
         "These pages are generated from the code when the site is built. Lengths are in m, angles in rad and "
-        "counter-clockwise, times in s, unless a name ends in its unit (`stamp_ns`, `rate_hz`, `heading_deg`). In "
-        "base, x points forward and y to the left. A pose is that of base in the map frame.",
+        "counter-clockwise, times in s, unless a name ends in its unit (`stamp_ns`, `rate_hz`, `heading_deg`). In the "
+        "base frame, x points forward and y to the left. A pose is that of base in the map frame.",
         table(("look for", "on"), rows),
     )
 
@@ -118,29 +119,29 @@ def declaring_page() -> str:
     """How a message is declared."""
     return page(
         "Declare a message",
-        "A message is a class with annotated fields below `@message`. A worked example: "
-        "[Messages of your own](../messages.md#messages-of-your-own).",
+        "A message is a class with annotated fields and the decorator `@message`. "
+        "[Messages of your own](../messages.md#messages-of-your-own) has an example.",
         public("message", "Message", "MessageError"),
         "## Kinds of fields",
-        "`bool`, `int`, `float`, `str`, a `Literal` of texts, another message, `tuple[X, ...]` of one of them, an "
-        "`Array`, and each of them `| None`.",
+        "A field is a `bool`, `int`, `float`, `str`, a `Literal` of strings, another message, a `tuple[X, ...]` of one "
+        "of these, or an `Array`. Each may be `| None`.",
         public("Array", "Heading", "Positive", "NotNegative", "Unbounded", "Stamp", "Name", "Words", "Most"),
-        "## What a node is told of a message",
+        "## Metadata of a message",
         public("Envelope"),
     )
 
 
 def nodes_page() -> str:
-    """Whole nodes."""
+    """Nodes without a role."""
     ports = ("PlatformPorts", "LocalizerPorts", "MapperPorts", "GoalPorts", "PlannerPorts", "ReferencePorts",
              "ControllerPorts", "AvoiderPorts", "RecoveryPorts", "GatePorts", "OperatorPorts")  # fmt: skip
     return page(
-        "Nodes that are no role's",
-        "A guide is in [A whole node](../writing-a-plugin.md#a-whole-node).",
+        "Nodes without a role",
+        "[A whole node](../writing-a-plugin.md#a-whole-node) is a guide.",
         public("NodePlugin", "Tick", "Latest", "New", "Track", "Sensors", "Publishes", "Quality"),
         "## Ports of the framework's nodes",
-        "An input may name one of these instead of a message class, as `Latest(GatePorts.command)`. What they carry is "
-        "in [Streams and keys](streams.md).",
+        "An input may name one of these instead of a message class, as in `Latest(GatePorts.command)`. "
+        "[Streams and keys](streams.md) lists their messages.",
         public(*ports),
     )
 
@@ -149,11 +150,11 @@ def metrics_page() -> str:
     """Metrics and panels."""
     return page(
         "Metrics and panels in Python",
-        "How the shipped metrics are defined: [metrics.md](../metrics.md).",
+        "[metrics.md](../metrics.md) defines the shipped metrics.",
         metric_table(),
         public("Metric", "Trail"),
         "## Panels of the viewer",
-        "A guide is in [A panel of your own](../viewing.md#a-panel-of-your-own).",
+        "[A panel of your own](../viewing.md#a-panel-of-your-own) is a guide.",
         public("Panel", "Seen"),
         shown("navloom.viewer.panels.Change"),
     )
@@ -177,12 +178,13 @@ def streams_page() -> str:
     """Ports, quality of service and keys."""
     return page(
         "Streams and keys",
-        "Each sensor of a config is a further stream of the platform, named like the sensor. A `[[node]]` has the "
-        "streams that its class declares.",
+        "The table has the streams of the framework's nodes. In addition, each sensor of a config is a stream of the "
+        "platform, with the name of the sensor, and a `[[node]]` has the streams that its class declares.",
         stream_table(),
-        "**congestion**: what happens to a message when the link is full, on one host and where the link leaves the "
-        "host: `drop` it, `block` the publisher, or `block_first` the first one and drop what follows. **retained**: "
-        "late joiners get the last message. **required**: the robot does not drive where the active instance is gone.",
+        "**congestion**: what happens to a message when the link is full, within a host and between hosts: `drop` the "
+        "message, `block` the publisher, or `block_first`: block for the first message and drop the ones after it. "
+        "**retained**: late joiners get the last message. **required**: the robot does not drive without the active "
+        "instance.",
         "## Keys",
         "A config's `[robot]` names realm and robot.",
         key_table(),
@@ -194,7 +196,7 @@ def geometry_page() -> str:
     modules = ("angles", "frames", "footprints", "collision", "grid", "overlap", "polylines", "solids")
     return page(
         "Geometry",
-        "Pure numpy. Import from the module that is named.",
+        "Functions on numpy arrays. Import from the named module.",
         *(module(f"navloom.geometry.{name}") for name in modules),
     )
 
@@ -205,7 +207,7 @@ def avoidance_page() -> str:
                "certainty", "support", "himm")  # fmt: skip
     return page(
         "Avoidance",
-        "What several avoiders share, on plain arrays. Import from the module that is named.",
+        "What several avoiders share: functions on numpy arrays. Import from the named module.",
         *(module(f"navloom.avoidance.{name}") for name in modules),
     )
 
@@ -214,7 +216,7 @@ def drivers_page() -> str:
     """What drivers share."""
     return page(
         "Drivers",
-        "What drivers of real robots share. Import from the module that is named. See "
+        "What drivers of real robots share. Import from the named module. See "
         "[Write a driver](../writing-a-driver.md).",
         *(module(f"navloom.drivers.{name}") for name in ("link", "ports", "clocks")),
     )
@@ -240,8 +242,8 @@ def hooks_page() -> str:
     """The plugin door."""
     return page(
         "Hooks and the registry",
-        "An entry point of the group `navloom` is named `KIND.NAME` and points to a module. What each kind registers: "
-        "[The entry point](../writing-a-plugin.md#the-entry-point).",
+        "An entry point of the group `navloom` is named `KIND.NAME` and points to a module. "
+        "[The entry point](../writing-a-plugin.md#the-entry-point) says what each kind registers.",
         public("hookimpl", "HookSpecs", "Registry", "RunInfo", "MessageObserver", "PluginError"),
         "## Discovery",
         public("Discovery", "PluginInfo"),

@@ -75,13 +75,13 @@ def parameter_sections() -> str:
 def sensor_sections() -> str:
     """The sensors of every shipped platform."""
     parts = [
-        "A `[[sensor]]` of a config has a `name`, a `kind`, and the settings of its kind. Which kinds there are is the "
-        "platform's; `navloom plugins platform.NAME` prints them."
+        "A `[[sensor]]` of a config has a `name`, a `kind`, and the settings of its kind. The platform defines the "
+        "kinds; `navloom plugins platform.NAME` prints them."
     ]
     for name, _, cls in shipped("platform"):
         for kind, one in kinds_of(cls).get("sensor_kinds", {}).items():
             message = one["message"]
-            parts += [f"## {name}: {kind}", f"Gives [{message}](../messages.md#{message.lower()})."]
+            parts += [f"## {name}: {kind}", f"Publishes [{message}](../messages.md#{message.lower()})."]
             parts += [parameters(one["settings"])] if one["settings"] is not None else []
     return "\n\n".join(parts)
 
@@ -105,7 +105,7 @@ def key_table() -> str:
         (code(keys.port("<role>", "<instance>", "<port>")), "a stream, or a service of an instance"),
         (code(keys.port("<role>", "<instance>", PARAMETERS)), "parameters that were changed, retained"),
         (code(keys.port("<role>", "<instance>", STEP)), "step reports: what each step consumed"),
-        (code(keys.port("<role>", "<instance>", FAULT)), "step reports that tell of a fault"),
+        (code(keys.port("<role>", "<instance>", FAULT)), "step reports with a fault"),
         (code(keys.alive("<role>", "<instance>", "<life>")), f"liveliness token (`{ALIVE}`) of an instance"),
         (code(keys.process("<process>", "<service>")), "a service of a process"),
     ]
@@ -129,8 +129,8 @@ def config_sections() -> str:
     """Each table of a config with its keys."""
     parts = [
         "A config is one TOML file. Tables of roles, nodes and sensors hold their plugin's own parameters beside the "
-        "keys listed here. `navloom config schema` prints all of it as JSON Schema; `navloom config show CONFIG` "
-        "prints each value that holds and where it comes from."
+        "keys listed here. `navloom config schema` prints the schema as JSON Schema; `navloom config show CONFIG` "
+        "prints each value and where it comes from."
     ]
     listed: set[type[Any]] = set()
     for key, field in Config.model_fields.items():
@@ -169,8 +169,8 @@ def command_sections() -> str:
     parts = [
         root.help,
         table(("option", "", "meaning"), words(root)),
-        "Exit codes: 0 done; 1 the run ended otherwise, or something failed on the way; 2 the request was wrong, and "
-        "nothing ran and nothing was written.",
+        "Exit codes: 0: done; 1: the run ended in another way, or something failed on the way; 2: the request was "
+        "wrong, nothing ran, and nothing was written.",
     ]
     for command in others:
         parts += [f"## {command.name}", f"```text\n{command.name} {command.usage}\n```", plain(command.help)]

@@ -1,7 +1,7 @@
-"""A differential base on a serial line. docs/writing-a-driver.md explains it line by line.
+"""A differential-drive base on a serial line: the example of docs/writing-a-driver.md.
 
 The link's thread reads the base, and repeats the speeds every 20 ms, which feeds the base's own watchdog. It sends zero
-where the base has not been heard for `silence`, or where the platform's loop has not asked for anything for as long.
+when the base has been silent for `silence`, or when `drive` has not been called for `silence` and one more tick.
 """
 
 import math
@@ -42,7 +42,7 @@ class SerialBaseParams(Params):
 
 
 class SerialBase(Platform[SerialBaseParams]):
-    """Drives the base, and reckons its way by its encoders."""
+    """Drives the base, and computes odometry from its encoders."""
 
     name = "serial_base"
 
@@ -79,7 +79,7 @@ class SerialBase(Platform[SerialBaseParams]):
             self._link.write(speeds(*self._wheels))
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Say where the base was when it last told its encoders. Raises DriverError while it cannot be driven."""
+        """Odometry and contact of the newest status. Raises DriverError while the base cannot be driven."""
         if self._start():
             self._heard.wait(FIRST_STATUS)
         local_to_run_ns = -self._run_to_local.local(given.time_ns, time.monotonic_ns()) + given.time_ns
@@ -138,7 +138,7 @@ class SerialBase(Platform[SerialBaseParams]):
                 self._heard.set()
 
     def _take(self, status: Status, now_ns: int) -> None:
-        """Go on by the ticks since the last status; a base that was switched off begins to count anew."""
+        """Update the pose by the ticks since the last status; a base that was switched off counts from zero again."""
         restarts, before = self._base_clock.restarts, self._status
         self._measured_ns = self._base_clock.local(status.uptime_ms * 1_000_000, now_ns)
         self._status, self._heard_at = status, now_ns * 1e-9

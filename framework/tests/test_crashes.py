@@ -116,7 +116,7 @@ def test_beside_a_command_the_crash_is_one_message(tmp_path: Path, is_whole: boo
     process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     ready, told, *more = process.stderr.splitlines()
     assert process.returncode == -signal.SIGSEGV and ready == "think: ready"
-    said = "navloom: the process broke in code in C: Segmentation fault at torn_plugin.py:5, in avoid"
+    said = "navloom: the process crashed in C code: Segmentation fault at torn_plugin.py:5, in avoid"
     assert told == (said if is_whole else f"{said}; --traceback prints all lines")
     assert more[:1] == (["Fatal Python error: Segmentation fault"] if is_whole else [])
 

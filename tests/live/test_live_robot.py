@@ -203,7 +203,7 @@ def test_a_killed_process_is_started_again_and_the_goal_is_reached(tmp_path: Pat
             victim = next(node for node in navigator.client.describe() if node["role"] == "controller")
             seen = len(robot.said)
             os.kill(victim["pid"], signal.SIGKILL)
-            robot.wait_for("process drive was ended by SIGKILL; it is started again", after=seen)
+            robot.wait_for("process drive was ended by SIGKILL; it restarts in", after=seen)
             stopped = robot.wait_for("stopped: ", after=seen)
             robot.wait_for("controller lyapunov_tracker drives", after=stopped)
             assert handle.wait(60).outcome == "succeeded"
@@ -245,7 +245,7 @@ def test_a_node_waits_for_its_router_and_says_so_until_it_is_told_to_end() -> No
         )
         assert process.stderr is not None
         said = next(line for line in process.stderr if "waiting for it" in line)
-        assert "nobody listens there" in said
+        assert "nothing listens there" in said
         process.send_signal(signal.SIGTERM)
         assert "Traceback" not in process.stderr.read()
         assert process.wait(10) == 0

@@ -37,7 +37,7 @@ THERE, BACK = ("platform", "there"), ("platform", "back")
 DATA = "data"
 PATIENCE = 2.0
 """s to wait for an answer; then the trip counts as lost."""
-NOTE = "wall clock; ours makes, encodes and decodes messages on a node's thread, Zenoh passes bytes that are there"
+NOTE = "wall clock; ours makes, encodes and decodes messages on a node's thread, Zenoh passes ready-made bytes"
 SWITCH = 0.0005
 """s between switches of Python threads, as in the live runtime, for both peers."""
 

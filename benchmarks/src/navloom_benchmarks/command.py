@@ -34,7 +34,10 @@ def bench(
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Measure this machine and, in turns with it, the peers installed. Exit 1: an entry asked for has no figures."""
+    """Measure navloom and installed peers on this machine.
+
+    Exit 1: a requested entry has no figures.
+    """
     from navloom.cli.output import log_of, print_json
 
     from navloom_benchmarks.measuring import bench as measure
@@ -58,7 +61,7 @@ def _print(found: dict[str, Any]) -> None:
     typer.echo(f"{at['cpu']}, {at['cpus']} CPUs, Python {at['python']}, load {at['load']}{busy}")
     if found["quick"]:
         typer.echo("--quick: these figures show that it works, not how fast it is")
-    columns = ("", "ours", "theirs", "unit", "times as fast", "quartiles", "beside")
+    columns = ("", "ours", "theirs", "unit", "times as fast", "quartiles", "compared with")
     print_table(columns, [_entries(row) for row in found["rows"]])
     notes: dict[str, list[str]] = {}
     for row in found["rows"]:

@@ -46,7 +46,7 @@ def loop(effort: Effort, say: Say) -> Iterator[Row]:
 
     row = paired("paper loop, tick", "ms", drive, Peer("real time", lambda: period), effort.rounds)
     factor = 1e3 * period / row.ours
-    note = f"{1e3 / row.ours:.0f} ticks/s, a real-time factor of {factor:.0f}; sweep, map and plan included"
+    note = f"{1e3 / row.ours:.0f} ticks/s, {factor:.0f} times real time, including sweep, map and plan"
     yield Row(**(vars(row) | {"note": note}))
 
 
@@ -77,8 +77,16 @@ def planner(effort: Effort, say: Say) -> Iterator[Row]:
     picks = np.random.default_rng(1).integers(len(cells), size=(effort.size(8, 2), 2))
     queries: list[tuple[Cell, Cell]] = [(_cell(cells[a]), _cell(cells[b])) for a, b in picks]
     ours = (
-        (f"search, {side} x {side} cells", _search(free), "a search each, on a map of booleans and on a prepared one"),
-        (f"plan(), {side} x {side} cells", _planner(free), "from map message to path message, beside a search alone"),
+        (
+            f"search, {side} x {side} cells",
+            _search(free),
+            "searches alone: ours on a map of booleans, theirs on a map converted beforehand",
+        ),
+        (
+            f"plan(), {side} x {side} cells",
+            _planner(free),
+            "ours from map message to path message, theirs a search alone",
+        ),
     )
     for name, make, count in (("pyastar2d", _pyastar2d, len(queries)), ("networkx", _networkx, 2)):
         say(f"planner: {name}")
@@ -91,7 +99,7 @@ def planner(effort: Effort, say: Say) -> Iterator[Row]:
         for what, own, note in ours:
             if peer.block is not None:
                 share = 100.0 * (theirs / sum(own(*ends) for ends in few) - 1.0)
-                note = f"{note}; {name}'s paths are {share:+.1f} % in length"
+                note = f"{note}; length of {name}'s paths relative to ours: {share:+.1f} %"
             yield paired(what, "ms", _each(own, few), peer, effort.rounds, note)
 
 
@@ -178,12 +186,12 @@ def rays(effort: Effort, say: Say) -> Iterator[Row]:
         casting.cast_block(origins, directions, obstacles, False, math.inf, ranges, hits)
 
     cast()
-    note, count = "one thread, f64", effort.size(10, 1)
+    note, count = "one thread, 64-bit floats", effort.size(10, 1)
     try:
         call, distances = _mujoco(boxes, ways)
         hit = (hits >= 0) & (distances >= 0.0)
-        note += f"; {np.abs(distances - ranges)[hit].max():.0e} m apart"
-        note += f", {np.count_nonzero((hits >= 0) != (distances >= 0.0))} rays hit for one alone"
+        note += f"; ranges differ by at most {np.abs(distances - ranges)[hit].max():.0e} m"
+        note += f", {np.count_nonzero((hits >= 0) != (distances >= 0.0))} rays hit in only one of them"
         peer = Peer("mujoco mj_multiRay", timed(call, count))
     except PeerError as error:
         peer = Peer("mujoco mj_multiRay", absence=str(error))
@@ -237,7 +245,7 @@ def codec(effort: Effort, say: Say) -> Iterator[Row]:
     for name, message in samples().items():
         data, label = encode(message, ENVELOPE), schema_label(type(message))
         pickled = pickle.dumps((message, ENVELOPE), protocol=5)
-        note = "pickle checks nothing and may run what it reads"
+        note = "pickle checks nothing and may run the code that it reads"
         for verb, ours, theirs in (
             (
                 "encode",

@@ -10,12 +10,13 @@ __all__ = ["page"]
 HEAD = """\
 # Performance
 
-`navloom bench --page docs/performance.md` makes this page; do not edit it by hand. [bench.md](bench.md) explains the
-entries. *Times as fast* is the median over the rounds of theirs / ours, with its quartiles. It varies less than the
-durations, which depend on the machine and its load. [measurements.md](measurements.md) has what this command cannot
-measure: earlier versions, live robots, and comparisons that need other software.
+How fast this version of navloom (*ours*) is beside other software that does the same task (*theirs*), on one machine.
+[bench.md](bench.md) explains the entries. *Times as fast* is the median over the rounds of theirs / ours, with its
+quartiles; below 1, ours is slower. It varies less than the durations, which depend on the machine and its load.
+[measurements.md](measurements.md) has what this command cannot measure: earlier versions, live robots, and comparisons
+that need other software. `navloom bench --page docs/performance.md` makes this page; do not edit it by hand.
 """
-COLUMNS = ("measured", "ours", "theirs", "unit", "times as fast", "quartiles", "beside")
+COLUMNS = ("measured", "ours", "theirs", "unit", "times as fast", "quartiles", "compared with")
 
 
 def page(found: Mapping[str, Any], date: str) -> str:
@@ -34,7 +35,7 @@ def page(found: Mapping[str, Any], date: str) -> str:
         ("Python", at["python"]),
         ("versions", versions),
     ]
-    parts = [HEAD, _table(("", "on"), facts), _table(COLUMNS, [_entries(row) for row in found["rows"]])]
+    parts = [HEAD, _table(("measured on", ""), facts), _table(COLUMNS, [_entries(row) for row in found["rows"]])]
     if found["quick"]:
         parts.insert(
             1, "**Made with `--quick`: these figures show that the command works, not how fast anything is.**\n"

@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    """The command line as a process of its own: it ends, and code in C that breaks it is shown by its Python lines."""
+    """Run the command line; when C code crashes it, show the Python lines that it came from."""
     from navloom.crash_watch import watch_over
     from navloom.crashes import dump_when_broken
 

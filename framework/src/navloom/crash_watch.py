@@ -1,6 +1,6 @@
-"""A small process beside a command that runs plugins: it says in one message where code in C broke it, or holds it.
+"""A small process beside a command that runs plugins: it reports in one message where C code crashed or blocks it.
 
-No code of the broken process can say so itself. Keep the imports light: it is forked off before all others.
+The crashed process cannot report it itself. Keep the imports light: this process is forked before all others.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ def _message(dump: str, pid: int, is_whole: bool) -> str:
     late = re.match(r"Timeout \((\d+):(\d+):(\d+)", dump)
     if late:
         seconds = 3600 * int(late[1]) + 60 * int(late[2]) + int(late[3])
-        said = f"no tick for {seconds} s: the run is{at or ' in code in C'}, which holds the GIL; `kill {pid}` ends it"
+        said = f"no tick for {seconds} s: the run is{at or ' in C code'}, which holds the GIL; `kill {pid}` ends it"
     else:
         what = re.match(r"Fatal Python error: (.*)", dump)
-        said = f"the process broke in code in C: {what[1] if what else 'unknown error'}{at}"
+        said = f"the process crashed in C code: {what[1] if what else 'unknown error'}{at}"
         said += "" if is_whole or not place else "; --traceback prints all lines"
     return f"navloom: {said}\n" + (dump if is_whole or not place else "")

@@ -29,7 +29,7 @@ class _Frame(NamedTuple):
 
 
 def dump_when_broken(file: int = 2) -> None:
-    """Have Python print the lines of all threads to an open file where code in C breaks this process."""
+    """Have Python print the tracebacks of all threads to an open file when C code crashes this process."""
     with suppress(OSError, ValueError, RuntimeError):  # without the file there is nobody to read it
         faulthandler.enable(file, all_threads=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -61,6 +62,13 @@ def test_the_names_of_shipped_configs_are_those_that_load() -> None:
 def test_the_help_of_a_command_that_takes_a_config_names_every_shipped_one(command: str) -> None:
     (found,) = [one for one in commands(get_command(app)) if one.name == f"navloom {command}"]
     assert f"a shipped name: {', '.join(shipped_configs())}." in found.arguments[0].help
+
+
+def test_the_help_shows_the_first_sentence_of_every_command_whole(in_process: InProcess) -> None:
+    code, out, _ = in_process("--help")
+    rows = [line for line in out.partition("Commands:")[2].splitlines() if line]
+    assert code == 0 and len(rows) > 30
+    assert [row for row in rows if not re.fullmatch(r"  \S+ +\S.*[^.]\.", row)] == []
 
 
 def test_the_manual_page_has_every_command_with_every_option() -> None:

@@ -86,14 +86,14 @@ def test_people_are_told_what_came_of_it_and_what_was_dropped(navloom: Run, conf
     words = (config, "--vary", "controller=kanayama,lyapunov_tracker", "--out", str(out))
     code, said, errors = navloom(*words)
     assert code == 0
-    assert "2 methods x 1 worlds x 1 seeds: 2 episodes, 0 of them from before" in said
+    assert "2 methods x 1 worlds x 1 seeds: 2 episodes, 0 of them from an earlier run" in said
     assert "lyapunov_tracker: controller.k_y belongs to the replaced plugin: dropped" in errors
     files = ("episodes.csv", "study.json", "timing.json", "journal.jsonl", "trails", *report.FILES)
-    assert f"kept in {out}: {', '.join(files)}" in said
+    assert f"written to {out}: {', '.join(files)}" in said
     assert all((out / name).exists() for name in files)
     assert "No figures: matplotlib is not installed" in errors
     _, again, _ = navloom(*words)
-    assert "2 of them from before" in again
+    assert "2 of them from an earlier run" in again
 
 
 def test_without_a_folder_nothing_is_written(
@@ -103,7 +103,7 @@ def test_without_a_folder_nothing_is_written(
     here.mkdir()
     monkeypatch.chdir(here)
     code, said, _ = navloom(config)
-    assert code == 0 and "not kept" in said
+    assert code == 0 and "not saved" in said
     assert list(here.iterdir()) == []
 
 
@@ -113,7 +113,7 @@ def test_without_a_folder_nothing_is_written(
         (("papr",), "did you mean 'paper'"),
         (("paper", "--vary", "avoider=improved_vf"), "did you mean 'improved_vfh'"),
         (("paper", "--worlds", "empty", "dorway", "--seeds", "0:2"), "did you mean 'doorway'"),
-        (("paper", "--seeds", "2:1"), "END is not one"),
+        (("paper", "--seeds", "2:1"), "END itself is not included"),
         (("paper", "--vary", "controller.k33=1"), "did you mean 'k3'"),
         (("paper", "--jobs", "0"), "--jobs"),
         (("paper", "--vary", "avoider=vff,vfh", "--baseline", "vhf"), "did you mean 'vfh'"),
@@ -167,4 +167,4 @@ def test_people_are_told_of_false_successes_and_of_those_without_truth() -> None
     told = [*rows("right", "succeeded", 0.0), *rows("wrong", "false_success", 1.0), *rows("blind", "succeeded", None)]
     lines = list(_truths(cast(Any, SimpleNamespace(study=SimpleNamespace(methods=methods), rows=told))))
     assert [line.partition(":")[0] for line in lines] == ["wrong", "blind"]
-    assert "false success in 3 of 3 episodes" in lines[0] and "3 of 3 successes are the robot's word" in lines[1]
+    assert "false success in 3 of 3 episodes" in lines[0] and "3 of 3 successes are the robot's own report" in lines[1]

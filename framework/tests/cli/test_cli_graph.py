@@ -29,6 +29,12 @@ def test_a_config_has_its_nodes_and_who_reads_them() -> None:
     assert "digraph navloom {" in run("paper", "--dot")
 
 
+def test_a_stream_that_a_node_reads_twice_is_printed_once() -> None:
+    lines = run("paper").splitlines()
+    read = lines[lines.index("gate (main)") + 1].removeprefix("  reads ").split(", ")
+    assert "platform.sonars" in read and len(set(read)) == len(read)
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -34,7 +34,7 @@ def run(*words: str) -> str:
 def test_new_says_what_goes_where_and_what_stays(tmp_path: Path) -> None:
     said = run("new", str(tmp_path / "keys"))
     assert "the router: ca.pem router.pem router-key.pem identities.json\n" in said
-    assert "who looks on: ca.pem viewer.pem viewer-key.pem\n" in said
+    assert "people and programs that only watch: ca.pem viewer.pem viewer-key.pem\n" in said
     assert "ca-key.pem stays" in said
 
 
@@ -73,7 +73,7 @@ def test_add_a_shadow(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     run("new", str(folder))
     said = run("add", str(folder), "shadow.avoider.forces", "--kind", "shadow", "--instance", "avoider.forces")
-    assert "identities.json" in said and "a router that runs there takes it" in said
+    assert "identities.json" in said and "a running router loads it" in said
     assert read_identities(folder, "lab", "r1")[-1] == Identity("shadow.avoider.forces", "shadow", "avoider.forces")
     found = json.loads(run("add", str(folder), "bob", "--kind", "operator", "--json"))
     assert (found["name"], found["kind"], found["days"]) == ("bob", "operator", 825)

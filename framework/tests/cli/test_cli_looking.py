@@ -312,7 +312,7 @@ def test_without_a_robot_doctor_finds_that(look: Look, tmp_path: Path) -> None:
 def test_where_nobody_listens_that_is_said(look: Look, tmp_path: Path) -> None:
     code, out, err = look(tmp_path, "doctor", "--connect", f"unixsock-stream/{tmp_path}/nobody.sock")
     assert (code, err) == (1, "")
-    assert "cannot be joined" in out and "nobody listens there" in out and "navloom router" in out
+    assert "cannot be joined" in out and "nothing listens there" in out and "navloom router" in out
 
 
 # --- what tables say ------------------------------------------------------------------------------------------------
@@ -420,8 +420,8 @@ def test_a_process_that_was_stopped_is_told_with_what_lets_it_go_on(robot: Up, l
         [said] = [number for number, line in enumerate(lines) if "of process think" in line]
         assert (code, err) == (1, "")
         assert lines[said].startswith("problem: mapper toy_blank, goal main, planner toy_straight: ")
-        assert lines[said].endswith(f"of process think: it is stopped (process {pid})")
-        assert lines[said + 1] == f"    `kill -CONT {pid}` lets it go on"
+        assert lines[said].endswith(f"of process think: it is suspended (pid {pid})")
+        assert lines[said + 1] == f"    `kill -CONT {pid}` continues it"
     finally:
         os.kill(pid, signal.SIGCONT)
     until(lambda: all(node["answers"] for node in as_json(look, robot, "list")), "everybody answers again")
@@ -435,7 +435,7 @@ def test_a_process_that_was_killed_is_noted_when_it_is_back(robot: Up, look: Loo
 
     def again() -> str:
         out = look(robot, "doctor")[1]
-        return out if "note: process drive was started again once: it was ended by SIGKILL" in out else ""
+        return out if "note: process drive was restarted once: it was ended by SIGKILL" in out else ""
 
     assert "drive.log" in until(again, "the restart is noted")
     until(lambda: len(as_json(look, robot, "list")) == len(NODES), "everybody is back")

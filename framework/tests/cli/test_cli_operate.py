@@ -69,7 +69,7 @@ def test_down_names_and_ends_what_a_robot_left_whose_up_was_killed(
         while not left_running() and time.monotonic() < limit:  # its environment is there a moment after it is
             time.sleep(0.01)
         (found,) = left_running()
-        assert found.what == f"{what}: left of robot lab/r1, which is down"
+        assert found.what == f"{what}: still running, although robot lab/r1 is down"
         assert found.remedy.startswith("`navloom down --robot lab/r1` ends them")
         refused = CliRunner().invoke(app, ["down", "--robot", "lab/r2"])
         assert isinstance(refused.exception, DirectoryError) and left.poll() is None  # another robot's

@@ -91,7 +91,7 @@ def test_a_run_says_what_it_wrote(in_process: Run, config: str, tmp_path: Path) 
     count = len(list(Recording(record).messages()))
     assert code == 0 and count > 100
     assert f"recorded in {record}: {count} messages, {record.stat().st_size / 1e6:.2f} MB\n" in said
-    assert f"kept in {out}: trace.bin, result.json, run.png, map.pgm, map.yaml\n" in said
+    assert f"written to {out}: trace.bin, result.json, run.png, map.pgm, map.yaml\n" in said
     assert names(out) == ["map.pgm", "map.yaml", "result.json", "run.png", "trace.bin"]
 
 
@@ -239,7 +239,7 @@ def test_tables_that_do_not_fit_are_named_and_the_study_is_still_printed(
     assert f"not written: episodes.csv ({TOO_LARGE}), timing.json ({TOO_LARGE}); complete there: study.json" in errors
     assert not [name for name in names(out) if name.endswith(".part")]
     code, said, _ = study(*words)
-    assert code == 0 and "1 of them from before" in said and "report.html" in names(out)
+    assert code == 0 and "1 of them from an earlier run" in said and "report.html" in names(out)
     with no_file_over(2_000):
         code, said, errors = in_process("report", str(out), "--json")
     assert code == 1 and "report.html" not in json.loads(said)["files"]
@@ -268,7 +268,7 @@ def test_a_replay_without_matplotlib_keeps_the_rest(
     in_process("run", config, "--record", str(record), "--json")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     code, said, errors = in_process("replay", str(record), "--controller", "lyapunov_tracker", "--out", str(out))
-    assert code == 0 and f"kept in {out}: result.json, ticks.csv\n" in said
+    assert code == 0 and f"written to {out}: result.json, ticks.csv\n" in said
     assert "navloom: no picture is drawn, the rest is kept: figures need the extra `plots`" in errors
     assert names(out) == ["result.json", "ticks.csv"]
 

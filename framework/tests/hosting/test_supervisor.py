@@ -92,10 +92,10 @@ def test_a_crash_loop_ends_with_the_process_left_down_and_its_last_words(
     child = keeper.children["child"]
     until(lambda: child.state == "failed", keeper)
     assert child.restarts == 2
-    assert rig[1][0] == "process child ended with code 3; it is started again in 0.1 s. It said last: started"
-    assert rig[1][1].startswith("process child ended with code 3; it is started again in 0.2 s.")
+    assert rig[1][0] == "process child ended with code 3; it restarts in 0.1 s. Its last message: started"
+    assert rig[1][1].startswith("process child ended with code 3; it restarts in 0.2 s.")
     assert rig[1][2].startswith(
-        "process child ended with code 3, 3 times within 60 s: left down. It said last: started"
+        "process child ended with code 3, 3 times within 60 s: it stays down. Its last message: started"
     )
     keeper.stop()
 
@@ -234,7 +234,7 @@ def test_a_process_that_prints_much_has_its_log_cut_and_keeps_its_last_words(
     cut = child.log.cut
     assert folder.fates()["child"].cut == cut > 1_000_000  # of 2.9 MB: what is written while it is cut is not counted
     (found,) = restarting(folder, ())
-    assert found.what == f"process child writes so much that {cut / 1e6:.1f} MB of its log were not kept"
+    assert found.what == f"process child writes so much that {cut / 1e6:.1f} MB of its log were dropped"
     keeper.stop()
 
 

@@ -77,7 +77,7 @@ def test_the_advice_about_a_plugin_that_raises_can_be_followed(role: str, change
 
 def test_a_plugin_slower_than_its_period_is_named_with_both_times_and_what_to_do() -> None:
     found = only(failing(everyone(controller={"step_s": 0.0824})))
-    assert found.what == "controller law takes 82 ms a step, longer than its period of 50 ms"
+    assert found.what == "controller law takes 82 ms per step, longer than its period of 50 ms"
     assert found.remedy.startswith("make it faster, or run.period longer; the config has no other controller")
     assert only(failing(everyone(controller={"step_s": 0.0824, "active": False}))).severity == "note"
     assert failing(everyone(controller={"step_s": 0.05}, mapper={"step_s": 0.4})) == []  # nothing waits for a mapper
@@ -91,7 +91,7 @@ def test_a_command_far_beyond_the_limits_is_a_note() -> None:
 
 def test_ticks_that_are_late_for_a_slow_platform_are_told_once() -> None:
     found = only(failing(everyone(platform={"step_s": 0.08, "late_ticks": 90, "ticks": 100})))
-    assert found.what.startswith("platform sim takes 80 ms a step")
+    assert found.what.startswith("platform sim takes 80 ms per step")
 
 
 @pytest.mark.parametrize("goal_id", [0, 3], ids=["without a goal", "with a goal"])
@@ -107,7 +107,7 @@ def test_a_stop_for_a_slow_plugin_is_not_told_twice() -> None:
     last = {"gate/main/status": status("stale: controller law")}
     nodes = everyone(controller={"step_s": 0.3, "streams": {"a": counts(dropped=500)}})
     assert said(examine(client(BusInWords(nodes, last=last)), None, "robot.toml")[1]) == [
-        "controller law takes 300 ms a step, longer than its period of 50 ms"
+        "controller law takes 300 ms per step, longer than its period of 50 ms"
     ]
 
 
@@ -195,7 +195,7 @@ def test_a_robot_that_lags_is_told_which_rate_it_holds() -> None:
     nodes = everyone(platform={"driven_ticks": 1000, "own_ticks": 400}, gate=gate)
     assert only(lagging(nodes)).what == (
         "600 of 1000 ticks were driven by the command of an earlier tick; a tick's commands take 6.0 ms "
-        "(99 %: 16.0 ms): these processes hold 25 Hz"
+        "(99 %: 16.0 ms): these processes sustain up to 25 Hz"
     )
     rate = loop_rate(nodes)
     assert rate is not None and rate.holds_hz == 25.0
@@ -218,8 +218,8 @@ def test_malformed_messages_are_told_with_the_reader_and_the_complaint() -> None
          "nothing to do while the count does not rise"),
         (20, "note", "Zenoh can confuse two streams when a process restarts; "
          "nothing to do while the count does not rise"),
-        (21, "problem", "find who publishes there, such as a replay or a second robot of this name; if nobody does, "
-         "restart its router, or the robot where it has none"),
+        (21, "problem", "find the publisher, such as a replay or a second robot of this name; if there is none, "
+         "restart the router, or the robot if it has no router"),
     ],
 )  # fmt: skip
 def test_messages_of_another_stream_are_no_matter_of_versions(misrouted: int, severity: str, advice: str) -> None:
@@ -252,7 +252,7 @@ def test_versions_that_differ_are_told_by_process_and_host() -> None:
     other = {"versions": {"navloom": "1.1", "numpy": "2.0"}, "host": "brain"}
     found = only(differing(everyone(mapper=other, goal=other)))
     assert found.what == (
-        "navloom is not of one version: "
+        "navloom has different versions: "
         "1.0 in drive on base, robot on base, safe on base; 1.1 in think on brain"
     )  # fmt: skip
     assert found.remedy == "install the same version on every host"
@@ -260,7 +260,7 @@ def test_versions_that_differ_are_told_by_process_and_host() -> None:
 
 def test_a_package_that_one_lacks_differs_too() -> None:
     found = only(differing([described("goal", "main"), described("gate", "main", versions={"navloom": "1.0"})]))
-    assert found.what == "numpy is not of one version: 2.0 in think on base; none in safe on base"
+    assert found.what == "numpy has different versions: 2.0 in think on base; none in safe on base"
 
 
 def test_configs_that_differ_are_told_by_their_hash() -> None:
@@ -346,15 +346,17 @@ def test_of_a_supervised_process_its_last_words_are_told() -> None:
     folder = made({"think": Fate(None, "waiting", 1, "ended with code 1")})
     (folder.path / "think.log").write_text("loading\nout of memory\n", "utf-8")
     found = only(examine(client(BusInWords(without("think"))), folder, "robot.toml")[1])
-    assert found.what.endswith("of process think: it ended with code 1 and said last: loading; out of memory")
-    assert found.remedy.startswith("`navloom up` starts it again by itself") and "think.log" in found.remedy
+    assert found.what.endswith(
+        "of process think: it ended with code 1 and its last message was: loading; out of memory"
+    )
+    assert found.remedy.startswith("`navloom up` restarts it") and "think.log" in found.remedy
 
 
 def test_a_process_that_is_left_down_is_told_once_with_its_nodes() -> None:
     folder = made({"think": Fate(None, "failed", 5, "ended with code 1"), "safe": Fate(1, "running", 0, "")})
     found = only(examine(client(BusInWords(without("think"))), folder, "robot.toml")[1])
     assert found.what == (
-        "mapper grid, goal main: missing; of process think: it ended with code 1; it is left down"
+        "mapper grid, goal main: missing; of process think: it ended with code 1; it stays down"
     )  # fmt: skip
     assert found.remedy == "repair what it says, then `navloom down` and `navloom up`"
 
@@ -367,7 +369,7 @@ def test_nodes_that_are_announced_and_silent_are_told_by_process() -> None:
     assert only(found).what == what
     folder = made({"drive": Fate(os.getpid(), "running", 0, "")})
     here = only(examine(client(bus), folder, "robot.toml")[1])
-    assert here.what == f"{what}: it runs (process {os.getpid()}), but is not ready, or hangs"
+    assert here.what == f"{what}: it runs (pid {os.getpid()}) but is not ready, or hangs"
     assert f"`kill -KILL {os.getpid()}`" in here.remedy
 
 
@@ -375,7 +377,7 @@ def test_where_nobody_is_the_robots_that_are_there_are_named() -> None:
     bus = BusInWords([], others=["lab/r2/gate/main/alive/1"])
     count, found = examine(client(bus), None, "robot.toml")
     assert (count, only(found).what) == (
-        0, "the network is there, but no node of robot lab/r1 is; there are lab/r2: choose with --robot",
+        0, "the network is up, but no node of robot lab/r1 is; there are lab/r2: choose with --robot",
     )  # fmt: skip
 
 
@@ -470,7 +472,7 @@ def test_a_folder_of_a_robot_that_died_is_noted_and_that_of_one_that_lives_is_no
     folder.unlock()
     found = only(left_behind())
     assert found.severity == "note"
-    assert found.what == f"robot lab/r1 died without an end: its process {dead} is gone, its folder is not"
+    assert found.what == f"robot lab/r1 died without a shutdown: its process {dead} is gone, but its folder remains"
     assert f"`rm -r {folder.path}`" in found.remedy
     (folder.path / "robot.json").write_text("{", "utf-8")
     assert only(left_behind()).what == f"{runtime / 'lab.r1' / 'robot.json'} cannot be read"
@@ -487,9 +489,9 @@ def test_a_process_that_was_started_again_is_noted() -> None:
     )
     found = restarting(folder, told=())
     assert [(finding.severity, finding.what) for finding in found] == [
-        ("note", "process drive was started again once: it was ended by SIGKILL"),
-        ("note", "process think was started again 3 times: it ended with code 1"),
-        ("problem", "process router: it ended with code 2; it is left down"),
+        ("note", "process drive was restarted once: it was ended by SIGKILL"),
+        ("note", "process think was restarted 3 times: it ended with code 1"),
+        ("problem", "process router: it ended with code 2; it stays down"),
     ]
     assert len(restarting(folder, told={"router"})) == 2
 
@@ -498,12 +500,12 @@ def test_a_process_that_somebody_stopped_is_told_from_one_that_runs(asleep: subp
     fate = Fate(asleep.pid, "running", 0, "")
     folder = made({"think": fate})
     assert not is_stopped(asleep.pid)
-    assert fate_in_words(folder, "think", fate)[0] == f"it runs (process {asleep.pid}), but is not ready, or hangs"
+    assert fate_in_words(folder, "think", fate)[0] == f"it runs (pid {asleep.pid}) but is not ready, or hangs"
     asleep.send_signal(signal.SIGSTOP)
     os.waitpid(asleep.pid, os.WUNTRACED)
     assert is_stopped(asleep.pid)
     assert fate_in_words(folder, "think", fate) == (
-        f"it is stopped (process {asleep.pid})", f"`kill -CONT {asleep.pid}` lets it go on",
+        f"it is suspended (pid {asleep.pid})", f"`kill -CONT {asleep.pid}` continues it",
     )  # fmt: skip
     assert not is_stopped(ended())
 

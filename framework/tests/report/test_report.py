@@ -133,7 +133,7 @@ def test_the_page_names_what_counts_and_needs_no_other_file(two: Path) -> None:
     page = (two / "report.html").read_text("utf-8")
     for told in ("For these worlds only", "good: 10 of 10 succeeded (95 % interval 0.692 to 1.000)",
                  "bad: 1 of 10 succeeded (95 % interval 0.003 to 0.445), 90.0 points less than",
-                 "because collision", "Held equal", "navigation.speed", "c" * 16, "— too slow"):  # fmt: skip
+                 "because collision", "Held constant", "navigation.speed", "c" * 16, "— too slow"):  # fmt: skip
         assert told in page, told
     assert "<script" not in page and "http://" not in page.replace("http://www.w3.org/", "")
     assert 'href="#s1"' in page and 'src="' not in page.replace('src="data:', "")
@@ -161,7 +161,7 @@ def test_made_again_it_is_the_same_but_for_the_section_of_wall_times(two: Path) 
     assert again.summary_csv == (two / "summary.csv").read_text("utf-8")
     assert again.differences_csv == (two / "differences.csv").read_text("utf-8")
     for now, name in ((again.html, "report.html"), (again.markdown, "report.md")):
-        before, mark = (two / name).read_text("utf-8"), "Computing time"
+        before, mark = (two / name).read_text("utf-8"), "Compute time"
         assert now.rpartition(mark)[0] == before.rpartition(mark)[0] and now != before
 
 
@@ -174,7 +174,7 @@ def test_the_worst_and_the_middle_world_are_those_by_success(two: Path) -> None:
     study = read_study(two)
     shown = dict(worlds_shown(study))
     # bad's one success is in the last world but two drives of a world count together; the first world has none.
-    assert shown["the worst world"].world == "empty" and shown["the world in the middle"].world == "doorway"
+    assert shown["the worst world"].world == "empty" and shown["the median world"].world == "doorway"
     assert all(len(told) == 2 for told in shown["the worst world"].tracks.values())
 
 
@@ -212,7 +212,7 @@ def test_metrics_defined_nowhere_and_ways_of_nobody_are_said_to_be_so(tmp_path: 
 
     folder = study_folder(tmp_path / "s", ("a", "b"), ("empty",), (0, 1), nothing)
     made = write_report(folder)
-    assert "Nothing to draw: no way was kept" in made.html
+    assert "Nothing to draw: in no stored track" in made.html
     assert next(row for row in table(folder / "summary.csv") if row["metric"] == "jerk")["mean"] == ""
 
 
@@ -225,15 +225,15 @@ def test_false_successes_and_those_without_truth_are_said_to_be_so(
     def trail_of(method: str, world: str, seed: int) -> Trail:
         if method == "blind":
             return lost_trail("succeeded", "the goal was reached", **limits)
-        reason = f"succeeded by its own belief, {seed + 1}.5 m from the goal in truth"
+        reason = f"succeeded by its own estimate, {seed + 1}.5 m from the goal by ground truth"
         return replace(straight(FALSE_SUCCESS), reason=reason)
 
     folder = study_folder(tmp_path / "s", ("wrong", "blind"), ["empty"], range(4), trail_of)
     text = write_report(folder).markdown
     assert "wrong: 0 of 4 succeeded (95 % interval 0.000 to 0.602)" in text
     assert "False successes: 4 of 4 with wrong." in text
-    assert "only the robot's word, since there is no ground truth: 4 of 4 with blind." in text
-    assert "| wrong | false_success | succeeded by its own belief, … m from the goal in truth | 4 |" in text
+    assert "by the robot's own report only, without ground truth: 4 of 4 with blind." in text
+    assert "| wrong | false_success | succeeded by its own estimate, … m from the goal by ground truth | 4 |" in text
     rows = {(row["method"], row["metric"]): row["mean"] for row in table(folder / "summary.csv")}
     assert (rows["wrong", "success"], rows["wrong", "spl"], rows["wrong", "false_success"]) == ("0", "0", "1")
     assert (rows["blind", "false_success"], rows["blind", "time"]) == ("", "")

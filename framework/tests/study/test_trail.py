@@ -75,7 +75,7 @@ def test_truth_decides_where_a_robot_says_that_it_has_arrived(tmp_path: Path) ->
     episode.recorder.truth[:] = moved
     trail, summary = episode.trail, episode.summary()
     assert episode.result.outcome == "succeeded" and trail.outcome == "false_success"
-    assert "from the goal in truth" in trail.reason and not trail.succeeded
+    assert "from the goal by ground truth" in trail.reason and not trail.succeeded
     found = measure(trail)
     assert (found["success"], found["false_success"], summary["truly_reached"]) == (0.0, 1.0, False)
     assert summary["outcome"] == "succeeded" and summary["goal_error_m"] == pytest.approx(

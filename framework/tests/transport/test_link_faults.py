@@ -75,7 +75,7 @@ def test_the_routers_certificate_does_not_fit(folder: Path, identity: str, words
 
 def test_nobody_listens(folder: Path, tmp_path: Path) -> None:
     for end in (f"tls/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}", f"unixsock-stream/{tmp_path}/a.sock"):
-        assert "nobody listens there" in why_not(Link("client", (), (end,), folder, "viewer")), end
+        assert "nothing listens there" in why_not(Link("client", (), (end,), folder, "viewer")), end
 
 
 def test_a_host_that_does_not_exist(folder: Path) -> None:

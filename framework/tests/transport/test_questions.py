@@ -106,8 +106,8 @@ def test_what_is_no_object_is_refused_in_one_line(data: bytes, what: str) -> Non
 
 def test_a_question_larger_than_its_service_takes_is_refused_with_the_bound_and_never_read() -> None:
     window = Desk().window("describe", answer)
-    assert ask(window, LARGEST + 1).fate == f"a question of {LARGEST + 1} bytes: describe takes {LARGEST} at most"
-    assert ask(window, 20_000_000).fate.startswith("a question of 20000000 bytes")
+    assert ask(window, LARGEST + 1).fate == f"a request of {LARGEST + 1} bytes: describe takes at most {LARGEST}"
+    assert ask(window, 20_000_000).fate.startswith("a request of 20000000 bytes")
     fits = ask(window, LARGEST)
     assert fits.done.wait(SOON) and fits.fate == "answered"
 

@@ -195,7 +195,7 @@ def test_an_address_may_be_short() -> None:
 
 def test_a_viewer_that_nobody_started_is_said_to_be_absent() -> None:
     with (
-        pytest.raises(ViewerError, match="nobody listens there"),
+        pytest.raises(ViewerError, match="nothing listens there"),
         showing(facts_for(), Where(url="127.0.0.1:9"), recording_id="x"),
     ):
         pass

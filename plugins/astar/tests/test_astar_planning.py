@@ -102,7 +102,7 @@ def test_with_b_and_c_blocked_there_is_no_path_and_the_place_is_before_the_gates
     closed = paper_plan(BOXES | {"door B": DOOR_B, "door C": DOOR_C})
     assert isinstance(closed, NoPath) and closed.kind == "no_path"
     assert closed.place == pytest.approx((0.0, 4.0))  # two cells before the wall's row at 5.2, straight below D
-    assert "(0.00, 4.00), 3.60 m from the goal (0.00, 7.60)" in closed.detail
+    assert "goal (0.00, 7.60)" in closed.detail and "(0.00, 4.00), 3.60 m away" in closed.detail
 
 
 def test_start_and_goal_are_the_ends_and_steps_sum_to_the_length() -> None:

@@ -366,7 +366,7 @@ def test_without_a_name_the_folder_is_navloom_paper(
 ) -> None:
     code, said, _ = navloom()
     assert code == 0 and done == [None]
-    assert "length of the plan, m" in said and "kept in navloom-paper: report.html" in said
+    assert "length of the plan, m" in said and "written to navloom-paper: report.html" in said
     kept = {path.name: path.read_bytes() for path in paper.DEFAULT.iterdir()}
     assert kept == files
 

@@ -114,7 +114,7 @@ class TurnsInDegrees(Proportional):
 # --- planners ---------------------------------------------------------------------------------------------------------
 
 
-@ENTRIES.plant("unturned_map", caught_by="no_contact")
+@ENTRIES.plant("unturned_map", caught_by="reaches")
 class UnturnedMap(Flood):
     """Takes every raster to lie along the axes."""
 
@@ -159,15 +159,15 @@ class NewestPose(Hits):
 
 @ENTRIES.plant("filled_anew", caught_by="answers_stay")
 class FilledAnew(Hits):
-    """Hands out a read-only view of the array that it writes to."""
+    """Hands out its array as read-only, and writes to it again."""
 
     def update(self, given: MapperInput) -> MapUpdate | None:
+        self.cells.flags.writeable = True
         answer = super().update(given)
+        self.cells.flags.writeable = False
         if answer is None:
             return None
-        view = self.cells.view()
-        view.flags.writeable = False
-        return replace(answer, grid=OccupancyGrid(view, self.params.cell, self.origin()))  # type: ignore[attr-defined]
+        return replace(answer, grid=OccupancyGrid(self.cells, answer.grid.resolution, self.origin()))
 
 
 @ENTRIES.plant("map_in_seconds", caught_by="stamps")

@@ -1,1 +1,1 @@
-"""What several avoiders share: beams, certainty windows, clearance, motors, progress and traps. All on plain arrays."""
+"""Common parts of avoiders: beams, certainty windows, clearance, motors, progress and traps, on plain arrays."""

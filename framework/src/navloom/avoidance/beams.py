@@ -1,4 +1,4 @@
-"""The scans of a tick as one set of beams, in arrays that are kept from tick to tick."""
+"""The scans of a tick joined to one set of beams, in arrays that are reused from tick to tick."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Beams(NamedTuple):
     """Readings of all range sensors in one tick, base frame.
 
     Attributes:
-        origins: (n, 2), m: where each beam starts.
-        bearings: (n,), rad: direction of each beam's axis.
-        half_angles: (n,), rad; 0 for a laser.
-        ranges: (n,), m, +inf for no echo.
-        limits: (n, 2), range_min and range_max of each, m.
-        sensors: (n,) int64, number of the sensor of each beam.
+        origins: (n, 2) origin of each beam, m.
+        bearings: (n,) direction of each beam's axis, rad.
+        half_angles: (n,) half the opening angle, rad; 0 for a laser.
+        ranges: (n,) m, +inf for no echo.
+        limits: (n, 2) range_min and range_max of each beam, m.
+        sensors: (n,) int64, number of each beam's sensor.
     """
 
     origins: Floats
@@ -37,7 +37,7 @@ class Beams(NamedTuple):
 
 
 class Scan(Protocol):
-    """One scan, base frame: what of a range scan's fields counts here."""
+    """The fields of a range scan that are used here, base frame."""
 
     @property
     def origins(self) -> Floats: ...
@@ -54,12 +54,13 @@ class Scan(Protocol):
 
 
 class Joiner:
-    """Joins scans; of sensors that stay where they are only the ranges are written anew.
+    """Joins scans; for sensors that do not change, only the ranges are updated.
 
-    The arrays are its own: numba would compile once more for those of messages, which are read-only.
+    It uses its own arrays, since numba would compile again for the read-only arrays of messages.
 
     Args:
-        agreement: Echoes of a laser that differ by no more are averaged, m, see smoothing.smoothed(); 0 for none.
+        agreement: Largest difference of a laser's echoes that are averaged, m, see smoothing.smoothed(); 0 for no
+            averaging.
     """
 
     def __init__(self, agreement: float) -> None:
@@ -69,7 +70,7 @@ class Joiner:
         self._ranges = np.empty(0)
 
     def join(self, scans: Sequence[Scan]) -> Beams:
-        """All beams of a tick, one scan at least. The same object, with other ranges, until a sensor changes."""
+        """All beams of a tick, from at least one scan. The same object, with new ranges, until a sensor changes."""
         if not self._is_known(scans):
             self._open(scans)
         at = 0

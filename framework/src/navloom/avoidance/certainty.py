@@ -1,8 +1,8 @@
 """Certainty grid of the improved VFH: a window of cells that follows the robot (Hoang et al. 2013, III.C, Fig. 5).
 
-The window is aligned with the axes of the pose frame and moves by whole cells, so that what was seen keeps its place
-while the robot drives and turns. Values are *assigned* by the sensors, not counted up as in the original VFH:
-3 on the acoustic axis, 2 on the rest of the arc, 0 in the cone nearer than the echo.
+The window is aligned with the axes of the pose frame and moves by whole cells, so that obstacles keep their place while
+the robot drives and turns. Values are *assigned* by the sensors, not counted up as in the original VFH: 3 on the
+acoustic axis, 2 on the rest of the arc, 0 in the cone nearer than the echo.
 """
 
 import math
@@ -16,8 +16,8 @@ from navloom.avoidance.support import age_record, has_support
 AXIS_CERTAINTY = 3
 ARC_CERTAINTY = 2
 Cells = NDArray[np.uint8] | NDArray[np.int64]
-"""(size, size) window of certainties, or of what a record heard."""
-THIN_BEAM = 0.02  # rad: narrower beams are lines, their cone would slip between the cell centres
+"""(size, size) window of certainties, or a record of echoes."""
+THIN_BEAM = 0.02  # rad: narrower beams are lines, since their cone would miss the cell centres
 
 
 def new_window(size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -36,7 +36,7 @@ def scroll_window(grid: Cells, origin: NDArray[np.int64], x: float, y: float, ce
 
     Args:
         grid, origin: As from new_window().
-        x, y: Robot, m, pose frame.
+        x, y: Position of the robot, m, pose frame.
         cell: Side of a cell, m.
     """
     size = grid.shape[0]
@@ -69,19 +69,19 @@ def clear_cone(
     far: float,
     margin: float,
 ) -> None:
-    """Set 0 in the cells whose centre lies in a cone, between two distances from its apex.
+    """Set cells to 0 whose centre is in a cone, between two distances from its apex.
 
     Args:
         grid, origin, cell: Window, in place, and side of a cell, m.
-        apex: Sensor, m, pose frame.
+        apex: Position of the sensor, m, pose frame.
         axis: Unit vector of the acoustic axis, pose frame.
         half_angle: rad, < pi/2.
-        near, far: Distances from the apex, m; near itself is included.
-        margin: Distance kept from the flanks of the cone, m: a cell on the flank may hold what the sensor cannot see.
+        near, far: Distances from the apex, m; `near` itself is included.
+        margin: Distance kept from the flanks of the cone, m: in a cell on the flank, the sensor may miss an obstacle.
     """
     size = grid.shape[0]
     cos_h, sin_h = math.cos(half_angle), math.sin(half_angle)
-    # The tangent at the tip of the arc meets the flanks outside the arc: its corners bound the cone.
+    # The tangent at the middle of the arc meets the flanks outside the arc: these corners bound the cone.
     reach = far / cos_h
     ex, ey = axis[0] * cos_h - axis[1] * sin_h, axis[1] * cos_h + axis[0] * sin_h
     fx, fy = axis[0] * cos_h + axis[1] * sin_h, axis[1] * cos_h - axis[0] * sin_h
@@ -112,7 +112,7 @@ def clear_ray(
     near: float,
     far: float,
 ) -> None:
-    """Set 0 in the cells that a thin beam crosses between two distances (arguments as for clear_cone())."""
+    """Set cells to 0 that a thin beam crosses between two distances (arguments as for clear_cone())."""
     size = grid.shape[0]
     step = 0.5 * cell
     distance = near
@@ -134,11 +134,11 @@ def mark_point(
     certainty: int,
     heard: NDArray[np.int64],
 ) -> None:
-    """Assign a certainty to the cell of an echo, if it has support; outside the window nothing happens.
+    """Assign a certainty to the cell of an echo, if the echo has support; echoes outside the window are ignored.
 
     Args:
         grid, origin, cell: Window, in place, and side of a cell, m.
-        x, y: Echo, m, pose frame.
+        x, y: Position of the echo, m, pose frame.
         certainty: 2 or 3.
         heard: From support.new_record(), in place; (0, 0): every echo counts at once.
     """
@@ -163,7 +163,7 @@ def is_seen_through(
     sensors: NDArray[np.int64],
     margin: float,
 ) -> bool:
-    """Whether a point, m, pose frame, lies where another cone of the sensor of beam i clears (see mark_echo())."""
+    """Whether a point, m, pose frame, is where another cone of beam i's sensor clears (see mark_echo())."""
     for k in range(placed.shape[0]):
         if k == i or sensors[k] != sensors[i]:
             continue
@@ -188,7 +188,7 @@ def place_beams(
     clear_margin: float,
     extent: float,
 ) -> NDArray[np.float64]:
-    """Beams in the pose frame (arguments as for insert_beams(); extent: m, nothing farther is of interest).
+    """Beams in the pose frame (arguments as for insert_beams(); extent: largest distance of interest, m).
 
     Returns:
         (n, 8): apex x, y, m; unit axis x, y; distance up to which the beam is clear, m; echo, m, +inf for none;
@@ -223,12 +223,12 @@ def mark_echo(
     distance: float,
     heard: NDArray[np.int64],
 ) -> None:
-    """Assign 2 along the arc of beam i at a distance, m, but for points that another cone of its sensor sees through.
+    """Assign 2 along the arc of beam i at a distance, m, except at points that another cone of its sensor sees through.
 
     Args:
         grid, origin, cell: Window, in place, and side of a cell, m.
         placed: From place_beams(). half_angles: (n,), rad. nearest: (n,), near end of what each beam clears, m.
-        sensors: (n,), number of the sensor of each beam; negative compares with no other.
+        sensors: (n,), number of each beam's sensor; a negative number is compared with no other.
         margin: m, as for clear_cone(). heard: As for mark_point().
     """
     half = half_angles[i]
@@ -266,25 +266,25 @@ def insert_beams(
 ) -> None:
     """Move the window to the robot and assign the readings of all beams: the switch law of Fig. 5.
 
-    All cones are cleared first, then all arcs drawn, then all axes, so that the answer does not depend on the order of
-    the beams and an obstacle on the flank of one cone is not wiped out by its neighbour.
+    All cones are cleared first, then all arcs drawn, then all axes, so that the result does not depend on the order of
+    the beams, and a cone does not erase an obstacle on the flank of its neighbour.
 
     Args:
         grid, origin, cell: Window, in place, and side of a cell, m.
         pose: x, y, m, and heading, rad, of the base in the pose frame.
         origins_in_base: (n, 2), m. bearings: (n,), rad, base frame. half_angles: (n,), rad.
-        ranges: (n,), m, +inf where there was no echo.
-        limits: (n, 2), least and greatest range of each beam, m. An echo beyond the greatest counts as none.
-        sensors: (n,), number of each beam's sensor: part of an arc that another cone of the same sensor sees through
-            is not drawn. Negative numbers draw every arc whole (the paper).
-        clear_margin: What is left uncleared before the echo and along the flanks of a cone, m.
-        blind_depth: A reading at the least range may be of something nearer, m: arcs are drawn this far before it.
-        clears_blind_zone: Whether other readings clear what is nearer than the least range.
+        ranges: (n,), m, +inf for no echo.
+        limits: (n, 2), smallest and largest range of each beam, m. An echo beyond the largest counts as none.
+        sensors: (n,), number of each beam's sensor: the part of an arc that another cone of the same sensor sees
+            through is not drawn. With negative numbers every arc is drawn completely (the paper).
+        clear_margin: Depth before the echo and along the flanks of a cone that is not cleared, m.
+        blind_depth: Arcs at the smallest range are drawn this far before it too, m: the obstacle may be nearer.
+        clears_blind_zone: Whether other readings clear cells nearer than the smallest range.
         forgets: True sets every other cell of the window to 0 (literal reading of the paper).
-        heard: From support.new_record(), in place. An echo of a cone counts only where an earlier one lay in the same
-            cell or beside it and no cone has seen through it since; thin beams count at once. (0, 0): every echo
+        heard: From support.new_record(), in place. A cone's echo counts only if there was an earlier one in the same or
+            an adjacent cell, and no cone has seen through it since; thin beams count at once. (0, 0): every echo
             counts (the paper).
-        memory: How many scans `heard` keeps an echo.
+        memory: Number of scans for which `heard` keeps an echo.
     """
     if heard.size > 0:
         scroll_window(heard, origin.copy(), pose[0], pose[1], cell)
@@ -326,16 +326,16 @@ def occupied_cells(
     edges: NDArray[np.float64],
     cells_in_base: NDArray[np.float64],
 ) -> int:
-    """List the occupied cells in the base frame; cells deep under the robot are set free, for the robot stands there.
+    """List the occupied cells in the base frame; cells well inside the footprint are cleared, since the robot is there.
 
     Args:
         grid, origin, cell, pose: As for insert_beams().
         edges: (k, 3), outward unit normal and offset of each side of the convex footprint, base frame, m: a point p
-            is inside where normal . p <= offset for every side. (0, 3) keeps the cells under the robot.
-        cells_in_base: (size * size, 3) float64, filled: x, y, m, and certainty.
+            is inside if normal . p <= offset for every side. (0, 3) keeps the cells under the robot.
+            cells_in_base: (size * size, 3) float64, output: x, y, m, and certainty.
 
-    Returns:
-        Number of rows filled.
+            Returns:
+                Number of filled rows.
     """
     x, y, heading = pose
     cos_t, sin_t = math.cos(heading), math.sin(heading)

@@ -1,4 +1,4 @@
-"""What lies ahead of the footprint: the paper's d30, the free run straight ahead, and the roll-forward of a command."""
+"""Clearance ahead of the footprint: the paper's d30, the free run straight ahead, and the roll-out of a command."""
 
 import math
 
@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-LONGEST_ROLL = 64  # steps; bounds the work of one check
-APPROACH = 0.25  # share of the distance to the floor that a cell within the margin may come nearer in one check
-STOPPED = 0.01  # m/s: a lagging robot that is this slow stops within a millimetre or two
+LONGEST_ROLL = 64  # most steps of one check
+APPROACH = 0.25  # share of its distance above the floor by which a cell within the margin may come nearer in one check
+STOPPED = 0.01  # m/s: a lagging robot at this speed stops within a millimetre or two
 
 
 def footprint_edges(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -26,7 +26,7 @@ def footprint_edges(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def disc_radius(footprint: NDArray[np.float64], disc: str) -> float:
-    """Radius, m, of the disc about the base that encloses the (k, 2) footprint, or lies within it; 0 for a point."""
+    """Radius, m, of the disc around the base that encloses the (k, 2) footprint, or is within it; 0 for a point."""
     if disc == "point":
         return 0.0
     if disc == "enclosing":
@@ -36,7 +36,7 @@ def disc_radius(footprint: NDArray[np.float64], disc: str) -> float:
 
 @njit(cache=True, nogil=True)
 def outside_distance(edges: NDArray[np.float64], x: float, y: float) -> float:
-    """Greatest distance of a point beyond a side, m: negative inside, never more than the true distance outside."""
+    """Largest distance of a point beyond a side, m: negative inside, never more than the true distance outside."""
     greatest = -1.0e9
     for k in range(edges.shape[0]):
         greatest = max(greatest, edges[k, 0] * x + edges[k, 1] * y - edges[k, 2])
@@ -53,10 +53,10 @@ def nearest_ahead(
         cells: (n, 3), x, y, m, base frame, and certainty.
         half_sector: 30 deg in the paper, rad.
         front: Distance of the robot's front from its centre, m; 0 measures d30 from the centre.
-        half_width: Of the footprint, m. margin: Kept on both sides and ahead, m.
+        half_width: Half width of the footprint, m. margin: Distance kept on both sides and ahead, m.
 
-    Returns:
-        d30 and the free run, m; +inf where there is nothing.
+        Returns:
+            d30 and the free run, m; +inf for nothing ahead.
     """
     nearest, run = np.inf, np.inf
     for i in range(cells.shape[0]):
@@ -84,19 +84,19 @@ def is_free(
     lag: float,
     dead_time: float,
 ) -> bool:
-    """Whether one period of a command, and braking along the same arc, keeps the margin to every occupied cell.
+    """Whether one period of a command, and then braking along the same arc, keeps the margin to every occupied cell.
 
-    A cell that is already nearer than the margin may come nearer by a share of what is left of it down to the floor
-    alone, so that the robot can still leave, and is not held in a gap by noise.
+    A cell that is already within the margin may come nearer only by a share of its distance above the floor, so that
+    the robot can still leave, and noise does not hold it in a gap.
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty. edges: From footprint_edges().
-        twist: Present forward speed, m/s, and turn rate, rad/s.
+        twist: Current forward speed, m/s, and turn rate, rad/s.
         command: Forward speed, m/s, and turn rate, rad/s, sent now.
-        period: s. acceleration, deceleration: m/s^2, of the command gate.
-        turn_horizon: Least time looked ahead, s: a turn in place has no braking distance.
+        period: Control tick, s. acceleration, deceleration: Of the command gate, m/s^2.
+        turn_horizon: Shortest look-ahead time, s: a turn in place has no braking distance.
         margin: m. floor: m, at most the margin; a cell that is this near may not come nearer at all.
-        in_flight, lag, dead_time: Of motors.Motors; without lag and dead time the robot turns as commanded at once.
+        in_flight, lag, dead_time: From motors.Motors; without lag and dead time the robot turns at once as commanded.
     """
     step = 0.05
     keeps = math.exp(-step / lag) if lag > 0.0 else 0.0
@@ -157,10 +157,11 @@ def free_command(
     """The wanted command, reduced until is_free(): speed first, then turn rate; last, creeping out along a free arc.
 
     Args:
-        creep: Speed, m/s, tried where the wanted turn has no room: moving ahead takes the corners past the obstacle.
+        creep: Speed, m/s, that is tried if there is no room for the wanted turn: driving ahead moves the corners past
+            the obstacle.
 
     Returns:
-        Forward speed, m/s, and turn rate, rad/s; (0, 0) where nothing is free.
+        Forward speed, m/s, and turn rate, rad/s; (0, 0) if nothing is free.
     """
     v, w = command
     delay = lag + dead_time

@@ -1,4 +1,4 @@
-"""What an avoider of a histogram or of forces decides in one tick."""
+"""Decision of a histogram-based or force-based avoider in one tick."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ __all__ = ["Decision"]
 
 
 class Decision(NamedTuple):
-    """Answer of one tick; directions in the pose frame, rad.
+    """Answer of one tick.
 
     Attributes:
-        speed: m/s.
-        turn: rad/s.
-        status: As the Avoider role names it.
-        direction: Steered to, or None while rotating or trapped.
-        why: One phrase.
+        speed: Forward speed, m/s.
+        turn: Turn rate, rad/s.
+        status: As in the Avoider role.
+        direction: Chosen direction, rad, pose frame; None while rotating or trapped.
+        why: Explanation in one phrase.
     """
 
     speed: float

@@ -1,7 +1,7 @@
-"""Certainty grid of the VFF: one cell a reading, counted up and down (HIMM, Borenstein & Koren).
+"""Certainty grid of the VFF: one cell per reading, counted up and down (HIMM, Borenstein & Koren).
 
-A reading counts +3 in the cell on its acoustic axis at the distance read, and -1 in the cells of the axis before it.
-What is on the arc beside the axis is left to the robot's motion, which smears the same obstacle over its neighbours.
+A reading counts +3 in the cell on its acoustic axis at the measured distance, and -1 in the cells of the axis before
+it. The rest of the arc is left out: the robot's motion spreads the readings of an obstacle over neighbouring cells.
 """
 
 import math
@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-TOP = 15  # greatest certainty
+TOP = 15  # largest certainty
 _SEEN_THROUGH, _SEEN = 1, 2
 
 
@@ -27,7 +27,7 @@ def vote_line(
 
     Args:
         votes: (size, size), in place. origin, cell: Place of votes[0, 0], in cells, and side of a cell, m.
-        apex: Sensor, m, pose frame. axis: Unit vector, pose frame. far: m.
+        apex: Position of the sensor, m, pose frame. axis: Unit vector, pose frame. far: Distance, m.
     """
     size = votes.shape[0]
     x, y = apex[0] / cell, apex[1] / cell
@@ -61,18 +61,18 @@ def count_readings(
     down: int,
     votes: NDArray[np.uint8],
 ) -> None:
-    """Count the readings of one tick: HIMM, +3 where there was an echo, -1 where an axis saw through, within 0..15.
+    """Count the readings of one tick: HIMM, +3 for an echo, -1 where an axis saw through, within 0..15.
 
-    A cell counts once a tick, an echo before what saw through: else a laser with ten beams a cell would count ten
-    times, and the answer would depend on the order of the beams.
+    A cell counts once per tick, and an echo takes precedence over being seen through: otherwise a laser with ten beams
+    per cell would count ten times, and the result would depend on the order of the beams.
 
     Args:
         grid: (size, size), certainty 0..15, in place. origin, cell: Its place, in cells, and side of a cell, m.
         placed: (n, 8), beams in the pose frame, from navloom.avoidance.certainty.place_beams().
-        limits: (n, 2), least and greatest range of each beam, m.
-        blind_depth: A reading at the least range may be of something nearer, m: the axis counts this far before it.
-        up, down: Counted up (3) and down (1).
-        votes: (size, size), for the work.
+        limits: (n, 2), smallest and largest range of each beam, m.
+        blind_depth: A reading at the smallest range counts this far before it too, m: the obstacle may be nearer.
+        up, down: Increment (3) and decrement (1).
+        votes: (size, size), work array.
     """
     size = grid.shape[0]
     votes[:, :] = 0

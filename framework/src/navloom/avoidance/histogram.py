@@ -16,9 +16,9 @@ from navloom.avoidance.steering import TURN
 
 @njit(cache=True, nogil=True)
 def cell_magnitude(certainty: float, distance: float, reach: float) -> float:
-    """m = c^2 (a - b d) with a = 1/9 and a - b reach = 0: 1 for an axis cell at the robot, 0 from the reach on.
+    """m = c^2 (a - b d) with a = 1/9 and a - b reach = 0: 1 for an axis cell at the robot, 0 at the reach and beyond.
 
-    The reach is a length of its own, not the window's diagonal, so the threshold holds for any window.
+    The reach is a separate length, not the window's diagonal, so that the threshold is valid for any window.
     """
     if distance >= reach:
         return 0.0
@@ -38,11 +38,11 @@ def sector_density(
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty.
-        heading: rad, of the base in the pose frame.
+        heading: Heading of the base in the pose frame, rad.
         cell, reach: m.
-        per_arc_cell: Divide by the number of cells that an arc has in one sector where that is more than one, so that
-            a full arc does not weigh more the farther (and wider) it is. False is the plain sum.
-        density: (sectors,), filled.
+        per_arc_cell: Divide by the number of cells that an arc has in one sector, if it is more than one, so that a
+            full arc does not weigh more the farther (and wider) it is. False gives the plain sum.
+        density: (sectors,), output.
     """
     sectors = density.size
     alpha = TURN / sectors
@@ -60,7 +60,7 @@ def smooth(density: NDArray[np.float64], half_width: int, smoothed: NDArray[np.f
     """VFH smoothing over 2 l + 1 sectors: weights l + 1 - |i|, divided by their sum (l + 1)^2 so that the level stays.
 
     Args:
-        density: (sectors,). half_width: l, sectors; 0 copies. smoothed: (sectors,), filled.
+        density: (sectors,). half_width: l, sectors; 0 copies. smoothed: (sectors,), output.
     """
     sectors = density.size
     total = (half_width + 1.0) * (half_width + 1.0)
@@ -75,10 +75,10 @@ def smooth(density: NDArray[np.float64], half_width: int, smoothed: NDArray[np.f
 def enlarged_density(
     cells: NDArray[np.float64], heading: float, radius: float, reach: float, density: NDArray[np.float64]
 ) -> None:
-    """Greatest magnitude among the cells that a robot of the given radius would meet in the direction of each sector.
+    """Largest magnitude among the cells that a robot of the given radius would meet in the direction of each sector.
 
-    VFH+: a cell at distance d shades the directions within gamma = arcsin(radius / d) of its bearing, 90 deg where it
-    is nearer than the radius. The greatest instead of the sum is independent of how many cells an arc has.
+    VFH+: a cell at distance d blocks the directions within gamma = arcsin(radius / d) of its bearing, 90 deg if it is
+    nearer than the radius. Unlike the sum, the largest value does not depend on the number of cells of an arc.
 
     Args:
         cells, heading, reach, density: As for sector_density().
@@ -108,8 +108,8 @@ def free_slots(density: NDArray[np.float64], threshold: float, slots: NDArray[np
     """Runs of sectors below the threshold, around the circle.
 
     Args:
-        density: (sectors,). threshold: A sector is free where its density is below.
-        slots: (sectors // 2 + 1, 2), filled: first sector, in [0, sectors), and number of sectors, counter-clockwise.
+        density: (sectors,). threshold: A sector with a lower density is free.
+        slots: (sectors // 2 + 1, 2), output: first sector, in [0, sectors), and number of sectors, counter-clockwise.
 
     Returns:
         Number of slots. All free is one slot (0, sectors).
@@ -148,14 +148,14 @@ def slot_directions(
 ) -> int:
     """Candidate directions of the slots: VFH's middle of a narrow slot, a little inside each edge of a wide one.
 
-    A target direction as far from both edges is a candidate itself (VFH+), so that the robot drives straight at the
-    target through open space.
+    A target direction that is as far from both edges of a wide slot is a candidate too (VFH+), so that the robot drives
+    straight to the target through open space.
 
     Args:
-        slots, count: As from free_slots(). sectors: Of the full circle.
-        widest: s_max, sectors: a slot of more is wide. inset: From the edge of a wide slot, sectors; s_max / 2 in VFH.
+        slots, count: As from free_slots(). sectors: Number of sectors of the full circle.
+        widest: s_max, sectors: a larger slot is wide. inset: From the edge of a wide slot, sectors; s_max / 2 in VFH.
         target: Direction of the target, rad, pose frame.
-        directions: (>= 3 * count,), filled, rad, pose frame, not wrapped.
+        directions: (>= 3 * count,), output, rad, pose frame, not wrapped.
 
     Returns:
         Number of directions.

@@ -1,4 +1,4 @@
-"""What is on its way to the wheels: commands that were given and that the motors do not follow yet."""
+"""Commands in flight: given, but not yet followed by the motors."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 __all__ = ["SPEED_ERROR", "TURN_ERROR", "Motors"]
 
 SPEED_ERROR, TURN_ERROR = 0.1, 0.2
-"""A robot that is this far off its command does not follow it, m/s and rad/s."""
+"""Deviation from its command at which a robot does not follow it, m/s and rad/s."""
 FOREIGN = 0.1
-"""A robot this much further off its command than its motors explain follows another one, m/s."""
+"""Deviation beyond the motors' dynamics at which the robot follows commands of another source, m/s."""
 
 
 class Motors:
-    """The motors of a robot, and the commands of one node that they have not followed yet.
+    """Model of a robot's motors, with the commands of one node that they have not followed yet.
 
     A command acts `dead_time` after it was given; the wheels then approach it with the time constant `lag`.
 
     Args:
         lag, dead_time: s.
-        period: Of the commands, s.
-        acceleration, deceleration: Of the command gate, m/s^2.
+        period: Period of the commands, s.
+        acceleration, deceleration: Limits of the command gate, m/s^2.
     """
 
     def __init__(self, lag: float, dead_time: float, period: float, acceleration: float, deceleration: float) -> None:
@@ -40,17 +40,17 @@ class Motors:
         self._sent = (0.0, 0.0)
 
     def give(self, v: float, w: float) -> None:
-        """Keep the command of this tick: m/s and rad/s."""
+        """Record the command of this tick: m/s and rad/s."""
         self._sent = (v, w)
 
     def in_flight(self, twist: tuple[float, float], share: float) -> NDArray[np.float64]:
-        """(n, 2) m/s and rad/s: commands that are not followed yet, a period apart, the newest last; once a tick.
+        """(n, 2) m/s and rad/s: commands not followed yet, a period apart, the newest last. Call it once per tick.
 
-        Ideal motors follow at once: what they do is what was measured.
+        Ideal motors follow at once: then it is the measured velocity.
 
         Args:
             twist: Measured forward speed, m/s, and turn rate, rad/s.
-            share: Of the last command that the gate let through.
+            share: Share of the last command that the gate let pass.
         """
         if self.delay == 0.0:
             return np.array([twist])

@@ -1,4 +1,4 @@
-"""What an avoider has to know of the robot."""
+"""The robot's properties that avoiders use."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ __all__ = ["Robot"]
 
 @dataclass(frozen=True)
 class Robot:
-    """What has to be known of the robot.
+    """The robot's properties that avoiders use.
 
     Attributes:
         footprint: (k, 2) corners of a convex polygon, m, base frame.
         max_linear, max_angular: Speed limits, m/s and rad/s.
         max_acceleration, max_deceleration: m/s².
         motor_lag: Time constant with which the wheels follow a command, s.
-        dead_time: From a command to the wheels, s.
+        dead_time: Time from a command until it acts on the wheels, s.
+        half_track: Half the distance between the wheels, m.
+        max_angular_acceleration: rad/s²; infinite for no limit.
     """
 
     footprint: NDArray[np.float64]
@@ -39,7 +41,7 @@ class Robot:
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Self:
-        """From what every plugin is told about the robot."""
+        """From the description of the robot in a plugin's context."""
         return cls(
             spec.footprint, spec.max_linear, spec.max_angular, spec.max_acceleration, spec.max_deceleration,
             spec.motor_lag, spec.dead_time, spec.half_track, spec.max_angular_acceleration,

@@ -1,21 +1,21 @@
-"""Less noise in the ranges of a laser."""
+"""Noise reduction for the ranges of a laser."""
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-BEAMS = 2  # on either side of one that is smoothed
+BEAMS = 2  # neighbours on each side that are averaged
 
 
 @njit(cache=True, nogil=True)
 def smoothed(ranges: NDArray[np.float64], range_max: float, agreement: float) -> NDArray[np.float64]:
-    """Ranges whose noise is averaged out over the beams beside each: (n,), m.
+    """Ranges (n,), m, each averaged with its neighbours to reduce noise.
 
-    The nearest of many noisy readings of one surface is some deviations too near, and a gap between two surfaces would
-    look that much narrower. Echoes that differ by more are of another surface; without a second one nothing is changed.
+    The nearest of many noisy readings of one surface is some standard deviations too near, which would make gaps look
+    narrower. Echoes that differ by more than `agreement` are of another surface and are not averaged.
 
     Args:
-        ranges: (n,), m, by rising bearing. range_max: m. agreement: m.
+        ranges: (n,), m, by increasing bearing. range_max: m. agreement: m.
     """
     found = ranges.copy()
     for i in range(ranges.size):
@@ -31,7 +31,7 @@ def smoothed(ranges: NDArray[np.float64], range_max: float, agreement: float) ->
 
 
 def warm_up_smoothing() -> None:
-    """Compile it for ranges that may be written and those that may not."""
+    """Compile the kernel for writable and for read-only ranges."""
     ranges = np.ones(3)
     for is_writeable in (True, False):
         ranges.flags.writeable = is_writeable

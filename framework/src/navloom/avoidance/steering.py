@@ -1,4 +1,4 @@
-"""Directions, and the turn towards one."""
+"""Directions, and the turn rate towards one."""
 
 import math
 
@@ -13,7 +13,7 @@ def wrap(angle: float) -> float:
 
 
 def turn_rate(direction: float, heading: float, gain: float, limit: float) -> float:
-    """Turn rate in proportion to the error of the heading: omega = gain (theta_d - theta), |omega| <= limit.
+    """Turn rate proportional to the heading error: omega = gain (theta_d - theta), |omega| <= limit.
 
     Hoang et al. 2013, III.C: gain 10 1/s, limit 25 deg/s. Borenstein & Koren 1989: K_s (delta - theta). Limit and
     result in rad/s.

@@ -30,15 +30,13 @@ class EveryCommand:
         typer.Option(
             "--log-level",
             metavar="LEVEL",
-            help="Least severe message on standard error: debug, info, warning or error.",
+            help="Lowest level logged to standard error: debug, info, warning or error.",
             rich_help_panel=SECTION,
         ),
     ] = Level.INFO
     log_json: Annotated[
         bool,
-        typer.Option(
-            "--log-json", help="Messages on standard error as JSON, one object a line.", rich_help_panel=SECTION
-        ),
+        typer.Option("--log-json", help="Log to standard error as JSON, one object per line.", rich_help_panel=SECTION),
     ] = False
 
     traceback: Annotated[

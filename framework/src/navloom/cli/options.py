@@ -80,12 +80,12 @@ PluginFiles = Annotated[
     typer.Option(
         "--plugin",
         metavar="FILE.py",
-        help="Use the plugins in a Python file too, without packaging; repeats.",
+        help="Also use the plugins in this Python file; repeats.",
         callback=_use_files,
     ),
 ]
 Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of every random stream.")]
-Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, of shadows too.")]
+Record = Annotated[Path | None, typer.Option(metavar="F.mcap", help="Record every message and step, also of shadows.")]
 RobotName = Annotated[
     str | None,
     typer.Option(
@@ -199,13 +199,15 @@ class ViewerOptions:
         typer.Option(
             "--viewer",
             metavar="URL",
-            help="Show it in a viewer that runs already, as 127.0.0.1:9876.",
+            help="Show it in a viewer that is already open, as 127.0.0.1:9876.",
             rich_help_panel=VIEWING,
         ),
     ] = None
     rerun: Annotated[
         Path | None,
-        typer.Option("--rerun", metavar="F.rrd", help="Keep what the viewer shows in a file.", rich_help_panel=VIEWING),
+        typer.Option(
+            "--rerun", metavar="F.rrd", help="Write what the viewer shows to a file.", rich_help_panel=VIEWING
+        ),
     ] = None
 
     def where(self, view: bool, *, keeps: bool = True) -> Where:

@@ -16,16 +16,16 @@ __all__ = ["is_reached", "print_summary", "tell_faults"]
 LABELS = {
     "plan_length_m": "plan, before pruning, m",
     "path_length_m": "driven, m",
-    "optimal_to_tolerance_m": "shortest possible, to within the goal's tolerance, m",
-    "goal_error_m": "from the goal, in truth, m",
-    "min_clearance_m": "least clearance, m",
+    "optimal_to_tolerance_m": "shortest path, to within the goal's tolerance, m",
+    "goal_error_m": "true distance from the goal, m",
+    "min_clearance_m": "minimum clearance, m",
     "cross_track_rms_m": "cross-track rms, m",
     "cross_track_max_m": "cross-track max, m",
     "collisions": "collisions",
     "recoveries": "recoveries",
     "gate_limits": "slowed by the gate's monitor",
     "sim_time_s": "robot time, s",
-    "wall_s": "computed in, s",
+    "wall_s": "wall-clock time, s",
     "trace_sha256": "trace",
 }
 
@@ -61,9 +61,9 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
         told = episode.trail.reason
     typer.echo(f"{told}, at ({end.x:.2f}, {end.y:.2f})")
     if summary["truly_reached"] is None:
-        typer.echo("no ground truth: whether the robot is where it says is not known")
+        typer.echo("no ground truth: the robot's estimate of its pose is not checked")
     elif episode.system.world is None:
-        typer.echo("the platform tells no world: whether start and goal are free, and the shortest way, are not known")
+        typer.echo("the platform describes no world: the shortest path is unknown; start and goal were not checked")
     print_table(("", ""), rows)
     if summary["shadows"]:
         _print_shadows(summary["shadows"])

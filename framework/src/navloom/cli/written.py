@@ -55,7 +55,7 @@ class Written:
     def tell(self, as_json: bool) -> bool:
         """List the files, unless JSON does, and log what is missing. Returns whether everything is complete."""
         is_whole = tell_out(self.out, as_json)
-        for word, file in (("recorded in", self.record), ("to be viewed in", self.rerun)):
+        for word, file in (("recorded in", self.record), ("viewer file", self.rerun)):
             if file is not None:
                 is_whole = is_whole and file.is_whole
                 if not as_json:
@@ -66,7 +66,7 @@ class Written:
 def tell_out(out: OutFolder, as_json: bool) -> bool:
     """List the folder of `--out`, unless JSON does, and log what is missing. Returns whether nothing is missing."""
     if out.names and not as_json:
-        typer.echo(f"kept in {out.folder}: {', '.join(out.names)}")
+        typer.echo(f"written to {out.folder}: {', '.join(out.names)}")
     if out.failure:
         LOG.warning(out.failure)
     return not out.failure

@@ -1,4 +1,4 @@
-"""One TOML file: its schema, its loading with overrides, and where each value came from."""
+"""The config: schema of the TOML file, loading with overrides, and the source of each value."""
 
 from navloom.config.loader import ConfigError, Loaded, check_params, load_config, shipped_configs
 from navloom.config.schema import Config

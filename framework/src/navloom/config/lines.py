@@ -1,4 +1,4 @@
-"""Line numbers of the values of a TOML file, for messages."""
+"""Line numbers of values in a TOML file, for messages."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from navloom.inputs.texts import TOML_TOKENS
 __all__ = ["line_of"]
 
 LARGEST = 32_000
-"""Characters of a file in which lines are looked for: each look parses it about ten times."""
+"""Largest file that is searched for line numbers, in characters: each search parses it about ten times."""
 
 
 def line_of(text: str, place: str) -> int | None:
-    """Line, from 1, on which the value of a dotted place begins; of what is not there, that of the table round it.
+    """Line, from 1, where the value of a dotted place begins; for a missing place, the line of the table around it.
 
-    The parser keeps no positions, so the shortest beginning of the file that parses and holds the place is searched.
-    Tables of an array are counted from 0, as in `sensor.1.layout`.
+    The parser keeps no positions, so this searches the shortest beginning of the file that parses and has the place.
+    Tables of an array are numbered from 0, as in `sensor.1.layout`.
     """
     if len(text) > LARGEST:
         return None
@@ -33,7 +33,7 @@ def line_of(text: str, place: str) -> int | None:
 
 
 def _statement_ends(text: str) -> list[int]:
-    """Numbers of lines after which neither a bracket nor a string is open: the beginnings that parse."""
+    """Numbers of lines after which no bracket or string is open: there a beginning of the file can parse."""
     depth = line = 0
     ends = []
     for match in TOML_TOKENS.finditer(text):

@@ -1,4 +1,4 @@
-"""From a TOML file and `--set` overrides to a checked config that knows where each value came from."""
+"""Loads a TOML file with `--set` overrides into a checked config that knows the source of each value."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ __all__ = ["ConfigError", "Loaded", "check_params", "load_config", "shipped_conf
 ARRAYS = ("sensor", "node", "alternative", "event")
 """Places of arrays of tables."""
 SHOWN = 50
-"""Most problems that an error lists."""
+"""Most problems that one error lists."""
 LONGEST_KEY = 1000
-"""Most characters of the key of a `--set`."""
+"""Longest key of a `--set`, in characters."""
 
 Source = Literal["default", "file", "--set"]
 
@@ -42,12 +42,12 @@ class Loaded:
     """A checked config.
 
     Attributes:
-        config: What holds.
-        name: Path or shipped name it came from.
-        base: Folder relative paths in it start from.
-        sources: By dotted place, where the value came from; what is not listed is a default.
-        dropped: Places of the file's parameters that a `--set` of another plugin made void.
-        text: The file's; empty where there is none.
+        config: The checked config.
+        name: Its path or shipped name.
+        base: Folder for relative paths in it.
+        sources: Source of each value, by dotted place; places that are not listed have their default.
+        dropped: Places of the file's parameters that were dropped because `--set` names another plugin.
+        text: Text of the file; empty for none.
     """
 
     config: Config
@@ -58,11 +58,11 @@ class Loaded:
     text: str = field(default="", repr=False, compare=False)
 
     def error(self, *problems: str) -> ConfigError:
-        """An error of one line a problem, each with the line of the file, or the `--set`, that its value comes from."""
+        """An error with one line per problem, each with its line in the file, or its `--set`."""
         return _located(problems, self.name, self.text, self.sources)
 
     def notices(self) -> list[str]:
-        """What a user should know before anything drives: parameters that are dropped, a size that is assumed."""
+        """Notices for the user before the robot drives: dropped parameters, and a default footprint."""
         said = [f"{place} belongs to the plugin that --set replaced: dropped" for place in self.dropped]
         if not self.gives("robot.footprint"):
             shape = self.config.robot.footprint
@@ -71,20 +71,20 @@ class Loaded:
         return said
 
     def gives(self, place: str) -> bool:
-        """Whether the file or a `--set` gives a value, or one in its table."""
+        """Whether the file or a `--set` gives this value, or a value in this table."""
         return any(known == place or known.startswith(f"{place}.") for known in self.sources)
 
     def base_of(self, place: str) -> Path:
-        """Folder that relative paths of a value start from: the file's, or the current one for `--set`."""
+        """Folder for relative paths in a value: the file's, or the current one for `--set`."""
         return Path.cwd() if self.sources.get(place) == "--set" else self.base
 
     def sha256(self) -> str:
-        """Hash of everything that holds, defaults included; where it is written does not matter."""
+        """Hash of all values, defaults included; independent of their sources."""
         text = json.dumps(self.config.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
-        """For another process of the same run: it must not read a file that may have changed since."""
+        """The config as JSON for another process of the same run, since the file may have changed meanwhile."""
         return {
             "config": self.config.model_dump(mode="json", exclude_unset=True),
             "name": self.name,
@@ -94,7 +94,7 @@ class Loaded:
 
     @classmethod
     def from_json(cls, given: dict[str, Any]) -> Loaded:
-        """The config another process was started with."""
+        """The config from `to_json`."""
         return cls(Config.model_validate(given["config"]), given["name"], Path(given["base"]), given["sources"], ())
 
 
@@ -106,10 +106,10 @@ def shipped_configs() -> dict[str, str]:
 
 
 def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None = None) -> Loaded:
-    """Read a config by path or shipped name, apply `a.b=value` overrides, check it.
+    """Read a config by path or shipped name, apply `a.b=value` overrides, and check it.
 
     Raises:
-        ConfigError: No such file, not TOML, or a value that does not fit.
+        ConfigError: The file is missing or not TOML, or a value does not fit.
     """
     if seed is not None and not 0 <= seed < 2**63:
         raise ConfigError(f"--seed {seed}: expected a whole number of 0 to {2**63 - 1}")
@@ -118,7 +118,7 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
     sources: dict[str, Source] = {place: "file" for place, _ in leaves(tree)}
     dropped: list[str] = []
     changes = list(overrides) + ([f"run.seed={seed}"] if seed is not None else [])
-    # A change of plugin voids parameters of the old one, so it goes before the new one's parameters.
+    # A change of plugin drops the old one's parameters, so it must come before the new one's parameters.
     for change in sorted(changes, key=lambda text: not text.partition("=")[0].endswith(".plugin")):
         _override(tree, change, sources, dropped)
     try:
@@ -130,7 +130,7 @@ def load_config(reference: str, overrides: Iterable[str] = (), seed: int | None 
 
 
 def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, Source]) -> ConfigError:
-    """The error of problems that begin with their places, led by the file and line, or the `--set`, of each."""
+    """An error of problems that begin with their places, each prefixed with its file and line, or its `--set`."""
     lines: list[tuple[float, str]] = []
     first = list(islice(problems, SHOWN + 1))
     for problem in first[:SHOWN]:
@@ -145,7 +145,7 @@ def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, S
 
 
 def _problems_of_params(tree: dict[str, Any]) -> list[str]:
-    """What does not fit in the plugins' parameters of a file that does not fit itself, so that all is said at once."""
+    """Problems of the plugins' parameters in a file that has other problems too, so that all are reported at once."""
     found = []
     tables: list[tuple[str, Any, Any]] = [(role, role, tree.get(role, {})) for role in ROLE_TABLES]
     nodes = [table for table in _tables(tree, "node") if isinstance(table.get("name"), str)]
@@ -170,7 +170,7 @@ def _problems_of_params(tree: dict[str, Any]) -> list[str]:
 
 
 def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    """The tables of an array; nothing where it is none."""
+    """The tables of an array; empty if it is none."""
     tables = tree.get(name)
     return tables if isinstance(tables, list) and all(isinstance(table, dict) for table in tables) else []
 
@@ -191,7 +191,7 @@ def _read(reference: str) -> tuple[str, Path]:
 
 
 def leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value of a tree with its dotted place; tables in arrays are counted from 0."""
+    """Every value of a tree with its dotted place; tables in arrays are numbered from 0."""
     if isinstance(tree, dict):
         for key, value in tree.items():
             yield from leaves(value, f"{place}.{key}" if place else key)
@@ -225,7 +225,7 @@ def _override(tree: dict[str, Any], change: str, sources: dict[str, Source], dro
 
 
 def _enter(table: Any, key: str, place: str, change: str) -> Any:
-    """The table below a key; of an array of tables the one with that number or `name`."""
+    """The table below a key; in an array of tables, the one with that number, `name` or `plugin`."""
     if isinstance(table, list):
         for number, entry in enumerate(table):
             if key in (str(number), entry.get("name"), entry.get("plugin")):
@@ -240,7 +240,7 @@ def _enter(table: Any, key: str, place: str, change: str) -> Any:
 
 
 def _numbered(tree: Any, keys: list[str]) -> list[str]:
-    """The keys with names of tables in arrays replaced by their numbers."""
+    """The keys, with names of tables in arrays replaced by their numbers."""
     out: list[str] = []
     for key in keys:
         if isinstance(tree, list):
@@ -254,7 +254,7 @@ def _numbered(tree: Any, keys: list[str]) -> list[str]:
 
 
 def parse_override(change: str) -> tuple[str, Any]:
-    """Key and value of `key=value`. Raises ConfigError where there is no `=`."""
+    """Key and value of `key=value`. Raises ConfigError if it is malformed."""
     key, equals, text = change.partition("=")
     if not equals or not key.strip():
         raise ConfigError(f"--set {_brief(change)}: expected PATH=VALUE, as in --set controller.k3=1.0")
@@ -266,7 +266,7 @@ def parse_override(change: str) -> tuple[str, Any]:
 
 
 def _value(text: str, where: str) -> Any:
-    """A TOML value, or the text itself where it is none."""
+    """A TOML value, or the text itself if it is none."""
     refuse_deep_toml(text, where, ConfigError)
     try:
         value = tomllib.loads(f"value = {text}")["value"]

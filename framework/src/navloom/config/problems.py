@@ -1,4 +1,4 @@
-"""What is wrong with a config in plain words: place, value, expectation and the nearest fix."""
+"""Problems of a config as text: place, value, expectation and the nearest fix."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ _EXPECTED = {
     "string_too_long": "at most {max_length} characters",
     "multiple_of": "a multiple of {multiple_of}",
 }
-"""What each kind of error of pydantic expects."""
+"""Expectation behind each kind of pydantic error."""
 
 _PATTERNS = {
     r"^[A-Za-z0-9_-]+$": "letters, digits, _ and -",
     r"^[a-z][A-Za-z0-9_]*$": "a small letter, then letters, digits and _",
 }
-"""Patterns of names in words."""
+"""Patterns of names, as text."""
 
 
 class ConfigError(NavloomError, ValueError):
-    """The config cannot be used; each line of the text names a place, the value, the expectation and the nearest fix.
+    """The config cannot be used. Each line of the text names a place, the value, the expectation and the nearest fix.
 
     Attributes:
         problems: The lines.
@@ -58,7 +58,7 @@ class ConfigError(NavloomError, ValueError):
 
 
 class Gathered:
-    """Problems of a config, gathered so that all are said at once."""
+    """Collects the problems of a config, so that all are reported at once."""
 
     def __init__(self) -> None:
         self._problems: list[str] = []
@@ -66,7 +66,7 @@ class Gathered:
 
     @contextmanager
     def gather(self) -> Iterator[None]:
-        """Keep an error of the body, and go on after it."""
+        """Collect an error of the body, and continue after it."""
         try:
             yield
         except (ConfigError, PluginError) as error:
@@ -74,10 +74,10 @@ class Gathered:
             self._only_plugins = self._only_plugins and isinstance(error, PluginError)
 
     def refuse(self, located: Callable[..., ConfigError]) -> None:
-        """Raise what was gathered, if anything was; where no plugin can be used and all else fits, a PluginError.
+        """Raise the collected problems, if any: a PluginError if all concern unusable plugins, else a ConfigError.
 
         Args:
-            located: Makes the error of the problems, with where they are.
+            located: Makes the ConfigError of the problems, with their lines.
         """
         if self._problems:
             error = located(*self._problems)
@@ -88,7 +88,7 @@ def check_params(params: type[BaseModel], table: dict[str, Any], place: str) -> 
     """A plugin's parameters from its table.
 
     Raises:
-        ConfigError: Keys it does not know, or values that do not fit.
+        ConfigError: Keys are unknown, or values do not fit.
     """
     try:
         return params.model_validate(table)
@@ -97,12 +97,12 @@ def check_params(params: type[BaseModel], table: dict[str, Any], place: str) -> 
 
 
 def problems_of(error: ValidationError, model: type[BaseModel], prefix: str = "", given: Any = None) -> list[str]:
-    """A validation error of what was given in words, one line a place."""
+    """A validation error as text, one line per place."""
     lines: dict[str, list[str]] = {}
     whole: list[str] = []
     for one in error.errors(include_url=False):
         if not one["loc"] and not prefix and one["type"] == "value_error":
-            whole += str(one["ctx"]["error"]).splitlines()  # they name their places themselves
+            whole += str(one["ctx"]["error"]).splitlines()  # these lines already name their places
             continue
         path = _path_in(one["loc"], given, one["type"] == "missing")
         place = ".".join(filter(None, [prefix, *map(str, path)])) or "config"
@@ -111,7 +111,7 @@ def problems_of(error: ValidationError, model: type[BaseModel], prefix: str = ""
 
 
 def _words(one: Mapping[str, Any], path: list[str | int], model: type[BaseModel]) -> str:
-    """One error without its place."""
+    """Text of one error, without its place."""
     kind, value, context = one["type"], one["input"], one.get("ctx", {})
     if kind == "extra_forbidden":
         return f"unknown key{nearest(str(path[-1]), list(_model_at(model, path[:-1]).model_fields))}"
@@ -134,7 +134,7 @@ def _words(one: Mapping[str, Any], path: list[str | int], model: type[BaseModel]
 
 
 def _joined(words: list[str]) -> str:
-    """Several errors at one place, as of a value that fits none of several types."""
+    """Text of several errors at one place, for example of a value that fits none of several types."""
     first, *others = dict.fromkeys(words)
     shown = first.partition("expected ")[0]
     return " or ".join([first, *(other.removeprefix(shown).removeprefix("expected ") for other in others)])
@@ -146,7 +146,7 @@ def _close(value: Any, known: list[str]) -> str:
 
 
 def _fix(kind: str, value: Any, path: list[str | int]) -> str:
-    """How a value of the wrong type is written right, where that is plain."""
+    """How to write a value of the wrong type correctly, if that is clear; otherwise empty."""
     key = next((str(part) for part in reversed(path) if not isinstance(part, int)), "")
     if kind in ("int_type", "float_type") and isinstance(value, str):
         number = r"[+-]?\d+" if kind == "int_type" else r"[+-]?\d+(\.\d+)?([eE][+-]?\d+)?"
@@ -161,7 +161,7 @@ def _fix(kind: str, value: Any, path: list[str | int]) -> str:
 
 
 def _as_toml(value: Any) -> str:
-    """A value as a user wrote it, shortened."""
+    """A value in TOML, shortened."""
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, dict):
@@ -176,7 +176,7 @@ def _small(message: str) -> str:
 
 
 def _path_in(location: Iterable[str | int], given: Any, is_missing: bool) -> list[str | int]:
-    """An error's place in what was given: without what pydantic adds, as the types that a value fits none of."""
+    """An error's place in the given values, without the parts that pydantic adds, such as the types of a union."""
     keys = list(location)
     if given is None:
         return keys

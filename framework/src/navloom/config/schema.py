@@ -1,4 +1,4 @@
-"""A whole config file, and what has to fit between its tables."""
+"""The whole config file, and checks across its tables."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Config(Table):
     @model_validator(mode="before")
     @classmethod
     def _nodes_have_processes(cls, given: Any) -> Any:
-        """A node of another distribution that no process names gets one apart from those that drive the robot."""
+        """Node plugins that no process names run in a process of their own, apart from those that drive the robot."""
         tables, live = (given.get("node"), given.get("live", {})) if isinstance(given, dict) else (None, None)
         if not isinstance(tables, list) or not isinstance(live, dict):
             return given
@@ -169,7 +169,7 @@ class Config(Table):
 
     @property
     def roles(self) -> list[str]:
-        """Roles, and the names of the nodes of other distributions."""
+        """Roles, and the names of node plugins."""
         return [*ROLE_TABLES, *(table.name for table in self.node)]
 
     def role_table(self, role: str) -> RoleTable:
@@ -179,7 +179,7 @@ class Config(Table):
         return table
 
     def role_tables(self) -> list[Placed]:
-        """The table of every instance, those that are active at first before the others."""
+        """The table of every instance; initially active ones come first."""
         return [
             *(Placed(role, role, self.role_table(role)) for role in ROLE_TABLES),
             *(Placed(f"node.{number}", table.name, table) for number, table in enumerate(self.node)),
@@ -187,7 +187,7 @@ class Config(Table):
         ]
 
     def without(self, nodes: Collection[str]) -> Config:
-        """The same without some nodes of other distributions and all that names them."""
+        """This config without some node plugins and everything that names them."""
         tree = self.model_dump(mode="json", exclude_unset=True)
         tree["node"] = [table for table in tree.get("node", []) if table["name"] not in nodes]
         for tables in ("alternative", "event"):

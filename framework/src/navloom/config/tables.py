@@ -1,4 +1,4 @@
-"""The tables of a config file. Those of roles and sensors carry their plugin's own parameters, unchecked here."""
+"""The tables of a config file. Tables of roles and sensors also hold plugin parameters, which are not checked here."""
 
 from __future__ import annotations
 
@@ -42,24 +42,24 @@ __all__ = [
 
 Positive = Annotated[float, Field(gt=0.0)]
 ROLE_TABLES = ROLES.keys()
-"""Roles, each with a table of its name in every config."""
+"""Roles; each has a table of its name in every config."""
 OWN_NODES = ("goal", "reference", "gate")
 TAKEN = (*ROLE_TABLES, *OWN_NODES, "operator", "process")
-"""Names below a robot's key that no table [[node]] can have."""
+"""Names that no [[node]] table can have, because the robot's keys use them."""
 OWN_PROCESS = "nodes"
-"""Process of the tables [[node]] that no process names: apart from what drives the robot."""
+"""Process of the [[node]] tables that no process names, apart from those that drive the robot."""
 LONGEST_NAME = 48
-"""Characters of a name: a key is made of five, and has 255 bytes at most."""
+"""Longest name, in characters: a key has five names, and at most 255 bytes."""
 
 
 class Table(StrictModel):
-    """Base of the config's tables: unknown keys are refused, whole numbers pass as reals, nothing is infinite."""
+    """Base of the config's tables: unknown keys are refused, integers are accepted as floats, infinity is not."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class OpenTable(StrictModel):
-    """Base of tables that carry a plugin's parameters beside their own keys."""
+    """Base of tables that hold a plugin's parameters in addition to their own keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
@@ -73,8 +73,8 @@ class RunTable(Table):
     """One run."""
 
     seed: int = Field(default=0, ge=0, lt=2**63, description="of every random stream")
-    period: float = Field(default=0.05, ge=0.001, le=1.0, description="s, one control tick")
-    stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="s of robot time")
+    period: float = Field(default=0.05, ge=0.001, le=1.0, description="length of a control tick, s")
+    stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="longest run, s of robot time")
 
 
 class FootprintTable(Table):
@@ -93,7 +93,7 @@ class FootprintTable(Table):
 
 
 class RobotTable(Table):
-    """What every plugin is told about the robot; the gate enforces the limits."""
+    """Description of the robot for every plugin; the gate enforces the limits."""
 
     realm: str = Field(default="lab", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
     name: str = Field(default="r1", max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$")
@@ -111,18 +111,18 @@ class RobotTable(Table):
 
     @property
     def max_angular(self) -> float:
-        """rad/s."""
+        """Largest turn rate, rad/s."""
         return math.radians(self.max_angular_deg)
 
     @property
     def max_angular_acceleration(self) -> float:
-        """rad/s²; infinite where there is no limit."""
+        """Largest angular acceleration, rad/s²; infinite for no limit."""
         given = self.max_angular_acceleration_deg
         return math.inf if given is None else math.radians(given)
 
 
 class OffsetTable(Table):
-    """How far the true start is from the one the robot believes in, along the axes of the map."""
+    """Offset of the true start from the start that the robot believes in, along the axes of the map."""
 
     x: float = Field(default=0.0, description="m")
     y: float = Field(default=0.0, description="m")
@@ -130,65 +130,65 @@ class OffsetTable(Table):
 
 
 class WorldTable(Table):
-    """Where a simulated robot is."""
+    """The world of a simulated robot."""
 
     ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
     start_offset: OffsetTable = Field(default=OffsetTable(), description="the true start less navigation.start")
 
 
 class MapTable(Table):
-    """A map made before the run, for plugins that want one."""
+    """A map known before the run, for plugins that need one."""
 
     ref: str = Field(default="world", description='a world reference, or "world" for the one of the run')
     resolution: float = Field(default=0.05, ge=0.005, le=1.0, description="m, where the reference has no raster")
 
 
 class RoleTable(OpenTable):
-    """A role's plugin; the keys not named here are its parameters."""
+    """A role's plugin; all other keys are its parameters."""
 
     plugin: str = Field(min_length=1)
     name: str | None = Field(
         default=None, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_-]+$", description="of the instance"
     )
-    sensors: list[str] | None = Field(default=None, description="those it gets; default all it understands")
+    sensors: list[str] | None = Field(default=None, description="sensors that it reads; default: all that it supports")
     inputs: dict[str, str] | None = Field(
         default=None, description="by name of an input, the stream it reads, as people.tracks; default the only one"
     )
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
-    latency: float = Field(default=0.0, ge=0.0, le=60.0, description="s its outputs are delayed by, in lockstep")
+    latency: float = Field(default=0.0, ge=0.0, le=60.0, description="delay of its outputs in lockstep, s")
     diagnostics_rate_hz: float | None = Field(
-        default=None, ge=0.0, description="avoider: how often it says why, 2 where not given, 0 for never"
+        default=None, ge=0.0, description="avoider: rate of its diagnostics; default 2; 0: none"
     )
 
     @property
     def instance(self) -> str:
-        """Name of the instance: its own, or the plugin's."""
+        """Name of the instance: `name`, or the plugin's name."""
         return self.name or self.plugin
 
 
 class NodeTable(RoleTable):
-    """A whole node of another distribution's plugin."""
+    """A node plugin."""
 
     name: str = Field(
         max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="takes a role's place in keys and lists"
     )
-    required: bool = Field(default=False, description="the gate stops the robot when it is gone")
+    required: bool = Field(default=False, description="the gate stops the robot when the node is gone")
 
     @property
     def instance(self) -> str:
-        """Name of the instance: the plugin's, since `name` is the node's."""
+        """Name of the instance: the plugin's name, since `name` is the node's."""
         return self.plugin
 
 
 class AlternativeTable(RoleTable):
-    """A further instance of a role or node, in shadow or waiting to be swapped in."""
+    """Another instance of a role or node, which runs as a shadow or waits to be swapped in."""
 
     role: str = Field(min_length=1, description="a role, or the name of a [[node]]")
     shadow: bool = True
 
 
 class Placed(NamedTuple):
-    """A table of an instance: its place in the file, and the role or node it is of."""
+    """The table of an instance, with its place in the file and its role or node."""
 
     place: str
     role: str
@@ -196,7 +196,7 @@ class Placed(NamedTuple):
 
 
 class SensorTable(OpenTable):
-    """One sensor; the keys not named here are its settings."""
+    """One sensor; all other keys are its settings."""
 
     name: str = Field(max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$")
     kind: str = Field(min_length=1)
@@ -218,7 +218,7 @@ class PlaceTable(Table):
 
 
 class NavigationTable(Table):
-    """Start, goal and everything the framework's own nodes decide by."""
+    """Start, goal, and the settings of the framework's own nodes."""
 
     start: PlaceTable | None = Field(default=None, description="default: the world's")
     goal: PlaceTable | None = Field(default=None, description='default: the world\'s; see "drive"')
@@ -231,13 +231,15 @@ class NavigationTable(Table):
     look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
     corridor_margin: float = Field(default=0.04, ge=0.0, description="m, beside the robot's half width")
     handover: Literal["when_blocked", "always", "never"] = "when_blocked"
-    handover_own_way: bool = Field(default=True, description="it also looks along the way the robot takes next")
+    handover_own_way: bool = Field(
+        default=True, description="the hand-over also checks the path that the robot takes next"
+    )
     handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
     stuck_after: Positive = Field(default=15.0, description="s without progress")
     max_recoveries: int = Field(default=3, ge=0)
     map_timeout: Positive = Field(default=10.0, description="s to wait for a map")
     plan_timeout: Positive = Field(default=10.0, description="s to wait for a plan")
-    replan_when_blocked: bool = Field(default=True, description="plan anew when a new map blocks the trajectory")
+    replan_when_blocked: bool = Field(default=True, description="replan when a new map blocks the trajectory")
     replan_period: float = Field(default=0.0, ge=0.0, description="s between two plans while driving; 0: none")
     replan_gain: float = Field(
         default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
@@ -253,14 +255,14 @@ class NavigationTable(Table):
 class GateTable(Table):
     """When the command gate stops the robot."""
 
-    stop_deadline: Positive = Field(default=0.10, description="s a command may be behind the platform")
-    sensor_timeout: Positive = Field(default=0.5, description="s a required sensor may be silent")
+    stop_deadline: Positive = Field(default=0.10, description="longest lag of a command behind the platform, s")
+    sensor_timeout: Positive = Field(default=0.5, description="longest silence of a required sensor, s")
     monitor: bool = Field(default=True, description="look at the range sensors before a command passes")
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
 
 class EventTable(Table):
-    """Something an operator does at a time."""
+    """An operator's action at a given time."""
 
     at: float = Field(ge=0.0, description="s of robot time")
     do: Literal["swap", "goal", "cancel", "set", "stop", "resume"]
@@ -295,11 +297,11 @@ DEFAULT_PLUGINS: dict[str, str] = {
     "avoider": "improved_vfh",
     "recovery": "wait_and_replan",
 }
-"""Of the roles without which there is no robot."""
+"""Default plugin of each role."""
 
 
 class LiveTable(Table):
-    """How `up` and `node` spread the nodes; lockstep does not read it."""
+    """How `up` and `node` distribute nodes over processes and hosts; lockstep ignores it."""
 
     processes: dict[str, list[str]] = Field(
         default_factory=lambda: {
@@ -311,11 +313,11 @@ class LiveTable(Table):
     )
     hosts: dict[str, list[str]] = Field(default_factory=dict, description="processes of each host")
     router: str | None = Field(default=None, description="endpoint of the robot's router, as tls/10.0.0.1:7447")
-    router_host: str | None = Field(default=None, description="host that starts the router; default: none, run it")
+    router_host: str | None = Field(default=None, description="host that starts the router; default: start it by hand")
     keys: str | None = Field(default=None, description="folder of certificates, see `navloom keys`")
     shared_memory: bool = Field(default=False, description="messages of 3 KB and more pass through it on one host")
-    hang_timeout: Positive = Field(default=2.0, description="s a step may take before its process is given up")
-    restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it is left down")
+    hang_timeout: Positive = Field(default=2.0, description="longest step before its process is killed, s")
+    restart_limit: int = Field(default=5, ge=0, description="crashes within restart_window before it stays down")
     restart_window: Positive = Field(default=30.0, description="s")
 
     @model_validator(mode="after")

@@ -1,1 +1,1 @@
-"""The graph of nodes: ports, order, nodes and events. No thread, no socket, no file, no clock of its own."""
+"""The graph of nodes: ports, order, nodes and events. It has no thread, socket, file or clock of its own."""

@@ -1,4 +1,4 @@
-"""From a built system to a lockstep executor: steppers, slots, and the plan of who reads where."""
+"""Builds a lockstep executor from a system: steppers, slots, and the wires between them."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ def lockstep_of(system: System, observers: Sequence[Observer] = (), trace: Trace
 
 
 def _plan(steppers: Sequence[Stepper]) -> list[list[Wire]]:
-    """The inputs of each stepper, led to the active instances.
+    """The inputs of each stepper, connected to the active instances.
 
-    A `~` input is a plain read where all who may publish it step later in a tick, and none of them with latency.
+    A `~` input is a plain read if all its publishers step later in a tick and none of them has latency.
     """
     in_charge = {one.role: one for one in reversed(steppers) if one.active}
     place = {role: number for number, role in enumerate(dict.fromkeys(one.role for one in steppers))}
@@ -82,7 +82,7 @@ def _selected(system: System) -> dict[str, str]:
 
 
 def own_node(system: System, role: str, is_warm: Callable[[str, str], bool], is_live: bool = False) -> Node | None:
-    """The framework's own node of a role; None where a plugin's belongs."""
+    """The framework's own node of a role; None for the role of a plugin."""
     if role == "operator":
         return OperatorNode()
     if role == "goal":
@@ -163,7 +163,7 @@ def gate_limits(system: System) -> GateLimits:
 
 
 def gate_monitor(system: System) -> CollisionMonitor | None:
-    """The look ahead of the gate; None where the config does without, and for a robot without range sensors."""
+    """The gate's collision monitor; None if the config disables it or the robot has no range sensors."""
     robot, gate = system.robot, system.config.gate
     inputs = next(spec.inputs for spec in system.specs if spec.role == "gate")
     if not any(given.name.startswith("scan.") for given in inputs):

@@ -1,4 +1,4 @@
-"""The world of a platform that brings a simulator of its own."""
+"""The world of a platform that has its own simulator."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["own_world", "world_of_platform"]
 
 
 def own_world(loaded: Loaded, discovery: Discovery) -> World | None:
-    """The world that the platform of a config brings along; None where it brings none, or cannot tell.
+    """The own world of a config's platform; None if it has none or does not know it.
 
     Raises:
         ConfigError, PluginError: The platform is not known, or refuses its parameters or its scene.
@@ -26,7 +26,7 @@ def own_world(loaded: Loaded, discovery: Discovery) -> World | None:
 
 
 def world_of_platform(part: Part) -> World | None:
-    """The same, of the part that is the platform."""
+    """The own world of a platform's part; see `own_world`."""
     assert issubclass(part.cls, Platform)
     with blamed_on_part(part, "own_world"):
         world: World | None = part.cls.own_world(part.params)

@@ -1,4 +1,4 @@
-"""From a checked config to plugins, nodes and slots, ready to step."""
+"""Assembles a system from a config: finds the plugins, and checks parameters, world, sensors and wiring."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["assemble", "robot_spec"]
 
 
 def robot_spec(config: Config) -> RobotSpec:
-    """What plugins are told about the robot. Raises ConfigError for a footprint no robot can have."""
+    """The description of the robot that plugins receive. Raises ConfigError for an impossible footprint."""
     table = config.robot
     shape = table.footprint
     try:
@@ -57,10 +57,10 @@ def robot_spec(config: Config) -> RobotSpec:
 
 
 def assemble(loaded: Loaded, discovery: Discovery | None = None) -> System:
-    """Find the plugins, check their parameters and the wiring. Makes no plugin yet.
+    """Find the plugins, and check their parameters and the wiring. No plugin is made yet.
 
     Raises:
-        ConfigError: Something in the file does not fit, each on a line; PluginError: a plugin cannot be used.
+        ConfigError: Something in the file does not fit; one line a problem. PluginError: a plugin cannot be used.
     """
     config, problems = loaded.config, Gathered()
     discovery = discovery or Discovery(config.plugins.blocked)
@@ -109,7 +109,7 @@ def _system(
     catalogue: Catalogue,
     ports: Mapping[str, Port[Any]],
 ) -> System:
-    """A system of parts that fit."""
+    """The system of checked parts."""
     config = loaded.config
     platform = parts[("platform", config.platform.instance)].cls
     assert issubclass(platform, Platform)
@@ -127,7 +127,7 @@ def stride_of(table: RoleTable, period: float) -> int:
 
 
 def _world(loaded: Loaded, discovery: Discovery, platform: Part | None) -> World | None:
-    """The true world: that of the config, or the one that the platform brings along."""
+    """The true world: the config's, or the platform's own."""
     own = None if platform is None else world_of_platform(platform)
     if loaded.config.world is None:
         return own
@@ -161,7 +161,7 @@ def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> Occ
 
 
 def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
-    """A world as a map: its raster as it is where that is all there is, else drawn in cells of a resolution, m."""
+    """A world as a map: its own raster if it has nothing else, otherwise rasterised at `resolution`, m."""
     from navloom.geometry.grid import world_to_grid
 
     raster = world.raster
@@ -173,7 +173,7 @@ def grid_of(world: World, resolution: float, height: float) -> OccupancyGrid:
 
 
 def _sensors(config: Config, platform: type[Role], problems: Gathered) -> tuple[SensorSpec, ...]:
-    """The sensors that the platform can give."""
+    """The config's sensors, checked against the kinds that the platform has."""
     assert issubclass(platform, Platform)
     specs = []
     for number, table in enumerate(config.sensor):
@@ -207,7 +207,7 @@ def _explains(table: RoleTable, place: str, role: str) -> None:
 
 
 def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | None, float]:
-    """Start, goal and tolerance: the config's, else the world's."""
+    """Start, goal and tolerance: from the config, otherwise from the world."""
     navigation = config.navigation
     if navigation.start is not None:
         heading = math.radians(math.remainder(navigation.start.heading_deg or 0.0, 360.0))
@@ -224,7 +224,7 @@ def _task(config: Config, world: World | None) -> tuple[Pose2D, PlaceTable | Non
 
 
 def _check_set_events(system: System, problems: Gathered) -> None:
-    """Refuse parameter changes that will not fit when their time comes."""
+    """Refuse `set` events whose parameters would not fit during the run."""
     from navloom.engine.events import assignments
 
     for number, event, source in set_events(system.config):

@@ -1,4 +1,4 @@
-"""The nodes of a robot, in the order they are listed; what others need to know of roles is read off their classes."""
+"""The nodes of a robot, in their listed order, and the facts about roles that follow from the nodes' classes."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ NODES: tuple[type[Node], ...] = (
     RecoveryNode,
     GateNode,
 )
-"""The nodes of every robot; of two that do not read each other the first steps first."""
+"""The nodes of every robot; two that do not depend on each other step in this order."""
 
 
 class Catalogue:
-    """The nodes of one robot by name: those of every robot, and those of other distributions that its config names.
+    """The nodes of one robot by name: those of every robot, and the node plugins that its config names.
 
     Args:
-        strangers: Classes of the config's tables `[[node]]`, by name.
-        required: Those of them without which the robot does not drive.
+        strangers: Classes of the config's `[[node]]` tables, by name.
+        required: Names of those without which the robot does not drive.
 
     Attributes:
-        nodes: Class of each node, in the order they are listed.
-        optional: Nodes whose failure ends no goal.
+        nodes: Class of each node by name, in listed order.
+        optional: Nodes whose failure does not end a goal.
     """
 
     def __init__(
@@ -66,27 +66,27 @@ class Catalogue:
         self._required = (*(port.role for port in self._ports.values() if port.required), *required)
 
     def port(self, role: str, name: str) -> Port[Any] | None:
-        """A declared port; None for a platform's sensors, which a config names, and for what is not declared."""
+        """A declared port; None for a sensor's port, which a config names, and for a port that is not declared."""
         return self._ports.get((role, name))
 
     def ports(self, role: str = "") -> list[Port[Any]]:
-        """Every declared port, or those of one node. Sensors, which a config names, are not among them."""
+        """Every declared port, or those of one node; not the ports of sensors, which a config names."""
         return [port for port in self._ports.values() if role in ("", port.role)]
 
     def required_roles(self) -> tuple[str, ...]:
-        """Nodes without which the robot does not drive by itself."""
+        """Nodes without which the robot does not drive autonomously."""
         return tuple(dict.fromkeys(self._required))
 
     def answer_ports(self, role: str) -> tuple[str, ...]:
-        """Ports of a node that are what it is for."""
+        """Ports that carry a node's result."""
         return tuple(port.name for port in self.ports(role) if port.answers)
 
     def warming_ports(self, role: str) -> tuple[str, ...]:
-        """Ports of which a message shows that an instance can take over; none for a role that can at once."""
+        """Ports on which a message shows that an instance can take over; empty if an instance always can."""
         return () if self.nodes[role].answers_when_asked else self.answer_ports(role)
 
     def is_patient(self, role: str) -> bool:
-        """Whether a step of a node may take long: no motor waits for it. The framework's own are not patient."""
+        """Whether a node's step may take long because no motor waits for it; False for the framework's own nodes."""
         plugin = ROLES.get(role) or self.strangers.get(role)
         return plugin is not None and plugin.is_patient
 
@@ -96,7 +96,7 @@ FRAMEWORK = Catalogue()
 
 
 def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Catalogue, dict[str, str]]:
-    """The catalogue of a config's robot, and by name why a node is not in it: its plugin is not installed or broken."""
+    """The catalogue of a config's robot, and by name why a node is missing: its plugin is broken or not installed."""
     if not config.node:
         return FRAMEWORK, {}
     discovery = discovery or Discovery(config.plugins.blocked)
@@ -111,7 +111,7 @@ def catalogue_of(config: Config, discovery: Discovery | None = None) -> tuple[Ca
 
 
 def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
-    """The class of a node of another distribution. Raises PluginError."""
+    """The class of a node plugin. Raises PluginError."""
     cls = discovery.node(name)
     if not issubclass(cls, NodePlugin):
         raise PluginError(f"node.{name}: {cls.__name__} is no subclass of navloom.NodePlugin")
@@ -123,7 +123,7 @@ def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float 
 
     Args:
         plugin: The plugin.
-        rule, look_ahead: For an avoider: who drives, and how far that looks along the robot's own way, m.
+        rule, look_ahead: For an avoider: the hand-over rule, and how far it looks along the robot's own way, m.
         tolerance: For a planner: how near to its goal the robot must come, m.
     """
     if isinstance(plugin, NodePlugin):

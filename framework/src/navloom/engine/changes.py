@@ -1,4 +1,4 @@
-"""Changes of parameters during a run: those of events, and those of operators."""
+"""Parameter changes during a run, by events and by operators."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["blamed_on_event", "changed_params", "set_events"]
 
 
 def changed_params(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> Any:
-    """An instance's parameters with some changed. Raises ConfigError that names the one that does not fit."""
+    """An instance's parameters with some changed. Raises ConfigError that names a value that does not fit."""
     part = system.parts[(role, instance)]
     current = part.params if part.plugin is None else part.plugin.params
     values = {**current.model_dump(exclude_unset=True), **toml_of("\n".join(assignments), "parameters", ConfigError)}
@@ -24,7 +24,7 @@ def changed_params(system: System, role: str, instance: str, assignments: tuple[
 
 
 def set_events(config: Config) -> Iterator[tuple[int, EventTable, tuple[str, str]]]:
-    """Number of each event that changes parameters, it, and the role and instance whose they are."""
+    """Each event that changes parameters: its number, the event, and (role, instance)."""
     for number, event in enumerate(config.event):
         if event.do == "set":
             role = event.role or ""
@@ -33,7 +33,7 @@ def set_events(config: Config) -> Iterator[tuple[int, EventTable, tuple[str, str
 
 @contextmanager
 def blamed_on_event(number: int) -> Iterator[None]:
-    """Say which event of the config does not fit."""
+    """Add the event's place in the config to a ConfigError."""
     try:
         yield
     except ConfigError as error:

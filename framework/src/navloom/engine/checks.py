@@ -1,4 +1,4 @@
-"""What is wrong with a task before the first tick: checked against the true world, in simulation only."""
+"""Checks of a task before the first tick, against the true world where one is known."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def is_real(system: System) -> bool:
 
 
 def check_task(system: System) -> None:
-    """Refuse for a simulated run: a real robot, what cannot drive, and a config without a goal. See `check_drive`.
+    """Refuse a simulated run of a real robot, of a robot that cannot drive (see `check_drive`), or without a goal.
 
     Raises:
-        ConfigError: One line a problem.
+        ConfigError: One line for each problem.
     """
     config = system.config
     if is_real(system):
@@ -46,11 +46,11 @@ def check_task(system: System) -> None:
 
 
 def check_drive(system: System, *more: str) -> None:
-    """Refuse a robot that cannot drive: a plugin without its sensors, commands that are stale when they come, a start
-    or goal that it cannot stand at in the true world.
+    """Refuse a robot that cannot drive: a plugin without its sensors, commands that arrive stale, a start or goal that
+    is occupied in the true world.
 
     Raises:
-        ConfigError: One line a problem, and `more` of them.
+        ConfigError: One line for each problem, after those in `more`.
     """
     problems = [*more, *_places(system), *needed_sensors(system), *_delays(system), *_robot(system)]
     if problems:
@@ -58,7 +58,7 @@ def check_drive(system: System, *more: str) -> None:
 
 
 def _places(system: System) -> Iterator[str]:
-    """A start, or a goal of the config, that the robot cannot stand at in the true world."""
+    """Problems of a start or goal where the robot does not fit in the true world."""
     start, goal = system.true_start, system.goal
     problem = place_problem(system, start.x, start.y, start.heading)
     if problem:
@@ -71,7 +71,7 @@ def _places(system: System) -> Iterator[str]:
 
 
 def _delays(system: System) -> Iterator[str]:
-    """Commands that are older than the gate takes when they reach it, and answers later than they are waited for."""
+    """Problems of delays: commands that are stale when they reach the gate, and answers later than their timeout."""
     config, limit = system.config, system.config.gate.stop_deadline
     drivers = ("controller",) if config.navigation.handover == "never" else ("controller", "avoider")
     for driver in drivers:
@@ -93,13 +93,13 @@ def _delays(system: System) -> Iterator[str]:
 
 
 def _age(system: System, role: str) -> tuple[float, float]:
-    """How late a role's answers come, s, and how long the newest one holds until the next, s."""
+    """Delay of a role's answers, s, and how much longer than one tick each stays the newest, s."""
     table, period = system.config.role_table(role), system.config.run.period
     return period * math.ceil(round(table.latency / period, 6)), period * (stride_of(table, period) - 1)
 
 
 def _robot(system: System) -> Iterator[str]:
-    """A reference that is never as slow as the robot, and a real robot of unknown size."""
+    """Problems of the robot: a reference that is always faster than it, and a real robot of unknown size."""
     config = system.config
     slowest, fastest = config.navigation.speed[0], config.robot.max_linear
     if slowest > fastest:
@@ -115,7 +115,7 @@ def _robot(system: System) -> Iterator[str]:
 
 
 def place_problem(system: System, x: float, y: float, heading: float | None) -> str:
-    """Why the robot cannot stand at a place of the true world, m and rad; empty where it can, or no world is known."""
+    """Why the robot does not fit at a place in the true world, m and rad; empty if it fits or no world is known."""
     world, outline = system.world, system.robot.footprint
     if world is None:
         return ""
@@ -131,6 +131,6 @@ def place_problem(system: System, x: float, y: float, heading: float | None) -> 
 
 
 def _disc(radius: float) -> NDArray[np.float64]:
-    """(16, 2) corners of a polygon within a disc: what a robot that may stand at any heading covers for certain."""
+    """(16, 2) corners of a polygon within a disc, m: the area that a robot covers at any heading."""
     angles = np.arange(16) * (math.tau / 16)
     return radius * np.column_stack((np.cos(angles), np.sin(angles)))

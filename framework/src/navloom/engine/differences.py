@@ -1,4 +1,4 @@
-"""By how much two instances of a role disagree on the same inputs."""
+"""How much two instances of a role differ on the same inputs."""
 
 from __future__ import annotations
 
@@ -35,36 +35,36 @@ UNITS = {
     "vx": "m/s", "vy": "m/s", "wz": "rad/s", "found": "1", "length": "m", "hausdorff": "m", "cells": "1",
     "occupied": "1", "distance": "m", "angle": "rad", "unequal": "1",
 }  # fmt: skip
-"""Of every difference by name."""
+"""Unit of each difference, by name."""
 TOLERANCES = {
     "vx": 0.01, "vy": 0.01, "wz": 0.01, "found": 0.5, "length": 0.05, "hausdorff": 0.10, "cells": 0.001,
     "occupied": 0.01, "distance": 0.01, "angle": 0.01, "unequal": 0.5,
 }  # fmt: skip
-"""What counts as the same, in the unit of each difference: less than a robot shows, more than arithmetic does."""
+"""Largest difference that counts as equal, in its unit: above rounding errors, below a visible effect."""
 
 
 def differences(role: str, ours: Message, theirs: Message) -> dict[str, float]:
-    """Compare two messages that say the same thing.
+    """Compare the answers of two instances to the same inputs.
 
     Args:
-        role: Of both, for the error.
-        ours: Of the active instance.
-        theirs: Of the other one.
+        role: Role of both, for the error.
+        ours: Message of the active instance.
+        theirs: Message of the other instance.
 
     Returns:
-        By name, of
-        velocities (avoider, controller, recovery): `vx`, `vy`, m/s, and `wz`, rad/s, theirs less ours;
-        answers of planners: `found`, 1 where only one of them found a path, and of two paths `length`, m, theirs less
-        ours as planned, and `hausdorff`, m, the greatest distance of a point of either to the other;
-        maps: `cells`, the share of our cells that theirs calls something else of free, occupied and unknown, and
-        `occupied`, that share of the cells that either calls occupied (what theirs has beyond our grid is not looked
-        at, what it lacks is unknown);
+        Differences by name. For
+        velocities (avoider, controller, recovery): `vx`, `vy`, m/s, and `wz`, rad/s, theirs minus ours;
+        answers of planners: `found`, 1 if only one of them found a path; for two paths `length`, m, the planned length,
+        theirs minus ours, and `hausdorff`, m, the Hausdorff distance between the paths;
+        maps: `cells`, the share of our cells that differ in being free, occupied or unknown, and `occupied`, the same
+        share among the cells that are occupied in either map (cells beyond our grid are ignored, cells that theirs
+        lacks are unknown);
         poses (localizer, platform): `distance`, m, and `angle`, rad, both ≥ 0;
-        other messages of nodes that are no role's: `unequal`, 1 where any field but the stamp is not the same.
-        Nothing for messages that are not compared.
+        other messages of node plugins: `unequal`, 1 if any field except the stamp differs.
+        Empty for messages that are not compared.
 
     Raises:
-        TypeError: One is of another kind than the other.
+        TypeError: The two messages are of different types.
     """
     if isinstance(ours, (Path, PlanFailure)) and isinstance(theirs, (Path, PlanFailure)):
         return _of_answers(ours, theirs)
@@ -101,7 +101,7 @@ def _pose(message: Message) -> Pose2D | None:
 
 
 def _is_same(ours: Any, theirs: Any) -> bool:
-    """Whether two values of fields are equal, stamps aside."""
+    """Whether two field values are equal, ignoring stamps."""
     if isinstance(ours, Message) and type(ours) is type(theirs):
         names = (name for name in type(ours).kinds if name != "stamp_ns")
         return all(_is_same(getattr(ours, name), getattr(theirs, name)) for name in names)
@@ -133,7 +133,7 @@ def _kinds(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 def _seen_from(ours: OccupancyGrid, theirs: OccupancyGrid) -> NDArray[np.int8]:
-    """Their value at the centre of each of our cells, -1 where they have none."""
+    """Their value at the centre of each of our cells; -1 outside their grid."""
     if ours.cells.shape == theirs.cells.shape and (ours.resolution, ours.origin) == (theirs.resolution, theirs.origin):
         return theirs.cells
     rows, cols = np.indices(ours.cells.shape)

@@ -1,9 +1,9 @@
-"""The door: what a plugin's answer must be beyond its message's own checks, and which line to blame where it is not.
+"""The door: checks of a plugin's answer beyond the message's own checks, with the plugin's line in the error.
 
-A message checks each of its fields when it is built, in the plugin's own line. The doors here check what spans several
-fields or messages: the type of the answer, stamps that move, the request that was asked, a path that starts and ends
-where it was asked. Each node has one door. It raises `AnswerError`, which names the verb's file and line, before any
-other node receives the answer.
+A message checks each of its fields when it is built, in the plugin's own line. The doors check what spans several
+fields or messages: the type of the answer, stamps that increase, the number of the request, and that a path starts
+and ends where it should. Each node has one door. It raises `AnswerError`, which names the verb's file and line, before
+any other node receives the answer.
 """
 
 from __future__ import annotations
@@ -46,28 +46,28 @@ __all__ = ["AnswerError", "LocalizerDoor", "MapperDoor", "PlannerDoor", "Platfor
            "verb_place"]  # fmt: skip
 
 AHEAD_NS = 1_000_000_000
-"""How far a stamp may be ahead of the run clock, ns: a driver's clock may differ a little."""
+"""Largest lead of a stamp over the run clock, ns: a driver's clock may differ a little."""
 BACK_NS = 1_000_000_000
-"""How far the stamp of a map may fall behind the one before, ns: a map that was cleared restarts from older data."""
+"""Largest step back of a map's stamp, ns: a map that was cleared restarts from older data."""
 FAR = 10.0
-"""Multiple of a limit from which a command is reported: no gain of a method explains it, a wrong unit does."""
+"""Multiple of a limit beyond which a command is reported: the cause is a wrong unit, not a high gain."""
 
 A = TypeVar("A", bound=TrackingCommand | Avoidance | RecoveryStep)
 
 
 class AnswerError(ValueError):
-    """A plugin's answer does not fit what was asked: the text says what it gave, what was expected, and its line."""
+    """A plugin's answer does not fit its input. The text says what it gave, what was expected, and the verb's line."""
 
 
 def verb_place(plugin: Role) -> str:
-    """File and line of the verb of a plugin's class, as `planner.py:31`; empty where it has no Python source."""
+    """File and line of the verb of a plugin's class, as `planner.py:31`; empty if it has no Python source."""
     verb: Any = inspect.unwrap(getattr(type(plugin), verb_of(plugin.role)))
     code = getattr(verb, "__code__", None)
     return f"{PurePath(code.co_filename).name}:{code.co_firstlineno}" if code is not None else ""
 
 
 class _Door:
-    """What every door knows: the verb and where it is written."""
+    """Base of the doors: knows the verb and its place in the source."""
 
     def __init__(self, plugin: Role) -> None:
         self.verb, self.place = verb_of(plugin.role), verb_place(plugin)
@@ -81,7 +81,7 @@ class _Door:
         self.refuse(f"returned {brief(answer)}", expected)
 
     def check_ahead(self, name: str, stamp_ns: int, now_ns: int) -> None:
-        """Refuse a stamp that the run clock has not reached."""
+        """Refuse a stamp that is ahead of the run clock."""
         if stamp_ns > now_ns + AHEAD_NS:
             self.refuse(
                 f"gave {name} stamped {_seconds(stamp_ns)}",
@@ -90,7 +90,7 @@ class _Door:
 
 
 class PlatformDoor(_Door):
-    """The answers of a platform: messages of the declared types, stamps that move, sweeps that were asked for."""
+    """Checks the answers of a platform: declared message types, stamps that do not go back, only requested sweeps."""
 
     def __init__(self, plugin: Platform) -> None:
         super().__init__(plugin)
@@ -153,7 +153,7 @@ class PlatformDoor(_Door):
 
 
 class LocalizerDoor(_Door):
-    """The answers of a localizer: a pose at the stamp of the odometry it was given."""
+    """Checks the answers of a localizer: a pose with the stamp of the odometry that it received."""
 
     def check(self, answer: object, given: LocalizerInput) -> PoseEstimate:
         """The answer as it is. Raises AnswerError."""
@@ -171,7 +171,7 @@ class LocalizerDoor(_Door):
 
 
 class MapperDoor(_Door):
-    """The answers of a mapper: a map that is not of the future, and not older than the one before."""
+    """Checks the answers of a mapper: a map that is not ahead of the run clock and not older than the previous map."""
 
     def __init__(self, plugin: Role) -> None:
         super().__init__(plugin)
@@ -201,7 +201,7 @@ class MapperDoor(_Door):
 
 
 class PlannerDoor(_Door):
-    """The answers of a planner: to the request that was asked, from its start to its goal.
+    """Checks the answers of a planner: to the current request, with a path from its start to its goal.
 
     Args:
         plugin: The planner.
@@ -234,16 +234,16 @@ class PlannerDoor(_Door):
 
 
 class TwistDoor(_Door, Generic[A]):
-    """The answers of a role that commands a velocity.
+    """Checks the answers of a role that commands a velocity.
 
-    A command beyond the robot's limits passes: the gate limits it. Far beyond them it is noted, once.
+    A command beyond the robot's limits passes, since the gate limits it. The first one far beyond them is noted.
 
     Args:
         plugin: The controller, avoider or recovery.
-        kind: What its verb gives.
+        kind: Type of its answers.
 
     Attributes:
-        notes: What was noted, for the operator, to be read after the plugin's name.
+        notes: Notes for the operator, worded to follow the plugin's name.
     """
 
     def __init__(self, plugin: Role, kind: type[A]) -> None:
@@ -251,7 +251,7 @@ class TwistDoor(_Door, Generic[A]):
         self.notes: list[str] = []
         self._kind: type[A] = kind
         self._speed = self._turn = math.inf
-        context = getattr(plugin, "context", None)  # a plugin's own __init__ may not keep it
+        context = getattr(plugin, "context", None)  # a plugin's own __init__ may not store it
         if context is not None:
             self._speed, self._turn = context.robot.max_linear, context.robot.max_angular
         self._far_speed, self._far_turn = FAR * self._speed, FAR * self._turn
@@ -275,7 +275,7 @@ class TwistDoor(_Door, Generic[A]):
 
 
 def notes_of(node: object) -> list[str]:
-    """What the door of a node noted for the operator."""
+    """Notes for the operator from the door of a node."""
     found: list[str] = getattr(getattr(node, "door", None), "notes", [])
     return found
 

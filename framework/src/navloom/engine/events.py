@@ -1,4 +1,4 @@
-"""What operators do, by tick: the config's goal and its `[[event]]` tables as requests."""
+"""Operators' requests by tick: the config's goal and its `[[event]]` tables."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _goal(number: int, x: float, y: float, heading_deg: float | None, via: tuple
 
 
 def assignments(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Parameters as `name = value`, in order of name: what travels in a request."""
+    """Parameters as `name = value`, sorted by name, as a request carries them."""
     return tuple(f"{name} = {_toml(value)}" for name, value in sorted(values.items()))
 
 

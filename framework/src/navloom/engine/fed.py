@@ -1,4 +1,4 @@
-"""A node that is stepped on inputs that are handed to it: from a recording, or from a log of another robot."""
+"""A node that is stepped on given inputs, from a recording or from the log of another robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["FedNode"]
 
 
 class _FedWire(Wire):
-    """An input that holds what it was handed."""
+    """An input that holds the given messages."""
 
     __slots__ = ("value", "values", "when")
 
@@ -24,8 +24,8 @@ class _FedWire(Wire):
         self.hand(None)
 
     def hand(self, given: Any) -> None:
-        """Take what the node is to read: of `new` and `track` a row of messages, of `offers` one with its envelope,
-        else one; None for none.
+        """Take what the node will read: for `new` and `track` a sequence of messages, for `offers` a message with its
+        envelope, otherwise a message; None for none.
         """
         reading = self.input.reading
         is_row = reading in ("new", "track")
@@ -41,10 +41,10 @@ class FedNode:
 
     Args:
         spec: Its wiring.
-        node: What is stepped.
+        node: The node.
 
     Attributes:
-        fault: What its last step raised; empty for nothing.
+        fault: Text of the exception that its last step raised; empty for none.
     """
 
     def __init__(self, spec: NodeSpec, node: Node) -> None:
@@ -55,18 +55,18 @@ class FedNode:
 
     @property
     def fault(self) -> str:
-        """What its last step raised; empty for nothing."""
+        """Text of the exception that its last step raised; empty for none."""
         return self._stepper.fault
 
     def step(
         self, tick: Tick, given: Mapping[str, Any], act: Callable[[Tick], None] | None = None
     ) -> list[tuple[str, Message]]:
-        """What it publishes, as (port, message); nothing where it raises.
+        """Step, and return what the node publishes, as (port, message); empty if it raises.
 
         Args:
-            tick: When.
-            given: Its inputs by name; those left out hold nothing.
-            act: What is called; default the node's step.
+            tick: The tick.
+            given: Its inputs by name; those left out are empty.
+            act: The function to call; default: the node's `step`.
         """
         for name, wire in self._wires.items():
             wire.hand(given.get(name))

@@ -1,4 +1,4 @@
-"""The order nodes step in, and what is wrong with a wiring that has none."""
+"""The order in which nodes step, and the errors of a wiring that has none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def edges(specs: Sequence[NodeSpec]) -> list[tuple[str, str, Input]]:
     """Every edge as (publishing role, reading role, input).
 
     Raises:
-        GraphError: An input that no node publishes, or that carries another message; the text names both ends.
+        GraphError: No node publishes an input, or its port carries another message; the text names both ends.
     """
     ports = {spec.role: {port.name: port for port in spec.ports} for spec in specs}
     found = []
@@ -43,7 +43,7 @@ def edges(specs: Sequence[NodeSpec]) -> list[tuple[str, str, Input]]:
 
 
 def order(specs: Sequence[NodeSpec]) -> list[NodeSpec]:
-    """The nodes in the order they step within a tick: topological over all edges but `~`, ties as listed.
+    """The nodes in the order they step within a tick: topological over all edges except `~`, ties in listed order.
 
     Raises:
         GraphError: A cycle, printed edge by edge, or an input that leads nowhere.
@@ -63,7 +63,7 @@ def order(specs: Sequence[NodeSpec]) -> list[NodeSpec]:
 
 
 def _cycle(wires: Sequence[tuple[str, str, Input]], among: set[str]) -> str:
-    """One cycle among the nodes that could not be placed, walked against the edges until a node comes twice."""
+    """One cycle among the nodes that could not be placed: walk against the edges until a node repeats."""
     back = {dst: (src, given) for src, dst, given in wires if dst in among and src in among}
     node = min(among & set(back))
     seen: list[str] = []

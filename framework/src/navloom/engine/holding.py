@@ -1,4 +1,4 @@
-"""Every value that holds in a config, and where it came from."""
+"""Every effective value of a config, and where it came from."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def holding(system: System) -> list[tuple[str, Any, str]]:
 
 
 def _of_world(system: System, navigation: dict[str, Any]) -> dict[str, str]:
-    """Fill in the task that the world names; gives the places that are the world's."""
+    """Fill in the task that the world names, and return the places that came from the world."""
     world, filled = system.world, []
     if world is None:
         return {}
@@ -57,7 +57,7 @@ def _of_world(system: System, navigation: dict[str, Any]) -> dict[str, str]:
 
 
 def _table(tree: dict[str, Any], place: str) -> dict[str, Any]:
-    """The table of a role, or of an alternative by number, as in `alternative.0`."""
+    """The table of a role, or of a numbered entry, as in `alternative.0`."""
     key, _, number = place.partition(".")
     table: dict[str, Any] = tree[key][int(number)] if number else tree[key]
     return table

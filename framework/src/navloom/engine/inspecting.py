@@ -1,6 +1,6 @@
-"""Looks at single steps of plugins for what makes a run unrepeatable: the wall clock, and random state of the process.
+"""Inspects steps of plugins for what makes a run unrepeatable: the wall clock, and random state of the process.
 
-It costs some ms a tick, so a run looks at few of its ticks. What a step gives is the same.
+Inspection costs some ms a tick, so a run inspects few ticks. It does not change what a step publishes.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ CLOCKS = frozenset({
 })  # fmt: skip
 DATES = {"now", "utcnow", "today"}
 FIRST, APART = 40, 500
-"""The first tick of a run that is looked at, and how many ticks later the next one is."""
+"""First tick of a run that is inspected, and the interval to the next, in ticks."""
 SHARED: Any = getattr(random, "_inst")  # noqa: B009  (the generator behind the functions of the module)
 OWN = "navloom"
 
 
 def some_ticks(number: int) -> bool:
-    """Few enough ticks that nobody notices."""
+    """Whether to inspect a tick: so few that the run is not slowed down."""
     return number % APART == FIRST
 
 
 def every_tick(number: int) -> bool:
-    """All of them."""
+    """Inspect every tick."""
     return True
 
 
 class StepInspector:
-    """Makes steps of plugins and looks at them meanwhile.
+    """Runs steps of plugins and inspects them.
 
     Args:
-        found: Where it warns.
-        looks_at: Whether it looks at a tick.
+        found: Receives the warnings.
+        looks_at: Whether it inspects a tick.
     """
 
     def __init__(self, found: RunWarnings, looks_at: Callable[[int], bool] = some_ticks) -> None:
@@ -60,7 +60,7 @@ class StepInspector:
         self._found = found
 
     def step(self, stepper: Stepper, tick: Tick, since: int) -> Outputs:
-        """As the stepper's own."""
+        """Run `stepper.step` and inspect it."""
         plugin = getattr(stepper.node, "plugin", stepper.node)
         home = home_of(type(plugin))
         if not isinstance(plugin, Role) or home == OWN:
@@ -88,14 +88,14 @@ class StepInspector:
 
 
 class _Calls:
-    """The first calls of a step that read a clock or random state, from lines of one package."""
+    """The first calls of a step, in one package's code, that read a clock or random state."""
 
     def __init__(self, home: str) -> None:
         self.clock = self.random = ""
         self._home = home
 
     def watch(self, act: Callable[[], Outputs]) -> Outputs:
-        """Act, looking on unless another profiler does."""
+        """Call `act` with this profiler, unless another one is active."""
         if sys.getprofile() is not None:
             return act()
         sys.setprofile(self._see)
@@ -115,13 +115,13 @@ class _Calls:
             self.random = self.random or self._line(frame.f_back, frame.f_code.co_name)
 
     def _line(self, frame: FrameType | None, name: str) -> str:
-        """File, line and what is called there; empty for another package's line."""
+        """File, line and the called function; empty for a line of another package."""
         if frame is None or frame.f_globals.get("__name__", "").partition(".")[0] != self._home:
             return ""
         return f"{PurePath(frame.f_code.co_filename).name}:{frame.f_lineno}, {name}"
 
 
 def _random_state() -> tuple[Any, ...]:
-    """State of the generators that all code of the process shares."""
+    """State of the generators that the whole process shares."""
     state = np.random.get_state(legacy=False)  # noqa: NPY002  (read, not used)
     return random.getstate(), state["state"]["pos"], state["state"]["key"].tobytes()

@@ -1,4 +1,4 @@
-"""The lockstep executor: one process, simulated time, references passed. Repeatable bit for bit."""
+"""The lockstep executor: one process, simulated time, messages passed by reference. Repeatable bit for bit."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ __all__ = ["Lockstep", "Observer", "RunLog"]
 
 T = TypeVar("T")
 TELL_NS = 100_000_000
-"""Wall time between two reports of progress, ns. Slower ticks are reported one by one."""
+"""Shortest wall time between two reports of progress, ns; slower ticks are each reported."""
 
 
 class Observer(Protocol):
-    """Something that looks on. It must not change what it is shown.
+    """Receives the messages and step records of a run. It must not change them.
 
     Attributes:
-        wants: (role, port) pairs to be shown; None for all.
-        wants_steps: Whether step records are made for it.
+        wants: (role, port) pairs of the messages that it receives; None for all.
+        wants_steps: Whether it receives step records.
     """
 
     wants: frozenset[tuple[str, str]] | None
@@ -46,20 +46,20 @@ class Observer(Protocol):
 
 @dataclass
 class RunLog:
-    """What a run leaves behind.
+    """Results and timings of a run.
 
     Attributes:
-        results: Of every goal, in order.
-        ticks: Ticks run.
-        tick_ns: Wall time of each.
-        control_ns: Wall time of each tick's steps of the active nodes but the platform; empty where it is not measured.
+        results: Result of each goal, in order.
+        ticks: Number of ticks.
+        tick_ns: Wall time of each tick.
+        control_ns: Wall time of each tick's steps of the active nodes except the platform; empty if not measured.
         step_ns: By role, wall time of each step of planner and mapper.
         spent_ns: By role and instance, wall time of each step; empty for a live run.
-        wall_ns: From the first tick to the last.
-        swaps: Selections after the first.
+        wall_ns: Wall time from the first tick to the last.
+        swaps: Number of selections after the first.
         gate_stops: How often the gate stopped a driving robot.
         gate_limits: How often its monitor began to slow or stop the robot.
-        faults: "role instance: what happened" of plugins that broke.
+        faults: "role instance failed: cause" for each plugin that failed.
         failed: Role, instance and tick of each of them.
         trace_sha256: Hash of the trace.
     """
@@ -81,7 +81,7 @@ class RunLog:
     _limited_by: str = ""
 
     def hear_gate(self, status: GateStatus) -> None:
-        """Count what a status of the gate says beyond the one before."""
+        """Count a stop or limit of the gate that the previous status did not have."""
         stopped_for = status.reason if status.stopped and not is_at_rest(status.reason) else ""
         self.gate_stops += bool(stopped_for) and stopped_for != self._stopped_for
         limited_by = "" if status.limit == "overridden" else status.limit
@@ -93,16 +93,16 @@ class Lockstep:
     """Steps the nodes of a graph in order, tick by tick.
 
     Args:
-        catalogue: What is known of the nodes.
+        catalogue: The robot's nodes.
         steppers: In the order they step; of a role the active one first.
-        period: s.
+        period: Length of a tick, s.
         requests: Operators' requests by tick.
         configure: Changes parameters for `set`: (role, instance, assignments).
-        observers: Who looks on.
-        trace: Where the active nodes' messages go.
+        observers: Receive messages and step records.
+        trace: Receives the active nodes' messages.
 
-    Attributes:
-        inspector: Makes the steps of the ticks that it looks at; None for nobody.
+        Attributes:
+            inspector: Runs and inspects the steps of some ticks; None for no inspection.
     """
 
     def __init__(
@@ -139,11 +139,11 @@ class Lockstep:
         self._make_plan()
 
     def _make_plan(self) -> None:
-        """Who steps in a tick, each with its stride and what keeps its durations: made again where that changes."""
+        """List the enabled steppers, each with its stride and the recorders of its durations; redone at each change."""
         self._plan = [(one, one.stride, tuple(self._keepers(one))) for one in self.steppers if one.enabled]
 
     def _keepers(self, one: Stepper) -> Iterator[Callable[[int], None]]:
-        """What keeps how long each step of an instance took, ns."""
+        """Functions that record the duration of each step of an instance, ns."""
         log = self.log
         yield log.spent_ns[one.role, one.name].append
         if one.active and one.role in log.step_ns:
@@ -152,17 +152,17 @@ class Lockstep:
             yield self._control_ns.append
 
     def is_warm(self, role: str, name: str) -> bool:
-        """An instance has published what its role is for since it was enabled."""
+        """Whether an instance is enabled and has published its role's result."""
         stepper, ports = self._by_name[(role, name)], self.catalogue.warming_ports(role)
         return stepper.enabled and (not ports or any(stepper.slots[port].tick >= 0 for port in ports))
 
     def waiting(self, may_wait: Sequence[tuple[str, str]]) -> str:
-        """Which active one of these instances waits for a stream, and which; empty for none."""
+        """The first of these instances that is active and waits for streams, and which streams; empty for none."""
         found = [one for source in may_wait if (one := self._by_name[source]).active and one.lacks]
         return waiting_words(found[0].role, found[0].name, found[0].lacks) if found else ""
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
-        """Run until the last goal has ended, but no more than this many ticks. `progress` gets the newest tick."""
+        """Run until the last goal has ended, but at most this many ticks. `progress` receives the newest tick."""
         started, told = perf_counter_ns(), 0
         last_request = max(self.requests, default=0)
         try:
@@ -230,7 +230,7 @@ class Lockstep:
                 entries.append((slot.labels.get(cls) or slot.label(cls), message, when, slot.key))
 
     def _fault(self, stepper: Stepper, fault: str) -> None:
-        """A plugin broke: it steps no more; the goal ends where it was the active one."""
+        """Disable an instance that failed; end the goal if it was active and not optional."""
         text = f"{stepper.role} {stepper.name} failed: {fault}"
         self.log.faults.append(text)
         self.log.failed.append((stepper.role, stepper.name, stepper.stepped))
@@ -250,7 +250,7 @@ class Lockstep:
             observer.on_step(record)
 
     def _take(self, request: OperatorRequest) -> None:
-        """Hand a request to the nodes, and do what only the executor can: parameters, and waking who waits."""
+        """Pass a request to the operator node, change parameters, and enable the target of a swap."""
         self._operator.requests.append(request)
         if request.do == "set":
             self.configure(request.role, request.instance, request.values)
@@ -261,7 +261,7 @@ class Lockstep:
             self._make_plan()
 
     def _select(self, selection: Selection) -> None:
-        """Lead every wire to the instances that are now active."""
+        """Connect every wire to the instances that are now active."""
         self._selection = None
         self._epoch = selection.epoch
         for entry in selection.instances:

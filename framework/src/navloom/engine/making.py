@@ -1,4 +1,4 @@
-"""Plugins made of a checked config, and the nodes that run them."""
+"""Makes the plugins of a checked config, and the nodes that run them."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ __all__ = ["blamed_on_part", "configure", "make_plugins", "role_nodes", "try_plu
 
 Progress = Callable[[str], None]
 YOUNG_OBJECTS = 10_000
-"""Objects made between two looks of the garbage collector at the newest; Python's default, 700, is a dozen ticks."""
+"""New objects between two collections of the youngest generation; Python's default, 700, is a dozen ticks."""
 DIAGNOSTICS_RATE_HZ = 2.0
-"""How often an avoider says why, unless its table says otherwise, Hz."""
+"""Default rate of an avoider's diagnostics, Hz."""
 
 
 def make_plugins(
     system: System, progress: Progress = lambda text: None, only: Collection[tuple[str, str]] | None = None
 ) -> None:
-    """Make every plugin, or those of some instances, and compile their kernels, so that no tick does.
+    """Make every plugin, or those of some instances, and compile their kernels, so that no tick has to compile.
 
     Raises:
         ConfigError: A plugin refuses its world, sensors or map.
@@ -66,21 +66,21 @@ def make_plugins(
 
 @cache
 def _spare_what_is_loaded() -> None:
-    """Have the garbage collector pass over the libraries from now on: a look at all of them takes a tick or two.
+    """Exclude the loaded libraries from garbage collection: a full collection over them takes a tick or two.
 
-    It also looks at new objects less often than by default: messages hold no cycles, so it finds next to nothing.
+    New objects are also collected less often than by default: messages hold no cycles, so there is little to find.
     """
     gc.freeze()
     gc.set_threshold(YOUNG_OBJECTS)
 
 
 def try_plugins(system: System) -> None:
-    """Make every plugin once and keep none, without compiling: for what only a plugin itself can refuse.
+    """Make every plugin once and discard it, without compiling: finds what only a plugin itself can refuse.
 
-    A real platform is left out, since it would take the robot's ports.
+    A real platform is left out, since it would open the robot's ports.
 
     Raises:
-        ConfigError, PluginError: One line a plugin that cannot be made.
+        ConfigError, PluginError: One line for each plugin that cannot be made.
     """
     problems = Gathered()
     for part in system.parts.values():
@@ -91,7 +91,7 @@ def try_plugins(system: System) -> None:
 
 
 def _made(system: System, part: Part) -> Role:
-    """A new plugin, which takes the parameters of events too."""
+    """A new plugin. Its `set` events are tried too."""
     config, role, instance = system.config, part.role, part.table.instance
     context = Context(
         instance=instance,
@@ -106,13 +106,13 @@ def _made(system: System, part: Part) -> Role:
     )
     with blamed_on_part(part, "__init__"):
         plugin = part.cls(part.params, context)
-    if role != "platform":  # a second one might take the robot's ports from the first
+    if role != "platform":  # a second platform might take the robot's ports from the first
         _try_set_events(system, part, context)
     return plugin
 
 
 def _try_set_events(system: System, part: Part, context: Context) -> None:
-    """Refuse parameter changes that the plugin will not take when their time comes."""
+    """Refuse `set` events whose parameters the plugin would refuse during the run."""
     values: dict[str, Any] = part.params.model_dump(exclude_unset=True)
     for number, event, source in sorted(set_events(system.config), key=lambda entry: entry[1].at):
         if source == (part.role, part.table.instance):
@@ -124,7 +124,7 @@ def _try_set_events(system: System, part: Part, context: Context) -> None:
 
 @contextmanager
 def blamed_on_part(part: Part, verb: str) -> Iterator[None]:
-    """Say whose fault it is where a plugin cannot be made: the config's, which it refuses, or its own."""
+    """Turn an exception of a plugin into ConfigError if it refuses its config, else into PluginError."""
     try:
         yield
     except ValidationError as error:
@@ -150,10 +150,10 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
 
 
 def configure(system: System, role: str, instance: str, assignments: tuple[str, ...]) -> None:
-    """Change some of an instance's parameters, all or none: a plugin that refuses them is as it was before.
+    """Change some of an instance's parameters, all or none: a plugin that refuses them is left unchanged.
 
     Raises:
-        ConfigError: They do not fit, or not together; PluginError: the plugin breaks at them.
+        ConfigError: The values do not fit, or not together; PluginError: the plugin fails on them.
     """
     params = changed_params(system, role, instance, assignments)
     plugin = system.plugin(role, instance)

@@ -1,4 +1,4 @@
-"""What plugins need of sensors, and which sensor or other plugin would do."""
+"""Sensors that plugins need, and which sensor or other plugin would satisfy the need."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["needed_sensors"]
 
 
 def needed_sensors(system: System) -> Iterator[str]:
-    """Each plugin that needs a sensor it accepts and has none, with what helps."""
+    """One problem, with fixes, for each plugin that needs a sensor and has none that it accepts."""
     for part in system.parts.values():
         is_idle = part.role == "avoider" and system.config.navigation.handover == "never"
         if part.cls.needs_sensor and part.cls.accepts and not part.sensors and not is_idle:
@@ -42,7 +42,7 @@ def _without_sensor(system: System, part: Part) -> str:
 
 
 def _others(system: System, part: Part) -> list[str]:
-    """Plugins of the same role that would do with the sensors there are."""
+    """Plugins of the same role that can work with the configured sensors."""
     platform = system.parts[("platform", system.config.platform.instance)].cls
     assert issubclass(platform, Platform)
     given = [platform.sensor_kinds[sensor.kind] for sensor in system.sensors]

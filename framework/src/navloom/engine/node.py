@@ -16,13 +16,13 @@ PATIENCE = 0.005
 
 
 class Tick(NamedTuple):
-    """The step's place in time.
+    """When a step takes place.
 
     Attributes:
-        number: Of the tick, from 0.
+        number: Number of the tick, from 0.
         time: Run clock, s.
         time_ns: Run clock, ns.
-        epoch: Counts the selections of active instances.
+        epoch: Number of the current selection of active instances.
     """
 
     number: int
@@ -32,21 +32,21 @@ class Tick(NamedTuple):
 
 
 class Node(ABC):
-    """A node of the graph: a subclass declares what it reads and publishes as class attributes, and steps.
+    """A node of the graph. A subclass declares its inputs and outputs as class attributes and implements `step`.
 
     Class attributes:
-        role: Role, or the name of a node of the framework's own.
-        ticks: It steps in every tick; else an input that triggers is needed.
+        role: Role, or the name of a framework node.
+        ticks: It steps in every tick; otherwise only an input that triggers makes it step.
         cause: Input whose Platform stamp its outputs derive from; None for the platform itself.
-        is_awaited: Live: those that read it wait a moment for its step of a tick.
-        hears: Live: whose step reports it acts on beside those it waits for: with "rivals" the goal's and those of
-            roles that have several instances; with "faults" all that say of a fault.
-        answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
-        patience: Live: s to wait for what else belongs to the tick of a trigger.
+        is_awaited: Live: nodes that read it wait a moment for its step of the same tick.
+        hears: Live: step reports that it acts on besides those of nodes it waits for. "rivals": reports of the goal and
+            of roles that have several instances; "faults": all reports of a fault.
+        answers_when_asked: It publishes only on request, so an instance can take over before it has published anything.
+        patience: Live: how long a step waits for other inputs of the trigger's tick, s.
 
     Attributes:
-        made: What was published in the step under way.
-        told: What the executor told the node beside its inputs, of the last step, as it goes into the step record.
+        made: What the current step has published so far.
+        told: What the executor told the node in addition to its inputs of the last step, as text for the step record.
     """
 
     role: ClassVar[str] = ""
@@ -93,13 +93,13 @@ class Node(ABC):
 
     @classmethod
     def spec(cls, wired: Wired) -> NodeSpec:
-        """Its wiring for a config."""
+        """The node's wiring for a config."""
         inputs = tuple(given for one in cls.declared_inputs for given in one.inputs(wired))
         cause = "" if cls.cause is None else cls.cause.name
         return NodeSpec(wired.role, inputs, tuple(cls.ports(wired)), cause, cls.ticks)
 
     def wire(self, spec: NodeSpec, wires: Mapping[str, Any]) -> None:
-        """Lead its inputs, by name, to where they are read, and open the ports of its sensors."""
+        """Bind each input to its wire, by name, and create the output ports of its sensors."""
         for one in self.declared_inputs:
             if isinstance(one, Declared):
                 wires[one.name].bind(self.__dict__, one.name)

@@ -1,4 +1,4 @@
-"""Whole nodes of other distributions: one class, with the framework's own declarations of inputs and outputs."""
+"""Node plugins: whole nodes of other distributions, with the framework's own declarations of inputs and outputs."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class Publishes(Output[M]):
 
     Args:
         carries: The message class.
-        quality: How it travels between processes; default: what is late is dropped, without haste.
-        retained: Who joins later is given the last message.
+        quality: Quality of service between processes; default: normal priority, late messages are dropped.
+        retained: Late joiners receive the last message.
     """
 
     def __init__(self, carries: type[M], quality: Quality = PLAIN, *, retained: bool = False) -> None:
@@ -60,20 +60,21 @@ class Publishes(Output[M]):
 
 
 class NodePlugin(Role[P], Node):
-    """Base of whole nodes of other distributions. A table `[[node]]` of a config uses one under a name of its own.
+    """Base of whole nodes of other distributions. A `[[node]]` table of a config uses one and gives it a name.
 
     A subclass declares what it reads (`Latest`, `New`, `Track` of a message class or port, `Sensors` of a message
-    class) and what it publishes (`Publishes`) as class attributes, and steps. Like any plugin it has no thread, clock
-    or socket.
+    class) and what it publishes (`Publishes`) as class attributes, and implements `step`. Like any plugin it has no
+    thread, clock or socket.
 
-    Class attributes, beside those of a role's plugin:
-        ticks: It steps in every tick; else an input must have `triggers=True`.
-        cause: Input whose Platform stamp its outputs derive from; default its first trigger, of a node that ticks the
-            odometry.
-        is_awaited: Live: those that read it wait up to 5 ms for its step of the same tick.
-        answers_when_asked: It publishes nothing before it is asked for, so that an instance can take over at once.
+    Class attributes, in addition to those of a role's plugin:
+        ticks: It steps in every tick; otherwise an input must have `triggers=True`.
+        cause: Input whose Platform stamp its outputs derive from; default: its first trigger, or the odometry if it
+            steps in every tick.
+        is_awaited: Live: nodes that read it wait up to 5 ms for its step of the same tick.
+        answers_when_asked: It publishes only on request, so an instance can take over before it has published anything.
 
-    The first stream is what the node is for: alternatives are compared by it, and are warm once they have published it.
+    The first stream is the node's result: alternatives are compared by it, and can take over once they have published
+    it.
     """
 
     role = "node"
@@ -106,7 +107,7 @@ class NodePlugin(Role[P], Node):
 
 
 class _CheckedOut(Out[Message]):
-    """A port that refuses messages of another class where they are made."""
+    """A port that refuses messages of another class in the line that publishes them."""
 
     __slots__ = ("_carries",)
 

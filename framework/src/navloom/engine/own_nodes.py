@@ -1,4 +1,4 @@
-"""The framework's own nodes: operator, goal and gate. The reference node has a file of its own."""
+"""The framework's own nodes operator, goal and gate. The reference node is in `reference.py`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ __all__ = ["GateNode", "GoalNode", "OperatorNode"]
 
 
 class OperatorNode(Node):
-    """Publishes what operators asked for in this tick."""
+    """Publishes the operators' requests of this tick."""
 
     role = "operator"
     ticks = True
@@ -58,17 +58,17 @@ class OperatorNode(Node):
 
 
 class GoalNode(Node):
-    """The goal's state machine on its ports.
+    """Connects the goal's state machine to its ports.
 
     Args:
-        machine: The goal's.
-        optional: Nodes whose failure ends no goal.
+        machine: The goal's state machine.
+        optional: Nodes whose failure does not end a goal.
 
     Attributes:
-        fault: What broke, for which the goal ends; empty for nothing.
-        is_lost: Live: the platform is not heard.
-        restarted: Live: roles whose instance came back since the last step.
-        submitted: Live: requests that came by a service instead of a port since the last step.
+        fault: Failure that ends the goal; empty for none.
+        is_lost: Live: the platform is silent.
+        restarted: Live: roles whose instance restarted since the last step.
+        submitted: Live: requests that came through a service instead of a port since the last step.
     """
 
     role = "goal"
@@ -160,7 +160,7 @@ class GoalNode(Node):
 
 
 def _instances(selection: Selection | None) -> tuple[str, str]:
-    """Active instances of mapper and planner."""
+    """Active instances of mapper and planner; empty before the first selection."""
     if selection is None:
         return "", ""
     chosen = selection.chosen
@@ -168,20 +168,21 @@ def _instances(selection: Selection | None) -> tuple[str, str]:
 
 
 class GateNode(Node):
-    """The command gate on its ports, and the keeper of the selection.
+    """Connects the command gate to its ports, and keeps the selection of active instances.
 
     Args:
-        gate: The decision.
+        gate: Decides on each command.
         selected: Active instance, by role, at the start.
-        is_warm: Whether an instance has published what its role is for, so that it can take over.
+        is_warm: Whether an instance has published its role's result, so that it can take over.
 
     Attributes:
         cause_ns: Platform stamp that the last command derives from.
-        lead: Ticks between the word of a selection and the first in which it holds; live more, for it has to get there.
-        now_ns: Live: what the platform's clock shows by now; None where its newest stamp is the time.
+        lead: Ticks from the announcement of a selection to the first tick in which it applies; more when live, since
+            the message has to arrive.
+        now_ns: Live: what the platform's clock shows now; None if the newest stamp is the time.
         is_silent, gone: Live: see `Sensed`.
-        find_waiting: The executor's: a node of a role that waits for a stream, and which; empty for none.
-        obeyed: Live: requests that came by a service since the last step.
+        find_waiting: Set by the executor: returns which node waits for which stream; empty for none.
+        obeyed: Live: requests that came through a service since the last step.
     """
 
     role = "gate"
@@ -245,7 +246,7 @@ class GateNode(Node):
         self._note(has_contact)
 
     def check(self, tick: Tick) -> None:
-        """Between two ticks: stop at once where something is wrong by now; nothing where all is well or stopped."""
+        """Between two ticks: stop at once if something is wrong; does nothing if all is well or already stopped."""
         sensed, has_contact = self._sensed(), self.gate.has_contact
         has_seen = self._see()
         reason = self.gate.choose(sensed, self._offers(tick.epoch), self._is_engaged(), tick.epoch)[2]
@@ -257,7 +258,7 @@ class GateNode(Node):
             self.stop(reason, sensed.platform_ns)
 
     def stop(self, reason: str, platform_ns: int) -> None:
-        """Zero, and why."""
+        """Publish a zero command and a status with the reason."""
         self.cause_ns = platform_ns
         self._status = self.gate.stop(reason, self.pending)
         self._gave(STOPPED, platform_ns)
@@ -265,22 +266,22 @@ class GateNode(Node):
         self.status.put(self._status)
 
     def restore(self, epoch: int, selected: dict[str, str], latched: str) -> None:
-        """Take up where a gate before this one was: its selection, under a newer epoch, and its latched stop."""
+        """Continue from an earlier gate: its selection, under a newer epoch, and its latched stop."""
         self.epoch = epoch + 1
         self.selected |= selected
         self.gate.latch(latched)
 
     def begin_anew(self) -> None:
-        """The run clock began anew: the selection in force holds from its beginning."""
+        """The run clock restarted: the current selection applies from tick 0."""
         self._from_tick = 0
 
     @property
     def pending(self) -> list[str]:
-        """Swaps that wait, as "role instance", in order of role."""
+        """Pending swaps, as "role instance", sorted by role."""
         return [f"{role} {name}" for role, name in sorted(self._pending.items())] if self._pending else []
 
     def obey(self, request: OperatorRequest, driving: Command | None) -> None:
-        """Take an operator's request; `driving` is the newest command of an operator who drives himself."""
+        """Take an operator's request; `driving` is the newest command of an operator who drives."""
         if request.do in ("stop", "resume", "release", "enter_unseen"):
             self.gate.request(request.do)
         if request.do in ("release", "resume"):
@@ -292,7 +293,7 @@ class GateNode(Node):
                 self._pending.pop(request.role, None)
 
     def _take_over(self, number: int) -> bool:
-        """Select the pending instances that are warm, once the selection before holds; True where there were any."""
+        """Select the pending instances that are warm, once the previous selection applies; True if there are any."""
         if number < self._from_tick:
             return False
         if not self._pending:
@@ -315,7 +316,7 @@ class GateNode(Node):
         self.obeyed, self._warm = [], []
 
     def _look_again(self, said: GateStatus, platform_ns: int) -> None:
-        """What a scan between two ticks changes."""
+        """Publish a new command and status if a scan between two ticks changes them."""
         found = self.gate.look_again(said, platform_ns * 1e-9)
         if found is None:
             return
@@ -326,7 +327,7 @@ class GateNode(Node):
         self.status.put(self._status)
 
     def _see(self) -> bool:
-        """Show the monitor what came in since the last look; True where a scan did."""
+        """Pass new odometry and scans to the collision monitor; True if there was a scan."""
         monitor, odometry = self.gate.monitor, self.odometry.value
         if monitor is None or odometry is None:
             return False
@@ -361,7 +362,7 @@ class GateNode(Node):
         return offers
 
     def _offer(self, role: str, held: Dated[Command | TrackingCommand], epoch: int) -> Offer | None:
-        """A command on offer. One made before the selection began to hold is not asked to know it."""
+        """A command as an offer. The epoch of one made before the selection applied is not checked."""
         message, when = held.value, held.when
         if message is None or when is None:
             return None

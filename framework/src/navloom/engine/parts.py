@@ -1,4 +1,4 @@
-"""The instances of a robot by its config: their plugins, and which streams and sensors each of them reads."""
+"""The instances that a config names: their plugins, and the streams and sensors that each of them reads."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ __all__ = ["Part", "catalogue_of_parts", "connect", "find_parts", "find_streams"
 
 @dataclass(eq=False)
 class Part:
-    """One plugin of a run: where it stands in the config, its class, parameters, and the object.
+    """One plugin of a run: its place in the config, its class, its parameters, and the object.
 
     Attributes:
-        place: Of its table in the file.
+        place: Place of its table in the file.
         role: Role, or name of the node.
         table: Its table.
         cls: Its class.
         params: Its parameters, checked.
-        sensors: Names of the sensors it gets.
-        streams: By name, the port that each input reads which names a message class alone.
-        plugin: The object, once it is made.
+        sensors: Names of the sensors it reads.
+        streams: By name, the port of each input that names only a message class.
+        plugin: The object; None before it is made.
     """
 
     place: str
@@ -64,7 +64,7 @@ def find_parts(config: Config, discovery: Discovery, problems: Gathered) -> dict
 
 
 def catalogue_of_parts(config: Config, parts: Mapping[tuple[str, str], Part], problems: Gathered) -> Catalogue:
-    """The nodes of the robot; an alternative of a node must publish what that does."""
+    """The nodes of the robot. An alternative of a node must publish the same streams."""
     strangers: dict[str, type[NodePlugin]] = {}
     for table in config.node:
         part = parts.get((table.name, table.instance))
@@ -93,7 +93,7 @@ def _listed(ports: Mapping[str, type[Message]]) -> str:
 
 
 def sensors_of(part: Part, platform: type[Platform], sensors: tuple[SensorSpec, ...]) -> tuple[str, ...]:
-    """Sensors an instance gets: those its table names, or all whose messages it accepts."""
+    """Sensors that an instance reads: those its table names, or all whose messages it accepts."""
     gives: Mapping[str, Any] = {sensor.name: platform.sensor_kinds[sensor.kind] for sensor in sensors}
     if part.table.sensors is None:
         return tuple(name for name, message in gives.items() if issubclass(message, part.cls.accepts))
@@ -107,14 +107,14 @@ def sensors_of(part: Part, platform: type[Platform], sensors: tuple[SensorSpec, 
 
 
 def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]:
-    """The port of each input of a plugin that names a message class alone.
+    """The port of each input of a plugin that names only a message class.
 
     Args:
         part: The plugin.
-        ports: Everything that is published on the robot.
+        ports: Every port of the robot.
 
     Raises:
-        ConfigError: No port of the class or several, or `inputs` of the table does not fit.
+        ConfigError: There is no port of the class or several, or the table's `inputs` do not fit.
     """
     wanted = dict(_wanted(part.cls))
     chosen = part.table.inputs or {}
@@ -128,7 +128,7 @@ def find_streams(part: Part, ports: Sequence[Port[Any]]) -> dict[str, Port[Any]]
 
 
 def _wanted(cls: type[Role]) -> Iterator[tuple[str, type[Message]]]:
-    """Inputs that name a message class alone."""
+    """Inputs that name only a message class."""
     for name, extra in extras_of(cls).items():
         yield name, extra.carries
     if issubclass(cls, NodePlugin):
@@ -160,7 +160,7 @@ def _port_of(
 
 
 def streams_of(cls: type[Role]) -> dict[str, dict[str, str]]:
-    """What a plugin reads beside what its role is given, and what a node publishes: message classes by name."""
+    """What a plugin reads in addition to its role's inputs, and what a node publishes: message classes by name."""
     reads = {name: extra.carries for name, extra in extras_of(cls).items()}
     if not issubclass(cls, NodePlugin):
         return {"reads": {name: carries.__name__ for name, carries in reads.items()}} if reads else {}
@@ -181,13 +181,13 @@ def connect(
 ) -> tuple[list[NodeSpec], dict[tuple[str, str], NodeSpec]]:
     """The wiring of every node in the order they step, and of every instance.
 
-    A node's has the inputs of all its instances: alternatives may read different things.
+    A node's wiring has the inputs of all its instances, since alternatives may read different streams.
 
     Args:
         catalogue: The nodes.
-        parts: The instances, of each role the active one first.
+        parts: The instances; of each role the active one first.
         sensors: Ports of the platform's sensors, by name.
-        seen: Names of those that the gate looks at.
+        seen: Names of the sensors that the gate's monitor reads.
 
     Raises:
         ConfigError: A cycle without a delayed input, printed edge by edge.

@@ -1,8 +1,9 @@
-"""Ports: what a role publishes, declared once, and how a node's class says what it reads and publishes.
+"""Ports: the streams that a role publishes, each declared once, and the declarations of a node's inputs and outputs.
 
 A message can be followed from the line that makes it to the lines that read it: `Output(LocalizerPorts.pose)` in the
-node that publishes, `Latest(LocalizerPorts.pose)` in those that read, both typed by what the port carries. Order of
-steps, wire quality, what late joiners are given, what driving requires: all is read off these declarations.
+node that publishes, `Latest(LocalizerPorts.pose)` in the nodes that read. Both are typed by what the port carries.
+These declarations give the order of the steps, the quality of service, what late joiners receive and which streams
+driving requires.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ __all__ = ["Dated", "Declared", "ExtraInputs", "Group", "Held", "Input", "Latest
 
 M = TypeVar("M", bound=Message)
 B = TypeVar("B")
-"""What a node that is wired has in the place of a declaration."""
+"""What replaces a declaration on a wired node."""
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 When = tuple[int, int, int, int]
@@ -31,9 +32,9 @@ Reading = Literal["latest", "new", "track", "offers"]
 """How a port is read.
 
 - latest: the newest message, or None.
-- new: those since the node last stepped, oldest first.
-- track: the newest ones up to a bound, consumed or not; by place, oldest first, as long as the step lasts.
-- offers: the newest message with when it was made, of the selected instance, for the gate.
+- new: the messages since the node's last step, oldest first.
+- track: the newest messages up to a bound, read before or not, oldest first; valid during the step only.
+- offers: the newest message of the active instance and when it was made; for the gate.
 """
 
 
@@ -42,9 +43,9 @@ class Quality:
     """Quality of service of one stream.
 
     Attributes:
-        congestion: What happens to a message when the link is full, on one host.
-        priority: Which queue of the link it waits in.
-        off_host: The same as congestion, where the link leaves the host.
+        congestion: What happens to a message when a link within one host is full.
+        priority: Which queue of the link the message waits in.
+        off_host: What happens to a message when a link to another host is full.
     """
 
     congestion: Congestion
@@ -53,14 +54,15 @@ class Quality:
 
 
 class Port(Generic[M]):
-    """A stream that a role publishes; a class attribute of the role's `Ports`, which names it.
+    """A stream that a role publishes: a class attribute of the role's `Ports`, named like the attribute.
 
     Args:
         carries: The message class.
-        quality: How it travels between processes.
-        retained: Who joins later is given the last message.
-        required: The robot does not drive where the role's active instance is gone.
-        answers: What the role is for: compared with an alternative's, and a sign that an instance can take over.
+        quality: Quality of service between processes.
+        retained: Late joiners receive the last message.
+        required: The robot does not drive without the role's active instance.
+        answers: This stream is the role's result: alternatives are compared by it, and an instance that has published
+            it can take over.
     """
 
     __slots__ = ("answers", "carries", "name", "quality", "required", "retained", "role")
@@ -82,7 +84,7 @@ class Port(Generic[M]):
         return f"{self.role}.{self.name}"
 
     def of(self, role: str) -> Port[M]:
-        """The same port of a node that a config names."""
+        """A copy of this port for a node that a config names."""
         made = Port(self.carries, self.quality, retained=self.retained, required=self.required, answers=self.answers)
         made.role, made.name = role, self.name
         return made
@@ -102,15 +104,15 @@ class Ports:
 
 @dataclass(frozen=True)
 class Input:
-    """One thing a node reads, as wired for a config.
+    """One input of a node, as wired for a config.
 
     Attributes:
-        name: What the node calls it.
-        source: The port; that of the selected instance is meant.
-        reading: How.
-        delayed: `~`: as published up to the end of the previous tick.
+        name: Name of the input in the node.
+        source: The port, read from the active instance.
+        reading: How it is read.
+        delayed: `~`: read as published up to the end of the previous tick.
         triggers: A new message makes the node step.
-        is_needed: The node does not step before its first message.
+        is_needed: The node does not step before the first message of this input.
     """
 
     name: str
@@ -122,7 +124,7 @@ class Input:
 
     @property
     def role(self) -> str:
-        """Whose port it is."""
+        """Role that publishes it."""
         return self.source.role
 
     @property
@@ -143,7 +145,7 @@ class NodeSpec:
         inputs: What it reads.
         ports: What it publishes on.
         cause: Input whose Platform stamp its outputs derive from; empty for the platform itself.
-        ticks: It steps in every tick; else a trigger is needed.
+        ticks: It steps in every tick; otherwise only a trigger makes it step.
     """
 
     role: str
@@ -164,8 +166,8 @@ class Wired:
 
     Attributes:
         role: Name of the node.
-        sensors: By role, the ports of the sensors it gets; those of the platform are all.
-        streams: By input, the port that was found for one that names a message class alone.
+        sensors: By role, the ports of the sensors it reads; for the platform, all sensors.
+        streams: By name, the port found for each input that names only a message class.
         extras: Extra inputs of its plugin, by name.
     """
 
@@ -184,7 +186,7 @@ class Held(Protocol[M_co]):
 
 
 class News(Protocol[M_co]):
-    """An input that is read as a row of messages."""
+    """An input that is read as a sequence of messages."""
 
     @property
     def values(self) -> Sequence[M_co]:
@@ -196,16 +198,16 @@ class Dated(Held[M_co], Protocol[M_co]):
 
     @property
     def when(self) -> When | None:
-        """Of the newest message's envelope; None before the first."""
+        """Tick, run clock, cause and epoch of the newest message's envelope; None before the first."""
 
 
 class _Attribute(Generic[B]):
-    """Base of what a node's class declares: the class gives the declaration, a wired node what it has in its place."""
+    """Base of the declarations: the class attribute is the declaration, a wired node has an attribute in its place."""
 
     name = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.name = self.name or name  # `cause = pose` names it once more
+        self.name = self.name or name  # `cause = pose` calls this a second time
 
     @overload
     def __get__(self, node: None, owner: type) -> Self: ...
@@ -216,15 +218,15 @@ class _Attribute(Generic[B]):
     def __get__(self, node: object, owner: type) -> Self | B:
         if node is None:
             return self
-        # A node that is wired has an attribute of its own, which comes before this one.
+        # On a wired node an instance attribute hides this one.
         raise AttributeError(f"{type(node).__name__}.{self.name} is not wired yet")
 
 
 class Declared(_Attribute[B], Generic[M, B]):
-    """Base of what a node's class reads: a class attribute, whose name is the input's.
+    """Base of the inputs that a node's class declares: a class attribute, whose name is the input's name.
 
     Args:
-        source: The port; or the message class, where the config is to say which port of that class is meant.
+        source: The port; or a message class, if the config chooses the port of that class.
         delayed: It is read as published up to the end of the previous tick.
         triggers: A new message makes the node step.
 
@@ -241,7 +243,7 @@ class Declared(_Attribute[B], Generic[M, B]):
         self.delayed, self.triggers = delayed, triggers
 
     def inputs(self, wired: Wired) -> Iterator[Input]:
-        """What it comes to for a config."""
+        """The input as wired for a config."""
         port = wired.streams[self.name] if self.port is None else self.port
         yield Input(self.name, port, self.reading, self.delayed, self.triggers)
 
@@ -253,13 +255,13 @@ class Latest(Declared[M, Held[M]]):
 
 
 class New(Declared[M, News[M]]):
-    """Messages since the step before."""
+    """The messages since the previous step."""
 
     reading = "new"
 
 
 class Track(Declared[M, News[M]]):
-    """The newest messages, consumed or not; a row that holds as long as the step lasts."""
+    """The newest messages, read before or not; the sequence is valid during the step only."""
 
     reading = "track"
 
@@ -271,12 +273,12 @@ class Offers(Declared[M, Dated[M]]):
 
 
 class Group(_Attribute[Mapping[str, B]]):
-    """Base of what a class reads in a number that the config gives: inputs `prefix.name`, found by that name."""
+    """Base of a group of inputs whose number the config decides: inputs named `prefix.name`."""
 
     prefix: ClassVar[str]
 
     def inputs(self, wired: Wired) -> Iterator[Input]:
-        """What it comes to for a config."""
+        """The inputs as wired for a config."""
         raise NotImplementedError
 
     def has(self, given: Input) -> bool:
@@ -285,13 +287,13 @@ class Group(_Attribute[Mapping[str, B]]):
 
 
 class SensorGroup(Group[B], Generic[M, B]):
-    """Base of what a class reads of sensors.
+    """Base of a group of inputs from sensors.
 
     Args:
-        carries: Message class of the sensors that are meant; default every sensor that the node is given.
+        carries: Message class of the sensors to read; default: every sensor of the node.
         triggers: Each message makes the node step.
-        of: Role whose sensors are meant, if not the node's own.
-        otherwise: Port that triggers the node where there is no sensor.
+        of: Role whose sensors are read; default: the node's own.
+        otherwise: Port that triggers the node if there is no sensor.
     """
 
     reading: ClassVar[Reading]
@@ -308,14 +310,14 @@ class SensorGroup(Group[B], Generic[M, B]):
         self.triggers, self.of, self.otherwise = triggers, of, otherwise
 
     def takes(self, carried: type[Message]) -> bool:
-        """Whether it reads a sensor whose messages are of a class."""
+        """Whether the group reads sensors that give this message class."""
         return not self.carries or issubclass(carried, self.carries)
 
     def has(self, given: Input) -> bool:
         return super().has(given) and self.takes(given.source.carries)
 
     def inputs(self, wired: Wired) -> Iterator[Input]:
-        """One for each sensor, or the port that stands for none at all."""
+        """One input for each sensor, or `otherwise` if there is none."""
         ports = [port for port in wired.sensors.get(self.of or wired.role, ()) if self.takes(port.carries)]
         for port in ports:
             yield Input(f"{self.prefix}.{port.name}", port, self.reading, triggers=self.triggers)
@@ -324,13 +326,13 @@ class SensorGroup(Group[B], Generic[M, B]):
 
 
 class Sensors(SensorGroup[M, News[M]]):
-    """New messages of the sensors that a node is given, by the sensor's name."""
+    """New messages of the node's sensors, by the sensor's name."""
 
     reading, prefix = "new", "scan"
 
 
 class OtherSensors(Sensors[Message]):
-    """The same of all sensors but those of some classes."""
+    """New messages of all the node's sensors except those of some message classes."""
 
     prefix = "reading"
 
@@ -359,8 +361,8 @@ class Out(Generic[M]):
     """A port of one node, ready to be published on.
 
     Attributes:
-        name: Of the port.
-        slot: Where an executor that passes references holds its messages; None elsewhere.
+        name: Name of the port.
+        slot: Holds the messages in an executor that passes references; None in others.
     """
 
     __slots__ = ("_node", "name", "slot")

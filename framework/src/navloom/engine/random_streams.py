@@ -1,4 +1,4 @@
-"""Random streams: one per name, independent of each other and of what else runs."""
+"""Random streams: one per name, independent of each other and of other instances."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["stream_source"]
 
 
 def stream_source(seed: int, role: str, instance: str) -> Callable[[str], np.random.Generator]:
-    """Gives the stream of each name for one instance; asked again, the same stream goes on.
+    """A function that returns one instance's stream of a name; a second call returns the same stream, continued.
 
-    Seeded from (seed, role, instance, name) alone, so a shadow or another sensor beside it changes nothing.
+    A stream is seeded from (seed, role, instance, name) alone, so adding a shadow or a sensor changes nothing.
     """
     made: dict[str, np.random.Generator] = {}
 

@@ -1,4 +1,4 @@
-"""The reference node: from the planner's path to the trajectory that is followed, and where on it the robot is."""
+"""The reference node: turns the planner's path into a trajectory, and finds the robot's place on it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 def trajectory_of(path: Path, limits: SpeedLimits) -> Trajectory:
-    """A path rounded within its traversable grid, m, map frame; see `navigation.trajectory`."""
+    """The trajectory of a path, rounded within its traversable grid, m, map frame; see `navigation.trajectory`."""
     grid = path.traversable
     if grid is None:
         return Trajectory(path.request_id, make_trajectory(path.points, limits).samples)
@@ -37,11 +37,11 @@ def trajectory_of(path: Path, limits: SpeedLimits) -> Trajectory:
 
 
 class ReferenceNode(Node):
-    """Makes a trajectory of every path, and follows the one that the goal lets it drive.
+    """Makes the trajectory of the path that the goal allows to drive, and follows it.
 
     Args:
-        limits: Of the reference.
-        look_ahead: From the reference point to the avoider's target, m of arc length.
+        limits: Speed limits of the reference.
+        look_ahead: Arc length from the reference point to the avoider's target, m.
         corridor: Half width of the strip that must be free, m.
     """
 

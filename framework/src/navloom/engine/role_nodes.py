@@ -1,4 +1,4 @@
-"""Nodes round the roles: each turns what its inputs hold into the role's input, and publishes the answer."""
+"""Nodes around the roles: each builds the role's input from its ports, and publishes the plugin's answer."""
 
 from __future__ import annotations
 
@@ -65,15 +65,15 @@ __all__ = ["AvoiderNode", "ControllerNode", "LocalizerNode", "MapperNode", "Plan
            "RecoveryNode", "in_order"]  # fmt: skip
 
 RANGES = (RangeScan, Sweep)
-"""What roles are given as scans and sweeps; messages of all other sensors are their readings."""
+"""Sensor messages that roles receive as scans and sweeps; those of all other sensors are readings."""
 
 M = TypeVar("M", bound=Message)
 P = TypeVar("P", bound=Role)
 STILL = Twist2D(0.0, 0.0, 0.0)
 BEFORE_DATA_NS = 500_000_000
-"""How much more of a track a mapper is given than its data covers."""
+"""How far a mapper's track of poses reaches back before its oldest data, ns."""
 TRAIL_STEP = 0.05
-"""m between two places a robot has been, as recoveries see them."""
+"""Distance between two points of the trail of past poses that recoveries receive, m."""
 TRAIL_LENGTH = 100
 
 
@@ -110,13 +110,13 @@ class PlatformNode(Node):
 
 
 class RoleNode(Node, Generic[P]):
-    """Base of the nodes whose plugins may declare extra inputs."""
+    """Base of nodes whose plugins may declare extra inputs."""
 
     extras = ExtraInputs()
     plugin: P
 
     def extra(self) -> Extras:
-        """What the extra inputs hold."""
+        """Current messages of the plugin's extra inputs."""
         if not self.extras:
             return NO_EXTRAS
         declared = extras_of(type(self.plugin))
@@ -124,7 +124,7 @@ class RoleNode(Node, Generic[P]):
 
 
 class LocalizerNode(RoleNode[Localizer]):
-    """Odometry and scans to a pose in the map."""
+    """Turns odometry and scans into a pose in the map."""
 
     role = "localizer"
     is_awaited = True
@@ -148,10 +148,10 @@ class LocalizerNode(RoleNode[Localizer]):
 
 
 class MapperNode(RoleNode[Mapper]):
-    """Range data and the poses that cover it to a map."""
+    """Turns range data and the poses of the same time into a map."""
 
     role = "mapper"
-    patience = 1.0  # no node waits for a map, and on a slow link the poses for a sweep can arrive after it
+    patience = 1.0  # no node waits for a map, and on a slow link the poses of a sweep can arrive after it
     scans = Sensors(RANGES, triggers=True, otherwise=PlatformPorts.odometry)
     readings = OtherSensors(RANGES, triggers=True)
     track = Track(LocalizerPorts.pose)
@@ -186,7 +186,7 @@ class MapperNode(RoleNode[Mapper]):
 
 
 class PlannerNode(RoleNode[Planner]):
-    """The newest request to a path, or why there is none. `tolerance` is the goal's, m."""
+    """Turns the newest request into a path, or the reason why there is none. `tolerance` is the goal's, m."""
 
     role = "planner"
     plan = New(GoalPorts.plan, triggers=True)
@@ -212,7 +212,7 @@ class PlannerNode(RoleNode[Planner]):
 
 
 class ControllerNode(RoleNode[Controller]):
-    """The reference to a velocity."""
+    """Turns the reference into a velocity."""
 
     role = "controller"
     is_awaited = True
@@ -234,12 +234,12 @@ class ControllerNode(RoleNode[Controller]):
 
 
 class AvoiderNode(RoleNode[Avoider]):
-    """Scans and the target to a velocity, and whether it is this one that drives.
+    """Turns scans and the target into a velocity, and decides whether the avoider drives.
 
     Args:
         plugin: The avoider.
-        rule: Decides who drives.
-        look_ahead: How far that is looked for along the way the robot itself takes next, m; 0 for not at all.
+        rule: Decides whether the avoider or the controller drives.
+        look_ahead: How far the rule also checks the way that the robot itself takes next, m; 0 for not at all.
     """
 
     role = "avoider"
@@ -289,7 +289,7 @@ class AvoiderNode(RoleNode[Avoider]):
 
 
 class RecoveryNode(RoleNode[Recovery]):
-    """Called while the goal asks for it; one attempt ends with `done` or `failed`."""
+    """Runs the recovery while the goal requests it; one attempt ends with `done` or `failed`."""
 
     role = "recovery"
     ticks = True
@@ -341,7 +341,7 @@ class RecoveryNode(RoleNode[Recovery]):
         self.status.put(answer)
 
     def _follow(self, estimate: PoseEstimate | None) -> None:
-        """Keep where the robot has been."""
+        """Add the pose to the trail of where the robot has been."""
         if estimate is None:
             return
         pose = estimate.pose
@@ -350,7 +350,7 @@ class RecoveryNode(RoleNode[Recovery]):
 
 
 def in_order(sensors: Mapping[str, News[Any]]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
-    """What a node's sensors brought, in order of time and then of port, and the name of the sensor of each."""
+    """New messages of a node's sensors, in order of time and then of port, with the sensor's name of each."""
     if not sensors:
         return (), ()
     if len(sensors) == 1:
@@ -365,20 +365,20 @@ _first = itemgetter(0)
 
 
 def _of_kind(kind: type[M], named: Sequence[tuple[Any, str]]) -> tuple[tuple[M, ...], tuple[str, ...]]:
-    """Messages of one class with the names of their sensors."""
+    """The messages of one class, and the names of their sensors."""
     found = [(one, name) for one, name in named if isinstance(one, kind)]
     return tuple([one for one, _ in found]), tuple([name for _, name in found])
 
 
 def _read(sensors: Mapping[str, News[Message]]) -> Readings:
-    """What sensors of other kinds brought."""
+    """New messages of sensors of other kinds, by the sensor's name."""
     if not sensors:
         return NO_READINGS
     return MappingProxyType({name: tuple(news.values) for name, news in sensors.items() if news.values})
 
 
 def _covering(poses: Sequence[PoseEstimate], since_ns: int) -> PoseTrack:
-    """The end of a track, from a little before the oldest data on: a mapper has no use for the minutes before."""
+    """The newest part of a track, from a little before the oldest data: a mapper does not need the older poses."""
     begin_ns = since_ns - BEFORE_DATA_NS
     kept: list[PoseEstimate] = []
     for pose in reversed(poses):

@@ -1,6 +1,6 @@
-"""What a run should warn its people of, though nothing failed: each once, with the plugin whose it is.
+"""Warnings of a run in which nothing failed: each one once, with the plugin that it concerns.
 
-Nothing here is in the trace: a run is the same with and without it.
+Warnings are not in the trace: a run is the same with and without them.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ Kind = Literal["slow", "large", "limits", "silent", "waiting", "random", "clock"
 Source = tuple[str, str]
 
 LARGEST_MESSAGE = 16 * 2**20
-"""Size of one message that a live robot can still carry, bytes: as much as a process has of shared memory."""
+"""Largest message that a live robot can carry, bytes: the size of a process's shared memory."""
 MOST_PER_SECOND = 100e6
-"""What one stream can still carry on one host, bytes/s."""
+"""Largest rate that one stream can carry on one host, bytes/s."""
 FEW = 20
-"""Steps below which a node is not judged: one that loads something in its first ones is not slow."""
+"""Fewest steps for a verdict on a node: one that only loads something in its first steps is not slow."""
 SILENT = 1.0
-"""Silence of a range sensor from which it is reported, s, or three of its own intervals where these are longer."""
+"""Longest silence of a range sensor without a warning, s; or three of its own intervals if these are longer."""
 
 
 @dataclass(frozen=True)
 class RunWarning:
-    """Something about a plugin that its author or the people who run it should know.
+    """Something about a plugin that its author or its users should know.
 
     Attributes:
-        kind: What it is about.
-        role, instance, plugin: Whose it is; plugin is empty for a node of the framework.
-        text: What there is and what helps, to be read after the plugin's name.
-        figures: Its numbers, by name.
-        about: Tells apart warnings of one kind about one plugin: a port, a sensor.
+        kind: Kind of warning.
+        role, instance, plugin: The node; plugin is empty for a node of the framework.
+        text: The finding and a fix, worded to follow the plugin's name.
+        figures: Measured numbers, by name.
+        about: Distinguishes warnings of one kind about one plugin: a port, a sensor.
     """
 
     kind: Kind
@@ -76,15 +76,15 @@ class RunWarning:
 
 
 def who(role: str, instance: str, plugin: str) -> str:
-    """A node in words: role and instance, and the plugin where the instance is called otherwise."""
+    """A node as text: role and instance, and the plugin if its name differs from the instance's."""
     return f"{role} {instance}" if plugin in ("", instance) else f"{role} {instance} (plugin {plugin})"
 
 
 class RunWarnings:
-    """The warnings of one run, each once. Any thread may add.
+    """The warnings of one run, each once. Any thread may add one.
 
     Args:
-        plugins: Name of the plugin of each instance.
+        plugins: Name of each instance's plugin.
     """
 
     def __init__(self, plugins: Mapping[Source, str]) -> None:
@@ -93,25 +93,25 @@ class RunWarnings:
 
     @classmethod
     def of(cls, system: System) -> RunWarnings:
-        """Of a robot's plugins."""
+        """No warnings yet, for the plugins of a system."""
         return cls({source: part.cls.name for source, part in system.parts.items()})
 
     def add(
         self, kind: Kind, source: Source, text: str, figures: Mapping[str, float] | None = None, about: str = ""
     ) -> None:
-        """Warn of something, unless that was done."""
+        """Add a warning, unless there already is one of this kind about the same thing."""
         made = RunWarning(kind, *source, self._plugins.get(source, ""), text, figures or {}, about)
         self._found.setdefault((kind, source, about), made)
 
     def listed(self) -> list[RunWarning]:
-        """All of them, by node."""
+        """All warnings, sorted by node."""
         return sorted(self._found.values(), key=lambda one: (one.role, one.instance, one.kind, one.about))
 
 
 def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Sequence[int] | array[int]]) -> None:
-    """Plugins that need longer for a step than they have until the next one, by their 99th percentile.
+    """Warn of plugins whose steps, at the 99th percentile, take longer than the time until the next step.
 
-    A planner is left out: it answers requests, and nothing waits for it in a tick.
+    Planners are left out: they answer requests, and nothing waits for them within a tick.
     """
     for source, steps in spent_ns.items():
         part = system.parts.get(source)
@@ -132,7 +132,7 @@ def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Seq
 
 
 def far_commands(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
-    """Commands far beyond the robot's limits, which the gate limited."""
+    """Warn of commands far beyond the robot's limits, which the gate limited."""
     for stepper in steppers:
         for note in notes_of(stepper.node):
             found.add("limits", (stepper.role, stepper.name), note)
@@ -140,11 +140,11 @@ def far_commands(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
 
 @dataclass(frozen=True)
 class Volume:
-    """What one stream carried.
+    """Amount of data of one stream.
 
     Attributes:
         source, port: The stream.
-        largest, total: Bytes of its largest message and of all.
+        largest, total: Size of its largest message and of all messages, bytes.
     """
 
     source: Source
@@ -154,7 +154,7 @@ class Volume:
 
 
 def volumes_of(trace: TraceWriter, steppers: Sequence[Stepper]) -> Iterator[Volume]:
-    """What the streams of a run carried: those in the trace; of a shadow as much as its last message tells."""
+    """Volumes of a run's streams: from the trace; for a shadow, estimated from its last message."""
     traced = set()
     for label, largest, total in trace.volumes():
         role, name, port, _ = label.split(" ")
@@ -168,7 +168,7 @@ def volumes_of(trace: TraceWriter, steppers: Sequence[Stepper]) -> Iterator[Volu
 
 
 def large_messages(found: RunWarnings, volumes: Iterable[Volume], seconds: float) -> None:
-    """Streams that carry more than the network of a live robot can, in a run of this many seconds."""
+    """Warn of streams with more data than the network of a live robot can carry, in a run of `seconds`."""
     for one in volumes:
         rate = one.total / max(seconds, 1.0)
         if one.largest <= LARGEST_MESSAGE and rate <= MOST_PER_SECOND:
@@ -187,19 +187,19 @@ def large_messages(found: RunWarnings, volumes: Iterable[Volume], seconds: float
 
 
 def _size(message: Message) -> int:
-    """Bytes of a message's fields and arrays."""
+    """Size of a message's fields and arrays, bytes."""
     rest, _, _, size = writer_of(type(message))(message)
     return len(rest) + size
 
 
 @dataclass(frozen=True)
 class Heard:
-    """What a platform has said until now.
+    """What a platform has published so far.
 
     Attributes:
-        began, ticks: Its first tick in this process, and how many ticks there were since the run began.
-        scans: By sensor, the number of messages, and the tick of the last one; -1 for none.
-        asked: Tick of the last request for a sweep; -1 where none is known.
+        began, ticks: Its first tick in this process, and the number of ticks since the run began.
+        scans: By sensor, the number of messages and the tick of the last one; -1 for none.
+        asked: Tick of the last request for a sweep; -1 if none is known.
     """
 
     began: int
@@ -209,13 +209,13 @@ class Heard:
 
 
 def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
-    """Range sensors that never gave anything, or that stopped."""
+    """Warn of range sensors that never published a message, or that stopped."""
     source, period = ("platform", system.config.platform.instance), system.config.run.period
     cls = system.parts[source].cls
     assert issubclass(cls, Platform)
     for sensor in system.sensors:
         if not issubclass(cls.sensor_kinds[sensor.kind], (RangeScan, Sweep)):
-            continue  # one of another kind may speak only when there is something to say
+            continue  # a sensor of another kind may publish only when there is something to report
         count, tick = heard.scans[sensor.name]
         since = tick if count else heard.began - 1
         allowed = max(SILENT, 3.0 * period * (tick - heard.began + 1) / max(1, count))
@@ -231,13 +231,13 @@ def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
 
 
 def staying_thread(found: RunWarnings, owned: Owned, name: str) -> None:
-    """A thread that a plugin started and that a process would wait for at its end."""
+    """Warn of a non-daemon thread that a plugin started: the process would wait for it at its end."""
     text = f"started the thread {name!r}, which still runs and is no daemon ({owned.place})"
     found.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=name)
 
 
 def waiting_nodes(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
-    """Plugins that never stepped since a stream that they need had no message."""
+    """Warn of plugins that never stepped because a needed stream had no message."""
     for stepper in steppers:
         if stepper.enabled and stepper.lacks:
             streams = " and ".join(stepper.lacks)

@@ -1,6 +1,6 @@
-"""What a step is, for every executor: what triggers it, its inputs read, the node run, what it raised told.
+"""One step of a node, the same for every executor: check the triggers, read the inputs, run the node, report faults.
 
-Executors differ in who fills the slots and when a step is made; lockstep, live, barrier and replay all step here.
+Lockstep, live, barrier and replay all step here. They differ only in what fills the slots and when a step happens.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from navloom.plugins.blame import raised_in
 __all__ = ["Read", "Stepper", "fault_text", "waiting_words"]
 
 Read = tuple[tuple[str, tuple[int, ...]], ...]
-"""Inputs by name, each with the sequence numbers of what a step read there."""
+"""Inputs by name, each with the sequence numbers of the messages that a step read."""
 
 
 class Stepper:
@@ -25,20 +25,20 @@ class Stepper:
 
     Args:
         spec: Its wiring.
-        node: What is stepped.
-        name: Of the instance.
-        slots: Where its messages are held, by port; empty where they leave the process.
-        active: It is the selected one of its role.
-        enabled: It steps; an alternative that waits does not.
+        node: The node.
+        name: Name of the instance.
+        slots: Slots that hold its messages, by port; empty if its messages leave the process.
+        active: It is the active instance of its role.
+        enabled: It steps; a waiting alternative does not.
         stride: Ticks between steps.
-        delay: Ticks its outputs are delayed by.
+        delay: Delay of its outputs, in ticks.
 
     Attributes:
         wires: Its inputs.
         cause: Input its outputs derive from.
         stepped: Tick of its last step.
-        spent_ns, fault: Of its last step: time it took, and what was raised; empty for nothing.
-        busy_since_ns: Monotonic clock at which the step under way began; None between two steps. For watchdogs.
+        spent_ns, fault: Duration of its last step, and the text of the exception it raised; empty for none.
+        busy_since_ns: Monotonic clock at the start of the current step; None between two steps. For watchdogs.
         lacks: Streams that it waits for: it does not step before the first message of each.
     """
 
@@ -71,7 +71,7 @@ class Stepper:
         self._due: dict[int, list[tuple[Outputs, Tick, int]]] = {}
 
     def connect(self, wires: list[Wire]) -> None:
-        """Give the node its inputs."""
+        """Connect the node to its inputs."""
         self.wires = list(wires)
         self.triggers = [wire for wire in wires if wire.input.triggers]
         self.cause = next((wire for wire in wires if wire.input.name == self.spec.cause), None)
@@ -82,7 +82,7 @@ class Stepper:
             out.slot = self.slots.get(out.name)
 
     def is_short(self, number: int = -1) -> bool:
-        """Whether an input that it cannot do without has no message in a tick, or at all, yet; `lacks` says which."""
+        """Whether a needed input has no message yet, in this tick or at all; sets `lacks`."""
         if not self._needed:
             return False
         self._needed = [wire for wire in self._needed if not wire.sequences(number, -1)]
@@ -90,7 +90,7 @@ class Stepper:
         return bool(self._needed)
 
     def fired(self, number: int) -> str:
-        """What makes it step in a tick: "tick", the input with news, or nothing."""
+        """What makes it step in a tick: "tick", the name of the input with a new message, or empty for nothing."""
         if self._needed and self.is_short(number):
             return ""
         if self._ticks:
@@ -101,23 +101,23 @@ class Stepper:
         return ""
 
     def read_marks(self, number: int, since: int) -> Read:
-        """Sequence numbers of what a step in a tick would read, by input; of news, those after the tick `since`."""
+        """Sequence numbers of what a step in a tick would read, by input; for queues, those after tick `since`."""
         return tuple([(wire.input.name, wire.sequences(number, since)) for wire in self.wires])
 
     def prepare(self, number: int, since: int) -> None:
-        """Take in what is read in a tick; of news, what came after the tick `since`."""
+        """Read the inputs for a tick; from queues, the messages after tick `since`."""
         for wire in self._read_ahead:
             wire.prepare(number, since)
 
     def step(self, tick: Tick, since: int) -> Outputs:
-        """One step on what the slots hold; see `run`."""
+        """Step on the current contents of the slots; see `run`."""
         self.prepare(tick.number, since)
         outputs = self.run(tick, self.node.step)
         self.stepped = tick.number
         return outputs
 
     def run(self, tick: Tick, act: Callable[[Tick], None]) -> Outputs:
-        """What the node gives on inputs that are prepared; nothing where it raises, which `fault` then says."""
+        """What the node publishes on prepared inputs; empty if it raises, and then `fault` holds the text."""
         node = self.node
         before = self.busy_since_ns = monotonic_ns()
         try:
@@ -139,20 +139,20 @@ class Stepper:
         return time_ns if wire is None or wire.slot.when is None else wire.slot.when[2]
 
     def hold_back(self, outputs: Outputs, tick: Tick, cause_ns: int) -> None:
-        """Keep what a step gave until its delay is over."""
+        """Hold the outputs of a step until its delay is over."""
         self._due.setdefault(tick.number + self.delay, []).append((outputs, tick, cause_ns))
 
     def due(self, number: int) -> list[tuple[Outputs, Tick, int]]:
-        """What was held back until this tick."""
+        """Outputs that were held back until this tick."""
         return self._due.pop(number, [])
 
 
 def waiting_words(role: str, name: str, lacks: Sequence[str]) -> str:
-    """Who waits for which streams."""
+    """Which instance waits for which streams, as text."""
     return f"{role} {name} for {' and '.join(lacks)}" if lacks else ""
 
 
 def fault_text(error: BaseException, source: Any) -> str:
-    """What a node or a plugin's class raised, with the innermost line of the plugin's own code for its author."""
+    """What a node or a plugin's class raised, with the innermost line of the plugin's own code."""
     cls = source if isinstance(source, type) else type(getattr(source, "plugin", source))
     return raised_in(error, cls)

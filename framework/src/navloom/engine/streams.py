@@ -1,4 +1,4 @@
-"""Every stream of the framework's roles and nodes: what it carries, and how. Each fact about a stream stands here."""
+"""Every stream of the framework's roles and nodes: message class, quality of service and whether it is retained."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ SENSORS: dict[type[Message], Quality] = {
 
 
 class OperatorPorts(Ports, role="operator"):
-    """What operators ask for, and how one drives himself."""
+    """Operators' requests, and the commands of an operator who drives."""
 
     request = Port(OperatorRequest, WORD)
     command = Port(Command, URGENT)
 
 
 class PlatformPorts(Ports, role="platform"):
-    """The robot's own; each sensor of a config has a further one."""
+    """Ports of every platform; each sensor of a config adds one."""
 
     odometry = Port(Odometry, STATE, required=True)
     contact = Port(Contact, STATE)
@@ -80,7 +80,7 @@ class MapperPorts(Ports, role="mapper"):
 
 
 class GoalPorts(Ports, role="goal"):
-    """What the goal asks of others, and how it stands."""
+    """The goal's requests to other nodes, its feedback and its result."""
 
     plan = Port(PlanRequest, WORD)
     sweep = Port(SweepRequest, WORD)
@@ -92,14 +92,14 @@ class GoalPorts(Ports, role="goal"):
 
 
 class PlannerPorts(Ports, role="planner"):
-    """A way, or why there is none."""
+    """A path, or why there is none."""
 
     path = Port(Path, PLAN, retained=True, answers=True)
     failure = Port(PlanFailure, PLAN, retained=True, answers=True)
 
 
 class ReferencePorts(Ports, role="reference"):
-    """What is followed, and where on it the robot is."""
+    """The trajectory to follow, and the robot's place on it."""
 
     trajectory = Port(Trajectory, PLAN, retained=True)
     reference = Port(Reference, STATE, required=True)
@@ -112,7 +112,7 @@ class ControllerPorts(Ports, role="controller"):
 
 
 class AvoiderPorts(Ports, role="avoider"):
-    """The velocity round obstacles, and whether it is this one that drives."""
+    """The velocity around obstacles, and whether the avoider drives instead of the controller."""
 
     command = Port(Command, URGENT, required=True, answers=True)
     status = Port(AvoiderStatus, PLAIN)
@@ -120,14 +120,14 @@ class AvoiderPorts(Ports, role="avoider"):
 
 
 class RecoveryPorts(Ports, role="recovery"):
-    """The velocity out of a place where the robot is stuck."""
+    """The velocity that frees a stuck robot, and the state of the attempt."""
 
     command = Port(Command, URGENT, answers=True)
     status = Port(RecoveryStep, WORD)
 
 
 class GatePorts(Ports, role="gate"):
-    """The command to the wheels, its reason, and the active instances."""
+    """The command to the platform, the gate's status, and the active instances."""
 
     command = Port(Command, URGENT)
     status = Port(GateStatus, WORD, retained=True)
@@ -135,7 +135,7 @@ class GatePorts(Ports, role="gate"):
 
 
 def sensor_quality(kind: type[Message]) -> Quality:
-    """How a sensor's messages travel."""
+    """Quality of service of a sensor's messages."""
     return SENSORS.get(kind, PLAIN)
 
 

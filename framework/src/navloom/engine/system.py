@@ -1,4 +1,4 @@
-"""A checked robot: its config, world, graph, parts and sensors, before and after its plugins are made."""
+"""The robot of a checked config: world, graph, parts and sensors, before and after its plugins are made."""
 
 from __future__ import annotations
 
@@ -21,22 +21,23 @@ __all__ = ["System"]
 
 @dataclass(eq=False)
 class System:
-    """Everything of a run but the executor.
+    """Everything of a run except the executor.
 
     Attributes:
         loaded: The config.
-        robot: What plugins are told.
+        robot: Description of the robot that plugins receive.
         world: Ground truth, or None on a real robot.
-        start: Pose in the map.
-        goal: Where to go, or None.
-        goal_tolerance: m.
-        catalogue: Its nodes, and what is known of their streams.
+        start: Start pose, map frame.
+        goal: Goal of the config or world, or None.
+        goal_tolerance: How near to the goal the robot must come, m.
+        catalogue: Its nodes and their declared streams.
         specs: Nodes in the order they step, each with the inputs of all its instances.
-        wiring: Of each instance, by role and name.
-        parts: By (role, instance): active ones first.
-        sensors: As configured.
-        scans_on_request: The active mapper lives on sweeps that must be asked for.
-        absent: Of a replay: active instances by name of nodes that the robot had and that are not installed here.
+        wiring: Wiring of each instance, by role and name.
+        parts: Plugins by (role, instance), active ones first.
+        sensors: Sensors of the config.
+        scans_on_request: The active mapper depends on sweeps that must be requested.
+        map: The known map; None if the run has none.
+        absent: In a replay: active instance, by node, of recorded nodes that are not installed here.
     """
 
     loaded: Loaded
@@ -56,14 +57,14 @@ class System:
 
     @property
     def time_limit(self) -> float:
-        """Run time at which a run ends, s: the config's, or the world's where that is shorter."""
+        """Run time at which a run ends, s: the shorter one of the config's and the world's limit."""
         authored = self.world.time_limit if self.world is not None else None
         stop_after = self.config.run.stop_after
         return stop_after if authored is None else min(stop_after, authored)
 
     @property
     def true_start(self) -> Pose2D:
-        """Where a simulated robot really starts, map frame; `start` is what it believes."""
+        """True start pose of a simulated robot, map frame; `start` is where the robot believes it starts."""
         table, start = self.config.world, self.start
         if table is None:
             return start
@@ -73,12 +74,12 @@ class System:
 
     @property
     def config(self) -> Config:
-        """What holds."""
+        """The checked config."""
         return self.loaded.config
 
     @property
     def may_wait(self) -> list[tuple[str, str]]:
-        """Instances of roles, stepped before the gate, that may have to wait for the first message of an input."""
+        """Role instances that step before the gate and may have to wait for the first message of an input."""
         order = [spec.role for spec in self.specs]
         return [
             (role, name)

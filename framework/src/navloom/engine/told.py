@@ -1,6 +1,6 @@
-"""What executors tell goal and gate beside their inputs, so that a replay can tell them the same.
+"""What an executor tells the goal and gate nodes in addition to their inputs, so that a replay can repeat it.
 
-It goes into their step records as the text `told`, a JSON object; empty where nothing was told. Its words stand here.
+A step record holds it as the text `told`, a JSON object; empty for nothing. Its fields are defined here.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ __all__ = ["GateTold", "GoalTold", "Obeyed"]
 
 @dataclass(frozen=True)
 class GoalTold:
-    """What a goal was told for one step.
+    """What the goal node was told for one step.
 
     Attributes:
-        fault: What broke, for which the goal ends; empty for nothing.
-        lost: The platform is not heard.
-        restarted: Roles whose instance came back since the step before, sorted.
-        submitted: Requests that came by a service instead of a port since the step before.
+        fault: Failure that ends the goal; empty for none.
+        lost: The platform is silent.
+        restarted: Roles whose instance restarted since the previous step, sorted.
+        submitted: Requests that came through a service instead of a port since the previous step.
     """
 
     fault: str = ""
@@ -33,7 +33,7 @@ class GoalTold:
 
     @property
     def text(self) -> str:
-        """As it stands in a step record."""
+        """Text for the step record; empty for nothing."""
         if self == GoalTold():
             return ""
         told = {
@@ -58,11 +58,11 @@ class GoalTold:
 
 @dataclass(frozen=True)
 class Obeyed:
-    """A request that the gate took from a service.
+    """A request that the gate received through a service.
 
     Attributes:
-        do, role, instance: Of the request.
-        driving: Number of the newest command of an operator who drove himself then; 0 for none.
+        do, role, instance: Fields of the request.
+        driving: Sequence number of the newest command of an operator who was driving; 0 for none.
     """
 
     do: Any
@@ -73,16 +73,16 @@ class Obeyed:
 
 @dataclass(frozen=True)
 class GateTold:
-    """What a gate was told for one step.
+    """What the gate node was told for one step.
 
     Attributes:
-        now_ns: Live: what the platform's clock shows by now.
-        silent: Live: the platform is not heard.
-        gone: Live: the part without which the robot does not drive; empty for none.
-        obeyed: Live: requests that came by a service since the step before.
+        now_ns: Live: what the platform's clock shows now.
+        silent: Live: the platform is silent.
+        gone: Live: a missing node without which the robot does not drive; empty for none.
+        obeyed: Live: requests that came through a service since the previous step.
         contact: A contact was latched between two steps.
-        warm: "role instance" of those that were found able to take over.
-        waiting: Node that waits for a stream, and which; empty for none.
+        warm: "role instance" of the instances that were able to take over.
+        waiting: Which node waits for which stream; empty for none.
     """
 
     now_ns: int | None = None
@@ -95,7 +95,7 @@ class GateTold:
 
     @property
     def text(self) -> str:
-        """As it stands in a step record: only what differs from nothing."""
+        """Text for the step record: only the fields that are set."""
         if self.now_ns is None and not self.warm and not self.waiting:
             return ""
         words = {name: value for name, value in vars(self).items() if value}

@@ -1,4 +1,4 @@
-"""The trace of a run: what every active node said, tick by tick, as bytes that two runs can be compared by."""
+"""The trace of a run: what every active node published, tick by tick, as bytes, so that two runs can be compared."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _ENTRY = struct.Struct("<IHI")
 Entry = tuple[bytes, Message, tuple[int, ...], str]
 MAGIC = b"navloom trace 1\n"
 BATCH = 16
-"""Ticks that are encoded at once."""
+"""Number of ticks that are encoded together."""
 
 
 class TraceError(ValueError):
-    """A file that is not a trace, or one that ends in the middle."""
+    """A file that is not a trace, or one that is cut short."""
 
 
 class TraceEntry(NamedTuple):
-    """One message of a trace, with the place it came from."""
+    """One message of a trace, with its source."""
 
     tick: int
     role: str
@@ -40,13 +40,13 @@ class TraceEntry(NamedTuple):
 
 
 class _Line:
-    """How the entries of one label are written.
+    """Writes the entries of one label.
 
     Attributes:
-        label, lead: Bytes that all its entries have: the label, and what the message's header begins with.
+        label, lead: Bytes common to all its entries: the label, and the beginning of the message's header.
         pack: Packs tick, length of the label, length of the bytes, label, length of the header, and lead.
         write: The writer of its messages.
-        largest, total: Bytes of its largest message and of all.
+        largest, total: Size of its largest message and of all messages, bytes.
     """
 
     __slots__ = ("label", "largest", "lead", "pack", "total", "write")
@@ -58,14 +58,14 @@ class _Line:
 
 
 class TraceWriter:
-    """Hashes, and keeps where a file is given, the entries of each tick in order of role, instance and port.
+    """Hashes the entries of each tick in order of role, instance and port, and writes them to a file if one is given.
 
     Entry: `u32 tick | u16 length of the label | u32 length of the bytes | label | bytes`; the label is
     `role instance port schema/version`, the bytes are the codec's with sequence 0. Messages are encoded in batches of
-    ticks: they cannot change, so that their bytes are the same later. What is cut short loses the last batch at most.
+    ticks: they are immutable, so the bytes do not depend on when. A run that is cut short loses at most the last batch.
 
     Attributes:
-        entries: Of the tick under way: label, message, tick, run clock, cause and epoch of its envelope, and its key.
+        entries: Entries of the current tick: label, message, (tick, run clock, cause, epoch) of its envelope, and key.
     """
 
     def __init__(self, file: IO[bytes] | None = None) -> None:
@@ -78,7 +78,7 @@ class TraceWriter:
             file.write(MAGIC)
 
     def end_tick(self, tick: int) -> None:
-        """The tick under way is complete."""
+        """Complete the current tick."""
         if not self.entries:
             return
         self._ticks.append((tick, self.entries))
@@ -87,7 +87,7 @@ class TraceWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Write the ticks that are complete; in each the entries by label, several of one in the order they came."""
+        """Write the complete ticks, each sorted by label; entries of one label stay in the order of publication."""
         parts: list[Any] = []
         last: tuple[int, ...] = ()
         time, lines = b"", self._lines
@@ -116,22 +116,22 @@ class TraceWriter:
             self._file.flush()
 
     def volumes(self) -> Iterator[tuple[str, int, int]]:
-        """By label, bytes of the largest message so far and of all."""
+        """Label, size of its largest message so far and of all its messages, bytes."""
         self.flush()
         for label, line in self._lines.items():
             yield label.decode(), line.largest, line.total
 
     def sha256(self) -> str:
-        """Hash of all that was said so far: that of the file."""
+        """Hash of all entries so far; equal to the hash of the file."""
         self.flush()
         return self._hash.hexdigest()
 
 
 def read_trace(path: Path) -> Iterator[TraceEntry]:
-    """Entries of a trace file in order.
+    """Entries of a trace file, in order.
 
     Raises:
-        TraceError: Not a trace, or cut short.
+        TraceError: The file is not a trace, or is cut short.
     """
     data = memoryview(path.read_bytes())
     if bytes(data[: len(MAGIC)]) != MAGIC:

@@ -1,4 +1,4 @@
-"""Slots hold messages and wires lead a node's inputs to them. References are passed, nothing is copied."""
+"""Slots hold messages, and wires connect a node's inputs to slots. References are passed, nothing is copied."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ Entry = tuple[int, Message, int]
 """Tick, message and its sequence number."""
 _message = itemgetter(1)
 _as_tuple = tuple.__new__
-"""Makes an envelope without the call of its constructor."""
+"""Makes an envelope without calling its constructor."""
 
 
 class Slot:
     """One output port of one instance: its newest message, and the one before for `~` readers.
 
     Attributes:
-        message: The newest one; None before the first. `value` is the same for nodes that read the slot itself.
-        sequence: Number of the newest message; 0 before the first.
+        message: The newest message; None before the first. `value` is the same, for nodes that read the slot itself.
+        sequence: Sequence number of the newest message; 0 before the first.
         when: Tick, run clock, cause and epoch of its envelope.
-        tick: In which it was published.
-        older: Message, sequence number and tick of the newest one published before that tick.
+        tick: Tick in which it was published.
+        older: Message, sequence number and tick of the newest message published before that tick.
     """
 
     __slots__ = ("_envelope", "key", "labels", "message", "older", "place", "queues", "sequence", "tick", "watchers",
@@ -53,14 +53,14 @@ class Slot:
 
     @property
     def envelope(self) -> Envelope | None:
-        """Of the newest message; made when it is first asked for."""
+        """Envelope of the newest message; made on first use."""
         made = self._envelope
         if made is None and self.when is not None:
             made = self._envelope = _as_tuple(Envelope, (self.key, self.sequence, *self.when))
         return made
 
     def take(self, message: Message, envelope: Envelope, tick: int) -> None:
-        """Hold a message that came in an envelope as the newest one, published in a tick."""
+        """Hold a message from an envelope as the newest one, published in a tick."""
         self.put(message, envelope.sequence, envelope[2:], tick, envelope)
 
     def put(self, message: Message, sequence: int, when: When, tick: int, envelope: Envelope | None = None) -> None:
@@ -77,23 +77,23 @@ class Slot:
                 watcher(message, at)
 
     def label(self, cls: type[Message]) -> bytes:
-        """What a trace calls a message of this port."""
+        """Label of this port's messages in a trace."""
         found = self.labels.get(cls)
         if found is None:
             found = self.labels[cls] = f"{self.place} {schema_label(cls)}".encode()
         return found
 
 
-Slot.value = vars(Slot)["message"]  # a second name of the same place: a property would cost as much as a call
+Slot.value = vars(Slot)["message"]  # an alias of `message`: a property would cost a call
 
 
 class Wire:
-    """One input of one node instance, led to the slot of the selected instance.
+    """One input of one node instance, connected to the slot of the active instance.
 
     Attributes:
-        input: What it stands for.
-        slot: Where it reads.
-        queue: Messages that wait for the node; None where only the newest one counts.
+        input: The input that it serves.
+        slot: The slot that it reads.
+        queue: Messages that wait for the node; None if only the newest message counts.
         is_read_ahead: `prepare` must be called before each step.
     """
 
@@ -107,24 +107,24 @@ class Wire:
         self.queue: deque[Entry] | None = None
 
     def bind(self, attributes: dict[str, Any], name: str) -> None:
-        """Make an attribute of a node, or an entry of its sensors, this input."""
+        """Make this input an attribute of a node, or an entry of one of its groups."""
         attributes[name] = self
 
     def lead_to(self, slot: Slot) -> None:
-        """Read another instance's port from now on; what is queued stays."""
+        """Read another instance's port from now on; queued messages stay."""
         self.slot = slot
 
     def has_news(self, since: int, tick: int) -> bool:
-        """Something was published after the tick `since` that may be read in this one."""
+        """Whether a message that may be read in this tick was published after tick `since`."""
         slot = self.slot
         at = slot.older[2] if self.delayed and slot.tick == tick else slot.tick
         return at > since
 
     def prepare(self, tick: int, since: int) -> None:
-        """Take in what the node is given in a tick."""
+        """Read the messages that the node receives in a tick."""
 
     def sequences(self, tick: int, since: int) -> tuple[int, ...]:
-        """Sequence numbers of what the node would be given; of a track the first and last of each run."""
+        """Sequence numbers of what the node would receive; of a track, the first and last of each run."""
         slot = self.slot
         is_older = self.delayed and slot.tick == tick
         message, sequence = slot.older[:2] if is_older else (slot.message, slot.sequence)
@@ -132,7 +132,7 @@ class Wire:
 
 
 class _PlainWire(Wire):
-    """The newest message, which a node reads where it lies: its attribute is the slot."""
+    """The newest message, read straight from the slot: the node's attribute is the slot."""
 
     __slots__ = ("_bound",)
 
@@ -150,7 +150,7 @@ class _PlainWire(Wire):
 
 
 class _OlderWire(Wire):
-    """The newest message of the ticks before."""
+    """The newest message of the previous ticks."""
 
     __slots__ = ("value",)
     is_read_ahead = True
@@ -161,7 +161,7 @@ class _OlderWire(Wire):
 
 
 class QueueWire(Wire):
-    """Messages since the step before; older ones than that, which the node missed, are dropped."""
+    """Messages since the previous step; older ones that the node missed are dropped."""
 
     __slots__ = ("values",)
     is_read_ahead = True
@@ -206,7 +206,7 @@ class QueueWire(Wire):
 
 
 class _TrackWire(QueueWire):
-    """Messages of a queue by place, for a node that looks at the newest few of thousands; holds during a step."""
+    """Messages of a queue by index, for a node that reads the newest few of thousands; valid during a step."""
 
     __slots__ = ()
     is_read_ahead = False
@@ -241,8 +241,8 @@ def make_wire(given: Input, slot: Slot, is_plain: bool = False) -> Wire:
     """The wire of an input.
 
     Args:
-        given: What is read, and how.
-        slot: Where.
+        given: The input.
+        slot: The slot that it reads.
         is_plain: The publisher steps later in a tick and has no latency, so the slot still holds the message of the
             previous tick.
     """

@@ -1,1 +1,1 @@
-"""Pure geometry: angles, frames, rasters, footprints, collision and the worlds they are checked against."""
+"""Pure geometry: angles, frames, rasters, footprints, collision, and worlds."""

@@ -18,7 +18,7 @@ def wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 
 def wrap(angle: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
-    """The same direction in [-π, π), rad. An angle already in there comes back bit for bit."""
+    """The same direction in [-π, π), rad. An angle in this range is returned bit for bit."""
     if isinstance(angle, np.ndarray):
         return _wrap_array(angle)
     if -math.pi <= angle < math.pi:
@@ -45,5 +45,5 @@ def difference(angle: float, reference: NDArray[np.float64]) -> NDArray[np.float
 def difference(
     angle: float | NDArray[np.float64], reference: float | NDArray[np.float64]
 ) -> float | NDArray[np.float64]:
-    """Turn that leads from `reference` to `angle` the short way, rad in [-π, π), counter-clockwise positive."""
+    """Shortest turn from `reference` to `angle`, rad in [-π, π), counter-clockwise positive."""
     return wrap(angle - reference)

@@ -1,6 +1,6 @@
-"""How far a robot's outline is from the true world: exact, in plain numpy.
+"""Distance between a robot's outline and the true world: exact, in plain numpy.
 
-Used to check start and goal before the first tick, and to check faster kernels against.
+It is used to check start and goal before the first tick, and to verify faster kernels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["clearance"]
 Floats = NDArray[np.float64]
 
 _FIRST_MARGIN = 1.0
-"""How far round the robot the cells of a raster are looked at first, m; doubled until something is found."""
+"""First margin around the robot in which raster cells are searched, m; doubled until one is found."""
 
 
 def clearance(
@@ -36,9 +36,9 @@ def clearance(
 
     Args:
         footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
-        pose: Of the base, map frame.
+        pose: Pose of the base, map frame.
         world: The ground truth.
-        height: Of the robot, m: what hangs at or above it does not count.
+        height: Height of the robot, m: obstacles that begin at this height or above do not count.
         time: Run time, s.
         sweep_ended: The first stop-and-scan sweep is over.
 
@@ -77,8 +77,8 @@ def _distances(
 def _to_quads(outline: Floats, quads: Floats) -> Floats:
     """Distances (k,) between a convex polygon (n, 2) and convex quadrilaterals (k, 4, 2), all counter-clockwise.
 
-    Two convex polygons are apart exactly if an edge normal of one of them separates them; then the nearest pair of
-    points has a corner on one side.
+    Two convex polygons are disjoint exactly if an edge normal of one of them separates them; then the nearest pair of
+    points includes a corner.
     """
     apart = _separated(np.broadcast_to(outline, (len(quads), *outline.shape)), quads) | _separated(
         quads, np.broadcast_to(outline, (len(quads), *outline.shape))
@@ -141,7 +141,7 @@ def _to_raster(footprint: Floats, base_to_map: Floats, raster: Raster) -> float:
         if r.size:
             corners = edge * (np.stack([c + c0, r + r0], axis=-1)[:, None] + _SQUARE)
             best = float(_to_quads(outline, corners).min())
-        # Everything nearer than the margin lay in the window.
+        # Every cell nearer than the margin was in the window.
         if best <= margin or ((low <= 0).all() and high[0] >= cols and high[1] >= rows):
             return best
         margin *= 2.0

@@ -1,4 +1,4 @@
-"""The one way this package compiles: cached on disk, without the interpreter's lock, with its types kept."""
+"""The package's compile decorator: numba with a disk cache and without the GIL, keeping the function's type."""
 
 from __future__ import annotations
 
@@ -18,5 +18,5 @@ R = TypeVar("R")
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorator: compile a function with numba when it is first called."""
+    """Decorator: compile a function with numba at its first call."""
     return cast(Callable[P, R], numba.njit(cache=True, nogil=True)(function))

@@ -1,4 +1,4 @@
-"""The robot's outline: a convex polygon round the base frame's origin."""
+"""The robot's outline: a convex polygon around the base frame's origin."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MAX_CORNERS = 64
 
 
 class FootprintError(ValueError):
-    """A footprint that no robot can have: the text says what was given and what was expected."""
+    """An impossible footprint. The text says what was given and what was expected."""
 
 
 def rectangle(length: float, width: float) -> Floats:
@@ -41,7 +41,7 @@ def polygon(corners: ArrayLike) -> Floats:
     """A checked copy of a footprint's corners.
 
     Args:
-        corners: (n, 2) m, base frame: convex, in either order, round the origin, 3 to 64 corners.
+        corners: (n, 2) m, base frame: convex, around the origin, in either direction, 3 to 64 corners.
 
     Returns:
         (n, 2) float64, counter-clockwise, read-only.
@@ -71,7 +71,7 @@ def polygon(corners: ArrayLike) -> Floats:
 
 
 def _is_clockwise(outline: Floats) -> bool:
-    """A negative area; of an outline that crosses itself it says nothing, but that is refused in either order."""
+    """Whether the signed area is negative; meaningless for a self-crossing outline, which is refused anyway."""
     x, y = outline[:, 0], outline[:, 1]
     return bool((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0)
 
@@ -85,7 +85,7 @@ def _check_turns(outline: Floats) -> None:
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     forward = (edges * following).sum(axis=1)
     total = np.arctan2(turns, forward).sum()
-    # An outline that turns left everywhere but goes round twice is a star, not convex.
+    # An outline that turns left everywhere but winds around twice is a star, not convex.
     if (turns <= 0.0).any() or not np.isclose(total, 2.0 * np.pi):
         place = (_first(turns <= 0.0) + 1) % len(outline) if (turns <= 0.0).any() else 0
         raise FootprintError(
@@ -99,16 +99,16 @@ def _first(wrong: NDArray[np.bool_]) -> int:
 
 
 def _edge_distances(outline: Floats) -> Floats:
-    """(n,) signed distance of the origin from each edge's line, m, positive on the inside."""
+    """(n,) signed distance of the origin from each edge's line, m, positive inside."""
     edges = np.roll(outline, -1, axis=0) - outline
     return (outline[:, 0] * edges[:, 1] - outline[:, 1] * edges[:, 0]) / np.hypot(edges[:, 0], edges[:, 1])
 
 
 def inscribed_radius(footprint: Floats) -> float:
-    """Radius of the largest disc round the origin within the footprint, m. `footprint`: as `polygon` gives it."""
+    """Radius of the largest disc around the origin within the footprint, m. `footprint`: as returned by `polygon`."""
     return float(_edge_distances(footprint).min())
 
 
 def circumscribed_radius(footprint: Floats) -> float:
-    """Radius of the smallest disc round the origin that covers the footprint, m. `footprint`: as of `polygon`."""
+    """Radius of the smallest disc around the origin that covers the footprint, m; `footprint`: from `polygon`."""
     return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())

@@ -1,7 +1,7 @@
 """Rigid motions of the plane, SE(2), as arrays whose last axis is x, y, m, and heading, rad.
 
-A motion is named after the frames it joins: `base_to_map` is the pose of the base in the map, and turns points given
-in the base frame into points of the map frame. All functions broadcast over leading axes.
+A motion is named after the frames that it joins: `base_to_map` is the pose of the base in the map, and transforms
+points from the base frame to the map frame. All functions broadcast over leading axes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 def transform(base_to_map: ArrayLike, points_in_base: ArrayLike) -> Floats:
-    """Points of the map frame from points of the base frame.
+    """Transform points from the base frame to the map frame.
 
     Args:
         base_to_map: (..., 3) x, y, m, and heading, rad.

@@ -1,4 +1,4 @@
-"""Occupancy grids as importers read them, and any world drawn as one."""
+"""Occupancy grids from importers, and rasterisation of worlds."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Bools = NDArray[np.bool_]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 MAX_CELLS = 64_000_000
-"""Larger maps are refused before anything is allocated for them."""
+"""Largest map, in cells; larger ones are refused before memory is allocated."""
 
 _TOUCH = 1e-9
-"""Overlap below which a cell is not touched, m: a wall that ends on a cell's edge does not fill the next cell."""
+"""Smallest overlap that marks a cell, m: a wall that ends on a cell's edge does not fill the next cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class GridMap:
         origin: Pose of the lower left corner of cell (0, 0) in the map frame.
 
     Raises:
-        ValueError: Cells of another shape, type or value, or a resolution that is not a length.
+        ValueError: The cells have another shape, type or value, or the resolution is not a positive length.
     """
 
     cells: NDArray[np.int8]
@@ -60,19 +60,20 @@ def world_to_grid(
     height_range: Interval,
     bounds: tuple[float, float, float, float] | None = None,
 ) -> GridMap:
-    """Draw what of a world is there from the start and never moves.
+    """Rasterise the obstacles of a world that exist from the start and never move.
 
-    Every cell that an obstacle covers any part of is 100, all others are 0.
+    Every cell that an obstacle covers in any part is 100, all others are 0.
 
     Args:
         world: The ground truth.
         resolution: Edge of a cell, m.
         height_range: Lowest and highest height that counts, m: (0, height of the robot).
-        bounds: Lowest x, lowest y, highest x, highest y, m, map frame; default: the world's. Whole cells from the
-            lower left corner cover them.
+        bounds: Lowest x, lowest y, highest x, highest y, m, map frame; default: the world's. The grid covers them with
+            whole cells from the lower left corner.
 
     Raises:
-        ValueError: A resolution that is not a length, bounds without area, or more than `MAX_CELLS` cells.
+        ValueError: The resolution is not a positive length, the bounds have no area, or there are more than `MAX_CELLS`
+            cells.
     """
     x0, y0, x1, y1 = world.bounds if bounds is None else bounds
     if not (math.isfinite(resolution) and resolution > 0.0):
@@ -96,7 +97,7 @@ def world_to_grid(
 
 
 def _window(low: Floats, high: Floats, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """First and last + 1 row and column of the cells that (2,) extents x, y, in cells, may touch."""
+    """First and last + 1 row, then column, of the cells that (2,) extents x, y, in cells, may touch."""
     c0, r0 = np.clip(np.floor(low), 0, shape[::-1]).astype(np.int64).tolist()
     c1, r1 = np.clip(np.floor(high) + 1, 0, shape[::-1]).astype(np.int64).tolist()
     return r0, r1, c0, c1
@@ -112,7 +113,7 @@ def _draw_quads(occupied: Bools, quads: Floats, touch: float) -> None:
         for corner, side in ((quad[0], quad[1] - quad[0]), (quad[0], quad[3] - quad[0])):
             length = math.hypot(side[0], side[1])
             axis = side / length
-            # Half the width of a cell's shadow on the axis.
+            # Half the width of a cell's projection on the axis.
             shadow = 0.5 * (abs(axis[0]) + abs(axis[1])) - touch
             along = (x - corner[0]) * axis[0] + (y - corner[1]) * axis[1]
             hit = hit & (along > -shadow) & (along < length + shadow)

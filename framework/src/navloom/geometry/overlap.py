@@ -1,4 +1,4 @@
-"""How deep a robot's outline has got into an obstacle: the sign that a clearance lacks."""
+"""Depth of a robot's outline in an obstacle: it complements the clearance, which is 0 in contact."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Floats = NDArray[np.float64]
 
 
 def overlap_depth(footprint: Floats, pose: Place, world: World, name: str, time: float = 0.0) -> float:
-    """The shortest way an outline would have to be moved to be clear of one obstacle, m; 0 where they are apart.
+    """The shortest motion that would clear an outline of one obstacle, m; 0 if they do not overlap.
 
-    Exact for boxes and cylinders. For a raster it is the depth in the cell it is deepest in, and so at most what it
-    takes to clear one cell: how far a wall of many cells was entered, cells do not say.
+    Exact for boxes and cylinders. For a raster it is the depth in the deepest single cell, which is at most the motion
+    that clears one cell: the depth in a wall of several cells is not known.
 
     Args:
         footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
-        pose: Of the base, map frame.
+        pose: Pose of the base, map frame.
         world: The ground truth.
-        name: Of the obstacle or the raster; one the world does not have is apart.
-        time: Run time, s, for what moves.
+        name: Name of the obstacle or raster; for an unknown name the depth is 0.
+        time: Run time, s, for moving obstacles.
     """
     base_to_map = np.array([pose.x, pose.y, pose.heading])
     if world.raster is not None and world.raster.name == name:
@@ -45,7 +45,7 @@ def overlap_depth(footprint: Floats, pose: Place, world: World, name: str, time:
 
 
 def _depth_in_polygon(outline: Floats, other: Floats) -> float:
-    """Depth of two convex polygons in each other, m, <= 0 where they are apart: the least over all edge normals."""
+    """Overlap depth of two convex polygons, m; <= 0 if they are disjoint: the minimum over all edge normals."""
     return min(_least_along_normals(outline, other), _least_along_normals(other, outline))
 
 
@@ -57,7 +57,7 @@ def _least_along_normals(polygon: Floats, other: Floats) -> float:
 
 
 def _depth_of_point(outline: Floats, point: Floats) -> float:
-    """How far a point lies within a convex polygon, m; outside, its distance, negative."""
+    """Depth of a point in a convex polygon, m; outside, minus its distance."""
     edges = np.roll(outline, -1, axis=0) - outline
     offsets = point - outline
     inside = (edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]) / np.hypot(edges[:, 0], edges[:, 1])
@@ -69,7 +69,7 @@ def _depth_of_point(outline: Floats, point: Floats) -> float:
 
 
 def _depth_in_raster(footprint: Floats, base_to_map: Floats, raster: Raster) -> float:
-    """Depth in the deepest of the occupied cells under an outline, m."""
+    """Depth of an outline in the deepest occupied cell under it, m."""
     origin = np.array([raster.origin.x, raster.origin.y, raster.origin.heading])
     outline = transform(compose(inverse(origin), base_to_map), footprint)
     edge = raster.resolution

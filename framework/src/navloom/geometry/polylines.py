@@ -1,4 +1,4 @@
-"""How far two polylines are apart."""
+"""Distance between polylines, and their simplification."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ __all__ = ["hausdorff_distance"]
 
 Floats = NDArray[np.float64]
 STEP = 0.02
-"""Distance of the points at which a polyline is compared, m."""
+"""Spacing of the points at which a polyline is compared, m."""
 MOST = 4000
-"""Points of one polyline that are compared: on longer ones they lie further apart."""
+"""Most points at which a polyline is compared; on longer ones the spacing is larger."""
 AT_ONCE = 256
 
 
@@ -22,15 +22,15 @@ def hausdorff_distance(ours: Floats, theirs: Floats) -> float:
         ours, theirs: (n, 2) and (m, 2) corners, m, of one frame; at least one each.
 
     Returns:
-        Exact at corners; in between each is looked at every 2 cm, which is at most 1 cm too little.
+        Exact at corners; between them it is sampled every 2 cm, so the result is at most 1 cm too small.
     """
     return max(_farthest(ours, theirs), _farthest(theirs, ours))
 
 
 def corners(points: Floats, tolerance: float) -> Floats:
-    """The fewest points of a polyline (n, 2) that no other point is farther from than a tolerance, m.
+    """A subset of a polyline's points (n, 2) from which no other point is farther than a tolerance, m.
 
-    Ramer 1972, Douglas and Peucker 1973; first and last are kept.
+    Ramer 1972, Douglas and Peucker 1973; the first and last point are kept.
     """
     kept, spans = {0, len(points) - 1}, [(0, len(points) - 1)]
     while spans:
@@ -63,7 +63,7 @@ def _farthest(points: Floats, line: Floats) -> float:
 
 
 def _sampled(points: Floats) -> Floats:
-    """(k, 2) the corners, and points between them."""
+    """(k, 2) the corners, and samples between them."""
     lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     total = float(lengths.sum())
     if total == 0.0:
@@ -71,6 +71,6 @@ def _sampled(points: Floats) -> Floats:
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     between = np.linspace(0.0, total, min(MOST, int(total / STEP) + 2))
     places = np.union1d(along, between)
-    # np.interp needs rising places: of corners that coincide any will do.
+    # np.interp needs increasing places: of coinciding corners, one is kept.
     kept = np.concatenate([[True], np.diff(along) > 0.0])
     return np.column_stack([np.interp(places, along[kept], points[kept, axis]) for axis in (0, 1)])

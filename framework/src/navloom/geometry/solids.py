@@ -1,4 +1,4 @@
-"""Which obstacles of a world are there, where, at which time and height."""
+"""Presence and position of a world's obstacles at a time and height."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def is_present(obstacle: Obstacle, time: float, sweep_ended: bool) -> bool:
 
 
 def is_fixed(obstacle: Obstacle) -> bool:
-    """Whether an obstacle is there from the start and never moves."""
+    """Whether an obstacle exists from the start and never moves."""
     return not obstacle.waypoints and is_present(obstacle, 0.0, False)
 
 
 def overlaps(z: Interval, height: Interval) -> bool:
-    """Whether two extents above the floor, m, share more than a point. A girder at 1.2 m lets a 1.2 m robot pass."""
+    """Whether two height intervals, m, share more than a point: a girder at 1.2 m lets a robot of 1.2 m pass."""
     return z[0] < height[1] and z[1] > height[0]
 
 

@@ -1,4 +1,4 @@
-"""What a world is made of: the ground truth a simulator moves a robot through. Only a Platform ever sees it."""
+"""Worlds: the ground truth through which a simulator moves a robot. Of the plugins, only a Platform sees it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Waypoint = tuple[float, float, float]
 
 
 def read_only(array: NDArray[A]) -> NDArray[A]:
-    """The array as it is where it cannot be written, else a copy that cannot."""
+    """The array itself if it is read-only, otherwise a read-only copy."""
     if not array.flags.writeable:
         return array
     held = array.copy()
@@ -39,16 +39,16 @@ class Place:
 
 @dataclass(frozen=True)
 class Box:
-    """An upright box, turned by `yaw` about its centre.
+    """An upright box, rotated by `yaw` about its centre.
 
     Attributes:
-        name: How messages and errors call it.
-        x, y: Extent before the turn, m, in the map frame.
+        name: Its name in messages and errors.
+        x, y: Extent before the rotation, m, in the map frame.
         z: Extent above the floor, m.
-        yaw: Turn about the box's centre, rad.
-        appears_at: Run time from which it is there, s; 0 is from the start.
-        appears_after_sweep: It appears when the first stop-and-scan sweep has ended (then `appears_at` is not used).
-        waypoints: Where its centre is at which time; linear between them, held before the first and after the last.
+        yaw: Rotation about the box's centre, rad.
+        appears_at: Run time at which it appears, s; 0 for the start.
+        appears_after_sweep: It appears when the first stop-and-scan sweep has ended (then `appears_at` is ignored).
+        waypoints: Position of its centre over time; linear in between, constant before the first and after the last.
         loops: The waypoints repeat, with the last one's time as the period.
     """
 
@@ -70,12 +70,12 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A vertical cylinder. Attributes that are not listed are those of `Box`.
+    """A vertical cylinder. Attributes that are not listed are as for `Box`.
 
     Attributes:
-        name: How messages and errors call it.
+        name: Its name in messages and errors.
         x, y: Centre, m, in the map frame.
-        radius: m.
+        radius: Radius, m.
     """
 
     name: str
@@ -102,11 +102,11 @@ class Raster:
     """A map of a building as ground truth.
 
     Attributes:
-        name: How messages and errors call it.
+        name: Its name in messages and errors.
         occupied: (rows, cols) bool, read-only; row 0 is the lowest y, column 0 the lowest x, in the raster's own frame.
         resolution: Edge of a cell, m.
         origin: Pose of the lower left corner of cell (0, 0) in the map frame.
-        z: Height its walls cover, m.
+        z: Height interval of its walls, m.
     """
 
     name: str
@@ -121,17 +121,17 @@ class Raster:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Everything a robot can meet.
+    """The ground truth around a robot.
 
     Attributes:
-        name: The reference it was resolved from.
+        name: The reference that it was resolved from.
         obstacles: Boxes and cylinders.
         raster: A building's map, or None.
-        start, goal: Where the world's author wants the robot to start and to go, or None.
-        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the part of the plane that
-            matters, and all that a map of the world shows.
-        goal_tolerance, time_limit: What the world's author asks for, m and s, or None.
-        reference_length: Length of the author's own way from start to goal, m, which scores are relative to, or None.
+        start, goal: Start and goal given with the world, or None.
+        bounds: Lowest x, lowest y, highest x, highest y, m, in the map frame: the relevant part of the plane, and the
+            extent of a map of the world.
+        goal_tolerance, time_limit: Tolerance and time limit given with the world, m and s, or None.
+        reference_length: Length of the path from start to goal given with the world, m, to which scores refer, or None.
     """
 
     name: str
@@ -146,7 +146,7 @@ class World:
 
 
 def position_at(waypoints: Sequence[Waypoint], loops: bool, time: float) -> tuple[float, float]:
-    """Centre of a moving obstacle at a run time, s: linear between waypoints, held at both ends unless it loops."""
+    """Centre of a moving obstacle at a run time, s: linear between waypoints, constant outside unless it loops."""
     first, last = waypoints[0], waypoints[-1]
     if loops and last[0] > 0.0:
         time = math.fmod(time, last[0])

@@ -1,4 +1,4 @@
-"""Nodes that are started one by one: what each is to do, and how it finds the others."""
+"""Nodes that are started one by one without a supervisor: what each process runs, and how it finds the others."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from navloom.transport.zenoh_bus import BusError
 __all__ = ["chosen_sources", "share_by_hand"]
 
 LEFT = 3.0
-"""s until a node that died is no longer shown as there."""
+"""How long a node that died may still be shown as alive, s."""
 STAND = 0.5
-"""s between two looks whether anybody stands for the robot."""
+"""Interval of checking whether another process represents the robot, s."""
 
 
 def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
@@ -52,12 +52,12 @@ def chosen_sources(system: System, names: Sequence[str]) -> tuple[Source, ...]:
 
 
 def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
-    """A second instance of a node would mix its messages with those of the first."""
+    """Refuse nodes that already run: the messages of both would mix. Raises DirectoryError."""
     link = network.tool()
     if not link.connect:
         return
     keys = KeySpace(network.realm, network.robot)
-    with suppress(BusError), joined(link, 0.0) as bus:  # who waits for a router finds nobody yet
+    with suppress(BusError), joined(link, 0.0) as bus:  # without a router yet, no other node can be seen
         began = time.monotonic()
         while there := [source for source in sources if bus.alive(keys.alive(*source, "*"))]:
             if time.monotonic() - began > LEFT:
@@ -84,18 +84,18 @@ def _host_of(system: System, names: Sequence[str]) -> str | None:
 def share_by_hand(
     system: System, names: Sequence[str], connect: str | None, keys: str | None, insecure: bool, here: bool = False
 ) -> Iterator[Share]:
-    """The share of a process that nobody supervises, for as long as it runs. Its socket is called as its first node.
+    """The share of a process without a supervisor, for as long as it runs. Its socket is named after its first node.
 
     Args:
         system, names: The robot, and its nodes to run.
         connect: Endpoint of its router; None for the config's.
-        keys: Folder of certificates, or one in it; None for the config's.
-        insecure: Plain TCP to another host was asked for.
-        here: `names` is one process, and those that the config has on its host run on this one: where there is a
-            router, they meet over sockets beside it.
+        keys: Folder of certificates, or a certificate in it; None for the config's.
+        insecure: Plain TCP to another host is allowed.
+        here: `names` is one process, and this host runs the other processes that the config places with it: if there
+            is a router, these connect by sockets in addition.
 
     Raises:
-        ConfigError: There is no such node; DirectoryError: it is there already; LinkError: it cannot be linked.
+        ConfigError: There is no such node; DirectoryError: it runs already; LinkError: it cannot join the network.
     """
     sources = chosen_sources(system, names)
     host = _host_of(system, names) if here else None
@@ -117,7 +117,7 @@ def share_by_hand(
         ends = link.connect
     else:
         name = ".".join(sources[0])
-        # One started at the same moment has no socket yet: whatever it will be called is tried until it is there.
+        # A node started at the same moment has no socket yet: every possible name is tried until it exists.
         possible = [folder.socket(".".join(source)) for source in all_sources(system) if source not in sources]
         link = peer_link(
             folder.socket(name), (*folder.sockets(), *possible), network.realm, network.robot, network.shared_memory
@@ -137,10 +137,10 @@ def share_by_hand(
 
 @contextmanager
 def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
-    """One of the processes that nobody supervises stands for the robot on this host, so that commands find it.
+    """Let one of the unsupervised processes represent the robot on this host, so that commands find it.
 
-    When that one ends, another does so within a moment. Beside a robot that is supervised nobody does, but for behind a
-    router, where who brings the rest of it up on this host comes first for who looks.
+    When that process ends, another one takes over within a moment. If the robot has a supervisor on this host, no
+    process represents it, except behind a router; there the supervisor still takes precedence for commands.
     """
     ended = threading.Event()
     holder = folder.read()
@@ -152,7 +152,7 @@ def _standing(folder: RobotFolder, running: Running) -> Iterator[None]:
         while not folder.lock():
             if ended.wait(STAND):
                 return
-        with suppress(OSError):  # a full disk: commands need --connect then
+        with suppress(OSError):  # full disk: commands need --connect then
             folder.write(running)
 
     thread = threading.Thread(target=stand, daemon=True)

@@ -1,4 +1,4 @@
-"""A robot in containers: a compose file with its router, the robot, a viewer and its metrics, and how to build them."""
+"""A robot in containers: a compose file for router, robot, viewer and metrics, and the file that builds the image."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from navloom.hosting.network import Network
 __all__ = ["Compose", "compose_files"]
 
 ROUTER = "tcp/127.0.0.1:7447"
-"""Endpoint of the router where the config names none: with the host's network, only this host reaches it."""
+"""Endpoint of the router if the config names none: with the host's network, only this host can reach it."""
 CONFIGS, KEYS, CACHE = "/robot", "/keys", "/home/robot/.cache"
-"""Folders in the containers: of the config, of the certificates, of compiled kernels."""
+"""Folders in the containers for the config, the certificates and compiled kernels."""
 PYTHON = "3.12"
 GRACE = "10s"
 """How long a container may take to end."""
@@ -24,12 +24,12 @@ GRACE = "10s"
 
 @dataclass(frozen=True)
 class Compose:
-    """What goes into the files.
+    """Contents of the files.
 
     Attributes:
         config: The config's file; None for a shipped one.
-        name: The config as the command takes it: the file's name, or that of a shipped one.
-        distributions: Version of each distribution that is installed in the image, by name.
+        name: The config as the command names it: the file's name, or a shipped name.
+        distributions: Version of each distribution to install in the image, by name.
         image: Name of the image.
         devices: Device files that the robot opens.
     """
@@ -45,9 +45,9 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
     """Text of each file by its name: `compose.yaml`, `Containerfile`, `.containerignore`.
 
     Args:
-        network: The robot's.
-        host: Share of the config's `[live.hosts]`; None for all.
-        given: What goes in.
+        network: The robot's network.
+        host: Host of the config's `[live.hosts]`; None for all.
+        given: Contents of the files.
     """
     robot = f"{network.realm}/{network.robot}"
     router = network.router or ROUTER
@@ -88,7 +88,7 @@ def compose_files(network: Network, host: str | None, given: Compose) -> dict[st
 def _service(
     name: str, words: Sequence[str], given: Compose, mounts: Sequence[str], services: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """A container: without rights, with the host's network, whose loopback is all that it listens at."""
+    """A container without privileges, on the host's network, where it listens only on the loopback interface."""
     service: dict[str, Any] = {
         "image": given.image,
         "command": list(words),

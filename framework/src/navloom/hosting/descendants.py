@@ -1,4 +1,4 @@
-"""Processes that a robot's plugins start: found by a mark in their environment, and ended with what started them."""
+"""Processes that a robot's plugins start: found by a mark in their environment, and ended with their parent."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["MARK", "PROCESS", "Descendant", "descendants", "end_all", "left_of",
 MARK = "NAVLOOM_SUPERVISED"
 """Environment variable of every process below `navloom up`: PID.START:FOLDER of its supervisor and of the robot.
 
-START is the time at which the system started the supervisor, by which it is told from a later one with its number.
+START is the start time of the supervisor, which distinguishes it from a later process with the same PID.
 """
 PROCESS = "NAVLOOM_PROCESS"
-"""Environment variable: name of the robot's process that started another program."""
+"""Environment variable with the name of the robot's process that started a program."""
 KILLED = 1.0
 """Longest wait for processes that were sent SIGKILL, s."""
 ENDED = 1.0
 """Longest wait for them to become zombies after that, s."""
 LOOK = 0.005
-"""Time between two looks at processes that are to end, s."""
+"""Interval of checking processes that are to end, s."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,13 @@ class Descendant:
     """A process below `navloom up`: a process of the robot itself, or one that a plugin started.
 
     Attributes:
-        pid: Of the process.
-        group, session: It belongs to.
+        pid: Process ID.
+        group, session: Its process group and session.
         supervisor: Process ID of its `navloom up`.
-        is_left: That has ended.
-        folder: Of the robot.
-        process: Name of the robot's process that started it, as far as that can be told.
-        command: What it runs.
+        is_left: Its supervisor has ended.
+        folder: The robot's folder.
+        process: Name of the robot's process that started it, if known.
+        command: Its command line.
     """
 
     pid: int
@@ -55,13 +55,13 @@ class Descendant:
 
 
 def mark(folder: Path) -> dict[str, str]:
-    """Environment by which everything below this process is known as this robot's."""
+    """Environment that marks everything below this process as this robot's."""
     return {MARK: f"{os.getpid()}.{_start(os.getpid())}:{folder}"}
 
 
 def descendants() -> Iterator[Descendant]:
-    """Every marked process of this user on this host that runs."""
-    with contextlib.suppress(OSError):  # without /proc none can be found
+    """Every marked process of this user that runs on this host."""
+    with contextlib.suppress(OSError):  # no /proc
         for name in os.listdir("/proc"):
             if name.isdigit():
                 with contextlib.suppress(OSError, ValueError):  # it has just ended, or belongs to another user
@@ -70,12 +70,12 @@ def descendants() -> Iterator[Descendant]:
 
 
 def left_of(folder: Path) -> list[Descendant]:
-    """What is left of a robot whose supervisor has ended."""
+    """Processes of a robot whose supervisor has ended."""
     return [one for one in descendants() if one.folder == folder and one.is_left]
 
 
 def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> list[Descendant]:
-    """End processes until none is found: by SIGTERM for some s, then by SIGKILL. Gives those that it ended."""
+    """End processes until none is found: by SIGTERM for `patience`, s, then by SIGKILL. Returns those that it ended."""
     ended: dict[int, Descendant] = {}
     began, told = time.monotonic(), set[tuple[int, int]]()
     while left := find():
@@ -91,7 +91,7 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
                         os.kill(one.pid, number)
         time.sleep(LOOK)
     limit = time.monotonic() + ENDED
-    for pid in ended:  # one that is ending cannot be found any more, but has its files and memory for a while
+    for pid in ended:  # `find` no longer finds a process that is ending, but it still holds its files and memory
         while _start(pid) and time.monotonic() < limit:
             time.sleep(LOOK)
         with contextlib.suppress(ChildProcessError):
@@ -100,11 +100,11 @@ def end_all(find: Callable[[], Sequence[Descendant]], patience: float = 0.0) -> 
 
 
 def reap_orphans(groups: Container[int], own: Container[int]) -> None:
-    """Reap orphans that ended: the system gives those below this process to it, as it asked for.
+    """Reap orphans that ended. This process is the subreaper, so orphans below it become its children.
 
     Args:
         groups: Process groups that the robot's processes have or had.
-        own: Children that others here wait for; what else this process has started is in its own group and session.
+        own: Children that are reaped elsewhere. All others that this process started are in its own group and session.
     """
     me = os.getpid()
     try:
@@ -131,7 +131,7 @@ def _read(pid: int) -> Descendant | None:
     name, _, _, group, session = status_of(pid)[:5]
     line = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace").strip()
     started_by = _variables(environment, PROCESS)
-    if not started_by:  # a fork has the environment and the command line of what it was forked off, but its own name
+    if not started_by:  # a fork has the environment and command line of its parent, but its own name
         started_by, line = name, "a fork"
     now = _start(int(number))
     is_left = not now or now != start
@@ -141,7 +141,7 @@ def _read(pid: int) -> Descendant | None:
 
 
 def _start(pid: int) -> str:
-    """When a process was started; empty where there is none any more, even if it was not reaped."""
+    """Start time of a process; empty if it has ended, even if it was not reaped."""
     try:
         status = status_of(pid)
         return status[20] if status[1] not in "ZX" else ""
@@ -150,13 +150,13 @@ def _start(pid: int) -> str:
 
 
 def status_of(pid: int) -> list[str]:
-    """Of a process: name, state, parent, group, session, and at place 20 its start."""
+    """Fields of /proc/PID/stat: name, state, parent, group, session, and at index 20 the start time."""
     before, _, after = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")
     return [before.partition("(")[2], *after.split()]
 
 
 def _variables(environment: bytes, name: str) -> str:
-    """A variable of an environment as the system keeps it; empty where it has none."""
+    """A variable of an environment in the format of /proc; empty if it is not set."""
     start = f"{name}=".encode()
     found = next((entry for entry in environment.split(b"\0") if entry.startswith(start)), start)
     return os.fsdecode(found.removeprefix(start))

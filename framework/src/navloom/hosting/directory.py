@@ -1,4 +1,4 @@
-"""Where the robots of this user are: one folder each, with the sockets of its processes and what runs it."""
+"""Runtime folders of this user's robots: one each, with its processes' sockets and a description of what runs."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from navloom.hosting.process_log import last_lines
 __all__ = ["DirectoryError", "Fate", "RobotFolder", "Running", "robots", "runtime_folder"]
 
 LONGEST_SOCKET = 100
-"""Characters of a socket's path that every system takes."""
+"""Longest path of a socket that every system accepts, in characters."""
 ROBOT, STANDING = ("lock", "robot.json"), ("standing", "standing.json")
-"""File that is locked by who runs a robot, or stands for it, and the one that says what runs."""
+"""(lock file, description) of a supervised robot, and of a process that represents an unsupervised one."""
 CLAIMS, LOOK = 3, 0.005
-"""Times a robot is claimed, and s between them: longer than a look at the lock lasts."""
+"""Number of attempts to lock a robot, and time between them, s: longer than another process's check of the lock."""
 
 
 class DirectoryError(NavloomError, ValueError):
-    """No robot, too many, or a folder that cannot be used; the text says what to do."""
+    """No robot, too many, or an unusable folder. The text says what to do."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Running:
 
     Attributes:
         realm, robot: Its names.
-        pid: Of what supervises it.
-        endpoints: Where its processes listen; of one with a router, the router's.
+        pid: Process ID of its supervisor.
+        endpoints: Where its processes listen; with a router, the router's endpoint.
         via_router: Tools join as clients of a router instead of as peers of every process.
-        config: What it was started with.
-        barrier: It runs under a barrier.
-        keys: Folder of certificates, empty for none.
-        supervised: By `pid`; else its processes were started one by one, and `pid` is the one that stands for them.
+        config: Name of its config.
+        barrier: It runs under the barrier.
+        keys: Folder of certificates; empty for none.
+        supervised: `pid` supervises it; otherwise its processes were started one by one, and `pid` represents them.
     """
 
     realm: str
@@ -58,14 +58,14 @@ class Running:
 
 @dataclass(frozen=True)
 class Fate:
-    """What has become of a process that is supervised.
+    """State of a supervised process.
 
     Attributes:
-        pid: None while there is none.
+        pid: Process ID; None while it does not run.
         state: starting, running, waiting (for its restart), failed or ended.
-        restarts: How often it was started again.
-        why: How it ended last; empty where it never did.
-        cut: Bytes of its log that were not kept, since it writes so much.
+        restarts: Number of restarts.
+        why: How it ended last; empty if it never did.
+        cut: Bytes of its log that were lost because it writes too much.
     """
 
     pid: int | None
@@ -76,7 +76,7 @@ class Fate:
 
 
 def runtime_folder() -> Path:
-    """This user's folder: NAVLOOM_RUNTIME_DIR, else within XDG_RUNTIME_DIR or the folder for temporary files."""
+    """This user's folder: NAVLOOM_RUNTIME_DIR, otherwise in XDG_RUNTIME_DIR or the folder for temporary files."""
     given = os.environ.get("NAVLOOM_RUNTIME_DIR")
     if given:
         return Path(given)
@@ -89,7 +89,7 @@ class RobotFolder:
 
     Args:
         realm, robot: Its names.
-        stands: For a process that stands for a robot which another may bring up beside it, behind a router.
+        stands: For a process that represents a robot behind a router, of which a supervisor may run other processes.
     """
 
     def __init__(self, realm: str, robot: str, stands: bool = False) -> None:
@@ -99,7 +99,7 @@ class RobotFolder:
         self._running: Running | None = None
 
     def make(self) -> None:
-        """Make it, for this user alone."""
+        """Create the folder, accessible only to this user. Raises DirectoryError."""
         for folder in (self.path.parent, self.path):
             try:
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -111,7 +111,7 @@ class RobotFolder:
         self.path.chmod(0o700)
 
     def lock(self) -> bool:
-        """Claim the robot for this process; False where another has it."""
+        """Claim the robot for this process; False if another process has it."""
         claim = os.open(self.path / self._claim, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         for left in reversed(range(CLAIMS)):
             with contextlib.suppress(OSError):
@@ -119,22 +119,22 @@ class RobotFolder:
                 self._lock = claim
                 return True
             if left:
-                time.sleep(LOOK)  # somebody may only have looked whether it is claimed
+                time.sleep(LOOK)  # another process may only have checked the lock
         os.close(claim)
         return False
 
     def is_there(self) -> bool:
-        """The folder is the one in which this process has claimed the robot: nobody has deleted it."""
+        """Whether the folder in which this process claimed the robot still exists."""
         try:
             return self._lock is not None and os.path.samestat(os.fstat(self._lock), (self.path / self._claim).stat())
         except OSError:
             return False
 
     def renew(self) -> None:
-        """Make the folder again after it was deleted, with the claim and the word of what runs here.
+        """Create the folder again after it was deleted, with the claim and the description of what runs.
 
         Raises:
-            DirectoryError: It cannot be made, or another process has claimed the robot meanwhile.
+            DirectoryError: It cannot be created, or another process has claimed the robot meanwhile.
             OSError: It cannot be written.
         """
         self.make()
@@ -149,17 +149,17 @@ class RobotFolder:
 
     @property
     def is_held(self) -> bool:
-        """This process has claimed the robot."""
+        """Whether this process has claimed the robot."""
         return self._lock is not None
 
     def unlock(self) -> None:
-        """Leave the robot to another process."""
+        """Release the claim."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
 
     def leave(self) -> None:
-        """Leave the robot to another process, with no word of this one."""
+        """Release the claim and remove this process's description."""
         with contextlib.suppress(OSError):
             (self.path / self._word).unlink()
         self.unlock()
@@ -175,28 +175,29 @@ class RobotFolder:
         return f"unixsock-stream/{path}"
 
     def sockets(self) -> list[str]:
-        """Endpoints of all sockets that are there."""
+        """Endpoints of all existing sockets."""
         return [f"unixsock-stream/{path}" for path in sorted(self.path.glob("*.sock"))]
 
     def write(self, running: Running) -> None:
-        """Say what runs here, at once or not at all."""
+        """Write the description of what runs, atomically."""
         self._running = running
         write_whole(self.path / self._word, json.dumps(asdict(running)))
 
     def read(self) -> Running | None:
-        """What runs here; None where nothing does any more.
+        """What runs here; None if nothing does any more.
 
-        The lock tells, since what runs a robot holds it for as long as it lives; its number may be another's by now.
+        The lock decides, since its holder keeps it for as long as it lives; the process ID may belong to another
+        process by now.
         """
         held = (self.told(word) for claim, word in (ROBOT, STANDING) if _is_locked(self.path / claim))
         return next((running for running in held if running is not None), None)
 
     def is_claimed(self) -> bool:
-        """Whether a process has the robot now, or stands for it."""
+        """Whether a process supervises or represents the robot now."""
         return any(_is_locked(self.path / claim) for claim, _ in (ROBOT, STANDING))
 
     def told(self, word: str = "robot.json") -> Running | None:
-        """What was written here, whether it still runs or not."""
+        """The written description, whether the robot still runs or not."""
         try:
             found = json.loads((self.path / word).read_text("utf-8"))
             return Running(**{**found, "endpoints": tuple(found["endpoints"])})
@@ -204,11 +205,11 @@ class RobotFolder:
             return None
 
     def write_fates(self, fates: Mapping[str, Fate]) -> None:
-        """Say what has become of each process."""
+        """Write the state of each process, atomically."""
         write_whole(self.path / "fates.json", json.dumps({name: asdict(fate) for name, fate in fates.items()}))
 
     def fates(self) -> dict[str, Fate]:
-        """What has become of each process; empty where nobody supervises any."""
+        """State of each process; empty without a supervisor."""
         try:
             found = json.loads((self.path / "fates.json").read_text("utf-8"))
             return {name: Fate(**fate) for name, fate in found.items()}
@@ -216,17 +217,17 @@ class RobotFolder:
             return {}
 
     def last_words(self, process: str, lines: int = 3) -> str:
-        """The last lines a process wrote."""
+        """The last lines of a process's log."""
         return "; ".join(last_lines(self.path / f"{process}.log", lines))
 
     def clear(self) -> None:
-        """Remove what a robot that ended has left; not the socket of a node that was started by hand and is there."""
+        """Remove the files of a robot that has ended, but not the socket of a running node that was started by hand."""
         self.clear_sockets()
         kept = {self.path / STANDING[1]} if _is_locked(self.path / STANDING[0]) else set()
         _remove({*self.path.glob("*.json")} - kept)
 
     def clear_sockets(self) -> None:
-        """Remove the sockets that nobody listens at, and files that were being written."""
+        """Remove sockets without a listener, and unfinished files."""
         sockets = [*self.path.glob("*.sock"), *self.path.glob("*.door")]
         locks = {*self.path.glob("*.lock"), *(path.with_name(f"{path.name}.lock") for path in sockets)}
         held = {path for path in locks if _is_locked(path)}
@@ -242,7 +243,7 @@ def _remove(paths: Iterable[Path]) -> None:
 
 
 def _is_locked(path: Path) -> bool:
-    """Another process has the file to itself, as each that listens at a socket has the one beside it."""
+    """Whether another process holds an exclusive lock on a file; a listener holds one on the file beside its socket."""
     try:
         look = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:

@@ -1,4 +1,4 @@
-"""Keeps the folder of a robot that is up, and the way to its sockets, whatever is deleted there."""
+"""Keeps the runtime folder of a running robot, and access to its sockets, even if files there are deleted."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["FolderKeeper"]
 
 
 class FolderKeeper:
-    """Looks after one robot's folder for who supervises it.
+    """Looks after one robot's folder for its supervisor.
 
-    A process that listens at a socket goes on doing so when the socket's file is deleted, but nobody can call it. So
-    this keeps each file open, and puts a link to the open file in the place of one that is gone.
+    A process keeps listening on a socket whose file is deleted, but no other process can connect. So this class keeps
+    each socket's file open, and replaces a deleted one with a symbolic link to the open file.
 
     Args:
-        folder: The robot's.
-        names: Of its processes.
-        say: Told once of each loss, and of what cannot be repaired.
+        folder: The robot's folder.
+        names: Names of its processes.
+        say: Receives one message for each loss, and for what cannot be repaired.
     """
 
     def __init__(self, folder: RobotFolder, names: Sequence[str], say: Callable[[str], None]) -> None:
@@ -32,7 +32,7 @@ class FolderKeeper:
         self._told = ""
 
     def look(self) -> bool:
-        """Repair what is gone; whether the folder had to be made anew."""
+        """Repair what was deleted. Returns whether the folder itself had to be made again."""
         is_new = False
         try:
             if self._folder.is_held and not self._folder.is_there():
@@ -48,19 +48,19 @@ class FolderKeeper:
         return is_new
 
     def forget(self, name: str) -> None:
-        """A process is about to listen anew at its socket."""
+        """Release a process's socket, before the process listens on it again."""
         if (held := self._sockets.pop(name, None)) is not None:
             os.close(held)
         with suppress(OSError):
             self._path(name).unlink()
 
     def close(self) -> None:
-        """Let go of all of them."""
+        """Release all sockets."""
         for name in [*self._sockets]:
             os.close(self._sockets.pop(name))
 
     def _keep(self, name: str) -> None:
-        """Hold a process's socket, or put a link to it where its file is gone."""
+        """Keep a process's socket open, or link to it if its file is gone."""
         path, held = self._path(name), self._sockets.get(name)
         try:
             status = path.lstat()

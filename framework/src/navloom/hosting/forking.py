@@ -1,4 +1,4 @@
-"""What a child that a plugin forks must not inherit: the robot's sockets, its locks, and how it answers signals."""
+"""Keeps the robot's sockets, locks and signal handlers from child processes that a plugin starts."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ __all__ = ["keep_from_children"]
 
 
 def keep_from_children(link: Link, forked: Callable[[], None]) -> None:
-    """Have no child of this process hold the robot's sockets, their locks or its shared memory.
+    """Let no child of this process hold the robot's sockets, their locks or its shared memory.
 
-    A child that does would keep them from the process that takes this one's place. In a fork, their numbers lead
-    nowhere from then on, instead of being free for other files: the network library, of which the fork has a dead
-    copy, may still close them. Connections of the fork's own are left alone.
+    A child that did would block this process's successor. In a fork, their file descriptors are redirected to the null
+    device, not closed: the network library, of which the fork has a dead copy, may still close these numbers.
+    Connections that the fork opens itself are not touched.
 
     Args:
-        link: By which this process has joined the robot.
-        forked: Called in each child that is forked.
+        link: The link by which this process has joined the robot.
+        forked: Called in each forked child.
     """
     links = (link,) if link.mesh is None else (link, link.mesh.link)
     ends = [Endpoint.parse(end) for one in links for end in (*one.listen, *one.connect)]
@@ -30,7 +30,7 @@ def keep_from_children(link: Link, forked: Callable[[], None]) -> None:
 
     def let_go() -> None:
         for name in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGPROF):
-            signal.signal(name, signal.SIG_DFL)  # else it would take 4 s to end
+            signal.signal(name, signal.SIG_DFL)  # otherwise it would take 4 s to end
         nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
         for number in [*_ours(paths)]:
             os.dup2(nowhere, number, inheritable=False)
@@ -38,14 +38,14 @@ def keep_from_children(link: Link, forked: Callable[[], None]) -> None:
         forked()
 
     for number in _ours(paths):
-        os.set_inheritable(number, False)  # Zenoh leaves the lock beside its socket open to programs that are started
+        os.set_inheritable(number, False)  # Zenoh leaves its socket's lock file inheritable for started programs
     os.register_at_fork(after_in_child=let_go)
 
 
 def _ours(paths: frozenset[str]) -> Iterator[int]:
-    """Open files of this process by which it is on the robot's network, through sockets of these paths."""
+    """File descriptors of this process that belong to the robot's network: sockets of these paths, locks, segments."""
     locks = {f"{path}.lock{end}" for path in paths for end in ("", " (deleted)")}
-    with suppress(OSError):  # without /proc none can be found
+    with suppress(OSError):  # no /proc
         for number in map(int, os.listdir("/proc/self/fd")):
             with suppress(OSError):
                 name = os.readlink(f"/proc/self/fd/{number}")

@@ -1,4 +1,4 @@
-"""Signs of life of a node process in memory that its supervisor shares: code that holds the GIL cannot give them."""
+"""Heartbeat of a node process in memory shared with its supervisor; it stops while a thread holds the GIL."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ __all__ = ["Heart", "HeartMonitor", "StopDetector"]
 
 PAGE = mmap.PAGESIZE
 LOOK = 0.2
-"""Time between two looks at a heart, s."""
+"""Interval of checking a heartbeat, s."""
 FIGHTING = 5
-"""Least wake-ups in that time of a thread that waits for the GIL: it tries each 0.5 ms. A stopped one has none."""
+"""Fewest wake-ups in that time of a thread that waits for the GIL: it tries every 0.5 ms. A stopped one has none."""
 STOPPED = 0.5
-"""A thread that looks each 0.1 s and was not there for so long waited for the GIL, or was stopped, s."""
+"""Gap after which a thread that runs every 0.1 s must have waited for the GIL or been stopped, s."""
 
 
 class Heart:
-    """The process's side: its main thread beats while it gets the GIL.
+    """The process's side of the heartbeat: its main thread beats whenever it gets the GIL.
 
     Args:
-        path: Memory that the supervisor gave.
+        path: Path of the supervisor's memory.
     """
 
     def __init__(self, path: str) -> None:
@@ -37,15 +37,15 @@ class Heart:
             os.close(file)
 
     def beat(self) -> None:
-        """A sign of life."""
+        """Write the time of a heartbeat."""
         self._time[0] = time.monotonic_ns()
 
 
 class HeartMonitor:
-    """The supervisor's side.
+    """The supervisor's side of the heartbeat.
 
     Attributes:
-        path: Memory for the process's `Heart`; empty where the system has no such memory.
+        path: Path of the memory for the process's `Heart`; empty if the system has no such memory.
     """
 
     def __init__(self) -> None:
@@ -59,22 +59,22 @@ class HeartMonitor:
         self._looked = self._silent = 0.0
 
     def reset(self) -> None:
-        """Another process is given the memory, whose heart does not beat yet."""
+        """Prepare the memory for another process, which has not beaten yet."""
         if self.path:
             self._time[0] = 0
         self._silent = 0.0
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         if self.path:
             self._time.release()
             os.close(self._file)
             self.path = ""
 
     def silence(self, pid: int) -> float:
-        """Time in which the process's main thread waited for the GIL without a beat, s.
+        """How long the process's main thread has waited for the GIL without a beat, s.
 
-        Only time in which it ran counts, so that a process or a host that was stopped is not taken for one that hangs.
+        Only time in which the process ran counts, so that a process or host that was stopped does not count as hanging.
         """
         now = time.monotonic()
         if not self.path or now - self._looked < LOOK:
@@ -90,14 +90,14 @@ class HeartMonitor:
 
 
 class StopDetector:
-    """Tells a thread that it and its whole process were stopped for a while, and did not just wait for the GIL."""
+    """Detects that the whole process was stopped for a while, as opposed to a thread that waited for the GIL."""
 
     def __init__(self) -> None:
         self._before, self._switches = time.monotonic_ns(), _own_switches()
         self._went_on_ns = 0
 
     def look(self) -> int:
-        """When the process went on after it was stopped last, ns, monotonic; 0 where it never was."""
+        """When the process continued after its last stop, ns, monotonic clock; 0 for never."""
         now, switches = time.monotonic_ns(), _own_switches()
         if now - self._before > STOPPED * 1e9 and switches - self._switches < FIGHTING:
             self._went_on_ns = now
@@ -111,7 +111,7 @@ def _own_switches() -> int:
 
 
 def _switches(pid: int) -> int:
-    """How often the main thread of a process gave its processor away by itself; 0 where it has just ended."""
+    """Voluntary context switches of a process's main thread; 0 if it has just ended."""
     with suppress(OSError, TypeError):
         status = Path(f"/proc/{pid}/status").read_text("utf-8", "replace")
         return int(re.search(r"^voluntary_ctxt_switches:\s*(\d+)", status, re.MULTILINE)[1])  # type: ignore[index]

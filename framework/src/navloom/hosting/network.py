@@ -17,17 +17,17 @@ __all__ = ["Network", "network_of"]
 
 @dataclass
 class Network:
-    """Of one robot.
+    """Network settings of one robot.
 
     Attributes:
         realm, robot: Its names.
-        router: Endpoint of its router; empty where its processes join each other directly.
-        starts_router: The router belongs to this host.
-        keys: Folder of certificates, or the file of the one that processes of this host show.
-        insecure: Plain TCP beyond this host was asked for.
-        streams: Of the robot, as role/instance/port.
+        router: Endpoint of its router; empty if its processes connect directly.
+        starts_router: This host starts the router.
+        keys: Folder of certificates, or the file of the certificate that processes of this host use.
+        insecure: Plain TCP to other hosts is allowed.
+        streams: Streams of the robot, as role/instance/port.
         is_whole: All of the robot's processes are on this host.
-        shared_memory: Large messages between its processes on one host come by it.
+        shared_memory: Large messages between its processes on one host use shared memory.
     """
 
     realm: str
@@ -42,18 +42,18 @@ class Network:
 
     @property
     def folder(self) -> Path | None:
-        """Of the certificates."""
+        """Folder of the certificates; None for none."""
         return certificate(self.keys, "nodes")[0]
 
     def check(self) -> None:
-        """Refuse what no process could be linked by, before any is started. Raises LinkError."""
+        """Refuse settings with which no process could join, before any is started. Raises LinkError."""
         if self.router:
             for link in (self.router_link(), self.alone()):
                 if link is not None:
                     settings(link)
 
     def links(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> dict[str, Link]:
-        """Of each process of this host: to every other one's socket, and to the router where there is one."""
+        """Link of each process of this host: to every other one's socket, and to the router if there is one."""
         sockets = {name: folder.socket(name) for name in shares}
         meshed = {
             name: peer_link(own, sockets.values(), self.realm, self.robot, self.shared_memory)
@@ -64,7 +64,7 @@ class Network:
         return {name: self._beside(link, shares) for name, link in meshed.items()}
 
     def router_link(self) -> Link | None:
-        """Of the router, where it is this host's to start."""
+        """Link of the router, if this host starts it."""
         if not self.starts_router:
             return None
         folder = self.folder
@@ -74,13 +74,13 @@ class Network:
         )  # fmt: skip
 
     def outsider(self, folder: RobotFolder, shares: Mapping[str, Sequence[Source]]) -> Link:
-        """Of what looks after the processes of this host, and which nobody needs to find."""
+        """Link of the supervisor of this host's processes, to which no process needs to connect."""
         sockets = tuple(folder.socket(name) for name in shares)
         link = Link("peer", (), sockets, realm=self.realm, robot=self.robot)
         return self._beside(link, shares) if self.router else link
 
     def alone(self) -> Link:
-        """Of a process that meets all others by the router."""
+        """Link of a process that reaches all others through the router."""
         folder, own = certificate(self.keys, "nodes")
         return Link(
             "client", (), (self.router,), credentials=folder, identity=own,
@@ -88,13 +88,13 @@ class Network:
         )  # fmt: skip
 
     def _beside(self, link: Link, shares: Mapping[str, Sequence[Source]]) -> Link:
-        """Of a process that meets those of its host by sockets, and all others by the router."""
+        """Link of a process that reaches those of its host by sockets, and all others through the router."""
         here = [f"{role}/{name}" for sources in shares.values() for role, name in sources]
         here += [f"process/{name}" for name in shares]
         return replace(self.alone(), mesh=Mesh(link, tuple(here), self.is_whole))
 
     def tool(self) -> Link:
-        """Of a tool beside whatever runs now: it calls the router, or every socket that is there."""
+        """Link of a tool: to the router, or to every socket that exists now."""
         if self.router:
             return self.alone()
         sockets = tuple(RobotFolder(self.realm, self.robot).sockets())
@@ -102,7 +102,7 @@ class Network:
 
 
 def network_of(config: Config, host: str | None, insecure: bool) -> Network:
-    """The network a config asks for. Raises LinkError for a router that is no endpoint."""
+    """The network settings of a config. Raises LinkError if `live.router` is no endpoint."""
     live = config.live
     if live.router:
         try:

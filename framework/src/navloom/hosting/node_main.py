@@ -1,4 +1,4 @@
-"""Entry of a node process: `python -m navloom.hosting.node_main FILE`, with what it is to do in the file."""
+"""Entry point of a node process: `python -m navloom.hosting.node_main FILE`; the file says what to run."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from navloom.live.placing import goes_first
 __all__ = ["main", "share_from_json", "share_to_json"]
 
 CONTROL_PRIORITY = -10
-"""Nice value of processes that neither map nor plan."""
+"""Nice value of processes that drive and neither map nor plan."""
 
 
 def main() -> int:
-    """Run the share of a file until told to end. Exit codes: 0 told to, 1 failed, 2 wrong request, 70 a node hung.
+    """Run the share in a file until a signal. Exit codes: 0 signal, 1 failure, 2 wrong request, 70 a node hung.
 
-    The watch in here does not see a node that holds the GIL: where it computes, the system ends the process, and
-    where it sleeps, its supervisor does.
+    The watch in this process cannot see a node that holds the GIL: if the node computes, a system timer ends the
+    process, and if it sleeps, the supervisor does.
     """
     write_heedlessly()
     dump_when_broken()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))
-    sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for a neighbour that computes
+    sys.setswitchinterval(0.0005)  # a control node must not wait 5 ms for another thread that computes
     roles = {role for role, _ in spec["share"]["sources"]}
     if goes_first(roles):
         go_first()
@@ -73,7 +73,7 @@ def main() -> int:
 
 
 def go_first() -> None:
-    """Be scheduled before processes that only compute, where this user may ask for that."""
+    """Raise the priority over processes that only compute, if this user may."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, CONTROL_PRIORITY)
 

@@ -1,4 +1,4 @@
-"""One process of a live robot: its nodes, each on a thread of its own, over one session."""
+"""One process of a live robot: its nodes, each on its own thread, over one Zenoh session."""
 
 from __future__ import annotations
 
@@ -44,26 +44,26 @@ from navloom.transport.zenoh_bus import Bus, BusError
 __all__ = ["HUNG", "NodeProcess", "Share", "leave", "longest_seizure", "longest_step"]
 
 HUNG = 70
-"""Exit code of a process that gave up a node which hangs."""
+"""Exit code of a process that ended because a node hangs."""
 LONG = 30.0
-"""s that a step of a patient role may take."""
+"""Longest step of a patient role, s."""
 RECOLLECT = 0.5
-"""s to ask for what must not be forgotten while some process does not answer."""
+"""How long to query other processes for the robot's memory while some do not answer, s."""
 ATTENDED = 20.0
-"""s from the robot's start in which its platform may wait for who attends it."""
+"""How long after the robot's start its platform may wait for a recorder, s."""
 
 
 @dataclass(frozen=True)
 class Share:
-    """What one process does.
+    """What one process runs.
 
     Attributes:
-        name: Of the process.
+        name: Name of the process.
         sources: Its nodes.
         link: How it joins the robot's network.
-        barrier: Ticks are held together instead of running by the clock.
-        start_ns: Platform host's monotonic clock at run clock 0.
-        attended: Somebody who hears everything comes beside the robot: the platform begins once it listens.
+        barrier: Ticks run under the barrier instead of by the wall clock.
+        start_ns: Platform host's monotonic clock at run clock 0, ns.
+        attended: A recorder joins the robot: the platform begins once it listens.
     """
 
     name: str
@@ -76,16 +76,16 @@ class Share:
 
 @dataclass(eq=False)
 class NodeProcess:
-    """Runs its share of a robot until it is told to end.
+    """Runs its share of a robot until `ending` is set.
 
     Attributes:
-        system: The robot; plugins are made for this share alone.
+        system: The robot; only the plugins of this share are made.
         share: What runs here.
-        ending: Set to end.
-        known: What who started it remembers of the time before, see `Memory`.
-        runners: By source, once it runs.
-        hung: Node that was given up; empty for none.
-        life: Tells this process from one that takes its place.
+        ending: Set it to end the process.
+        known: The supervisor's copy of the robot's memory, see `Memory`.
+        runners: Runner of each node, by source, once it runs.
+        hung: Why the process ends for a hanging node; empty for none.
+        life: Distinguishes this process from its successor.
     """
 
     system: System
@@ -108,9 +108,9 @@ class NodeProcess:
         """Join, step, leave. Returns when `ending` is set, or an active node hangs.
 
         Args:
-            say: Told what is being prepared.
-            ready: Called once every node is there.
-            alive: Called again and again while no active node hangs: what feeds a service manager's watchdog.
+            say: Receives messages about what is being prepared.
+            ready: Called once every node runs.
+            alive: Called regularly while no active node hangs, for instance to feed a service manager's watchdog.
 
         Raises:
             ConfigError, LinkError, BusError: Nothing ran.
@@ -143,7 +143,7 @@ class NodeProcess:
                 thread.join(1.0)
 
     def _forked(self) -> None:
-        """A plugin forked, and this is the child: where the plugin does not end it, it must not go on as a node."""
+        """Mark this process as a plugin's fork, which must not continue as a node."""
         self._is_fork = True
 
     def _is_over(self) -> bool:
@@ -194,9 +194,10 @@ class NodeProcess:
         return threads
 
     def _await_others(self, bus: Bus, keys: KeySpace, alive: Callable[[], None]) -> None:
-        """Wait until every process hears this one and is heard: under the barrier no message may be lost.
+        """Wait until this process and all others receive each other: under the barrier no message may be lost.
 
-        A token is declared after the streams that its process reads, on the same link: who sees it can send to all.
+        A token is declared after the streams that its process reads, on the same link: a process that sees the token
+        can send to all these streams.
         """
         wanted = set(spread(self.system.config, all_sources(self.system), None))
         seen: set[str] = {self.share.name}
@@ -211,10 +212,10 @@ class NodeProcess:
             alive()
 
     def _recollect(self, bus: Bus, keys: KeySpace, memory: Memory) -> None:
-        """Ask every other process what must not be forgotten; whom a new link leads to is known a moment after it."""
+        """Query all other processes for the robot's memory. Those behind a new link are known a moment after it."""
         limit, link = time.monotonic() + RECOLLECT, self.share.link
         peers = link.peers if link.mesh is None else link.mesh.link.peers
-        # One that has just begun itself does not know the clock that others go by; behind a router they may come later.
+        # A process that has just started does not know the run clock yet; behind a router, others may appear later.
         needs_clock = link.is_spread and any(role == "platform" for role, _ in self.share.sources)
         while bus.neighbours():
             answers = list(bus.ask(keys.process("*", "memory"), timeout=1.0))
@@ -251,7 +252,7 @@ class NodeProcess:
         role = hosted.cell.source[0]
         common = (hosted, clock, config.run.period, self._is_over)
         if role == "platform":
-            # Others that are there go by the clock of the platform before this one: it is not put back.
+            # Other processes follow the clock of the previous platform, so it must not go back.
             start_ns = min(self.share.start_ns, time.monotonic_ns() - memory.clock_ns)
             return LivePlatform(*common, config.gate.stop_deadline, start_ns, self._may_begin)
         if role == "gate":
@@ -259,16 +260,16 @@ class NodeProcess:
         return LiveGoal(*common) if role == "goal" else LiveRunner(*common)
 
     def _may_begin(self) -> bool:
-        """Whoever attends the robot hears it, or has had its time: a platform that comes back waits for nobody."""
+        """Whether the recorder listens, or is late; a platform that restarts after ATTENDED does not wait."""
         late = time.monotonic_ns() - self.share.start_ns > ATTENDED * 1e9
         return not self.share.attended or late or self._heard.is_set()
 
     def configure(self, source: Source, values: tuple[str, ...]) -> None:
-        """Change an instance's parameters, all or none. Raises ConfigError for what does not fit."""
+        """Change an instance's parameters, all or none. Raises ConfigError for values that do not fit."""
         configure(self.system, *source, values)
 
     def _restore(self, live: Mapping[Source, LiveRunner], memory: Memory) -> None:
-        """Go on where an earlier process of this share was, as far as others remember."""
+        """Continue where an earlier process of this share was, as far as the memory tells."""
         for source, runner in live.items():
             if memory.selected:
                 runner.recall(memory.selected, max(0, memory.epoch))
@@ -284,7 +285,7 @@ class NodeProcess:
                 node.machine.begin(memory.goal[0] + 1, memory.goal[1])
 
     def _wake(self, entry: str) -> None:
-        """An instance that waits is to take over: it steps from now on."""
+        """Enable an instance that is to take over."""
         role, _, name = entry.partition(" ")
         runner = self.runners.get((role, name))
         if runner is not None:
@@ -292,20 +293,20 @@ class NodeProcess:
             runner.cell.mailbox.ring()
 
     def _change(self, presence: Presence, key: str, alive: bool) -> None:
-        """A token appeared or vanished: the gate looks at once whether somebody is gone without whom nobody drives."""
+        """Take the appearance or disappearance of a token; the gate checks at once whether a required node is gone."""
         presence.change(key, alive)
         for runner in self.runners.values():
             if isinstance(runner, LiveGate):
                 runner.cell.mailbox.ring()
 
     def _came(self, source: Source, again: bool) -> None:
-        """Somebody came up: the goal must know of an active mapper or planner that did so again."""
+        """An instance came up: tell the goal if it is active and was restarted."""
         for runner in self.runners.values():
             if isinstance(runner, LiveGoal) and again and runner.cell.in_charge(source):
                 runner.change(lambda runner=runner: runner.goal.restarted.add(source[0]))  # type: ignore[misc]
 
     def _watch(self, threads: Sequence[threading.Thread], alive: Callable[[], None]) -> None:
-        """Wait for the end; give up where an active node hangs in its step or its thread died."""
+        """Wait for the end; give up if an active node hangs in its step or a thread died."""
         limit = self.system.config.live.hang_timeout
         stops = StopDetector()
         while not self.ending.wait(0.1):
@@ -326,7 +327,7 @@ class NodeProcess:
 
 
 def _at(source: Source, node: Node) -> str:
-    """The line of its plugin that a node is at, to follow a message; empty where it is at none."""
+    """The line of its plugin that a node is executing, as the end of a message; empty for none."""
     idents = [thread.ident for thread in threading.enumerate() if thread.name == " ".join(source)]
     frame = sys._current_frames().get(idents[0] or 0) if idents else None
     place = place_in(frame, home_of(type(getattr(node, "plugin", node))))
@@ -334,21 +335,22 @@ def _at(source: Source, node: Node) -> str:
 
 
 def longest_step(role: str, hang_timeout: float, catalogue: Catalogue = FRAMEWORK) -> float:
-    """s that a step of a role may take before its process is given up, by `live.hang_timeout`."""
+    """Longest step of a role before its process ends, s; from `live.hang_timeout`."""
     return max(hang_timeout, LONG) if catalogue.is_patient(role) else hang_timeout
 
 
 def longest_seizure(sources: Sequence[Source], hang_timeout: float) -> float:
-    """How long one node may hold the GIL in the process of these, while all others wait, s.
+    """How long one of these nodes may hold the GIL of their process, s.
 
-    That of the least patient. The goal does not count: beside a mapper or a planner it has to wait.
+    This is the limit of the least patient node. The goal does not count: in one process with a mapper or planner it
+    has to wait.
     """
     roles = [role for role, _ in sources if role != "goal"]
     return min((longest_step(role, hang_timeout) for role in roles), default=hang_timeout)
 
 
 def leave(process: NodeProcess) -> int:
-    """Exit code; a process with a hanging node ends at once, since its thread cannot be ended."""
+    """The exit code. A process with a hanging node exits at once, since its thread cannot be ended."""
     if process.hung:
         os._exit(HUNG)
     return 0

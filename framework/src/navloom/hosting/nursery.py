@@ -1,8 +1,8 @@
-"""Where node processes come from: one process has imported what all of them need, and each is forked off it.
+"""The nursery: a process that has imported what all node processes need, and from which they are forked.
 
-Importing takes a process longer than everything else it does before it is ready, so one that died is back in a
-fraction of the time. The nursery itself has no threads, imports no plugin and joins no network. What it forks belongs
-to the supervisor, not to it: its own death ends nobody, and until there is another, processes are started in full.
+Importing takes longer than the rest of a process's start, so a process that died is back in a fraction of the time.
+The nursery itself has no threads, imports no plugin and joins no network. The processes that it forks become children
+of the supervisor: they survive the nursery's death, and until it is restarted, processes start without it.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ __all__ = ["READY", "Born", "Nursery", "main"]
 
 PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
 READY = 60.0
-"""s the nursery may take to import everything."""
+"""How long the nursery may take to import everything, s."""
 LAST = 4.5
-"""s after the supervisor's death in which what was born may end; a moment more than it gives itself."""
+"""How long forked processes may take to end after the supervisor's death, s; a little more than their own limit."""
 BIRTH = 5.0
-"""s a birth may take: it takes some ms."""
+"""Longest time of a fork, s; it normally takes some ms."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment: libraries must not start threads before the fork."""
+"""Environment of the nursery: libraries must not start threads before the fork."""
 
 
 class Born:
-    """A process that was forked off the nursery and is this process's child: as much of `Popen` as is needed."""
+    """A process that was forked from the nursery and is this process's child, with the needed part of `Popen`."""
 
     def __init__(self, pid: int) -> None:
         self.pid = pid
@@ -52,14 +52,14 @@ class Born:
         if self.returncode is None:
             try:
                 pid, status = os.waitpid(self.pid, os.WNOHANG)
-            except ChildProcessError:  # somebody else has seen it end
+            except ChildProcessError:  # it was already reaped elsewhere
                 self.returncode = 1
             else:
                 self.returncode = os.waitstatus_to_exitcode(status) if pid else None
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end. Raises subprocess.TimeoutExpired after s."""
+        """Wait for its end. Raises subprocess.TimeoutExpired after `timeout`, s."""
         limit = None if timeout is None else time.monotonic() + timeout
         while self.poll() is None:
             if limit is not None and time.monotonic() > limit:
@@ -79,11 +79,11 @@ class Born:
 
 
 class Nursery:
-    """The supervisor's side.
+    """The supervisor's side of the nursery.
 
     Args:
-        log: File for what it says.
-        environment: More variables for it, and so for every process that comes from it.
+        log: Log file of the nursery.
+        environment: Further environment variables for it, and so for every process forked from it.
     """
 
     def __init__(self, log: Path, environment: Mapping[str, str] = {}) -> None:
@@ -94,11 +94,11 @@ class Nursery:
 
     @staticmethod
     def is_possible() -> bool:
-        """Only Linux gives a child of a child away."""
+        """Whether the system can make another process's fork a child of this process: only Linux can."""
         return sys.platform == "linux"
 
     def start(self) -> None:
-        """Start it; it is ready a little later."""
+        """Start the nursery; it is ready a little later."""
         if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0):
             return
         ours, theirs = socket.socketpair()
@@ -116,18 +116,18 @@ class Nursery:
 
     @property
     def pid(self) -> int | None:
-        """Of its process; None while there is none."""
+        """ID of the nursery's process; None while there is none."""
         return None if self._process is None else self._process.pid
 
     def bear(self, name: str, module: str, spec: Path, log: Path, patience: float) -> Born | None:
-        """A new process that runs `module.main()` with the path of a file; None where it has to be started in full.
+        """Fork a process that runs `module.main()` with a file's path; None if it must be started without the nursery.
 
         Args:
-            name: Of the process, for who lists processes.
-            module: With a `main` that gives an exit code; it reads the path as `sys.argv[1]`.
+            name: Name of the process in process lists.
+            module: Module whose `main` returns an exit code and reads the path from `sys.argv[1]`.
             spec: The file.
-            log: What it writes is added there.
-            patience: s to wait for the nursery to be ready.
+            log: File to which its output is appended.
+            patience: How long to wait for the nursery to be ready, s.
         """
         if not self._wait_ready(patience) or self._line is None:
             return None
@@ -141,7 +141,7 @@ class Nursery:
             return None
 
     def close(self) -> None:
-        """End it; what came from it runs on."""
+        """End the nursery; processes forked from it continue."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -162,7 +162,7 @@ class Nursery:
 
 
 def main() -> None:
-    """Bear a process for each line that comes, until the supervisor is gone; then what it bore has to end, too."""
+    """Fork a process for each line received, until the supervisor is gone; then end all forked processes."""
     dump_when_broken()
     supervisor = int(sys.argv[2])
     borne: list[int] = []
@@ -183,14 +183,14 @@ def main() -> None:
 
 
 def _others(supervisor: int) -> list[Descendant]:
-    """What plugins started below the supervisor and did not end."""
+    """Processes that plugins started below the supervisor and that still run."""
     if MARK not in os.environ:
         return []
     return [one for one in descendants() if one.supervisor == supervisor and one.pid != os.getpid()]
 
 
 def _clear_sockets() -> None:
-    """Remove the robot's sockets, unless another supervisor has it by now. What it ran stays, for `navloom doctor`."""
+    """Remove the robot's sockets, unless another supervisor has the robot by now. Other files stay for `doctor`."""
     _, _, path = os.environ.get(MARK, "").partition(":")
     realm, _, robot = Path(path).name.partition(".")
     folder = RobotFolder(realm, robot)
@@ -200,7 +200,7 @@ def _clear_sockets() -> None:
 
 
 def _writable(path: Path) -> IO[bytes]:
-    """The file, or one that takes everything where it cannot be written."""
+    """The file, opened for writing; the null device if that fails."""
     try:
         return path.open("wb")
     except OSError:
@@ -208,7 +208,7 @@ def _writable(path: Path) -> IO[bytes]:
 
 
 def _end(borne: Sequence[int]) -> None:
-    """Have processes end: told first, since the system tells one that is just stopping nothing, then made to."""
+    """End processes: with SIGTERM (and SIGCONT, since a stopped process receives no signal), then with SIGKILL."""
     for number in (signal.SIGTERM, signal.SIGCONT):
         _send(borne, number)
     limit = time.monotonic() + LAST
@@ -224,7 +224,7 @@ def _send(borne: Sequence[int], number: int) -> None:
 
 
 def _is_there(pid: int) -> bool:
-    """It is still the one that was born here."""
+    """Whether a process ID still belongs to a process forked here."""
     try:
         return os.getpgid(pid) == pid and os.getsid(pid) == os.getsid(0)
     except OSError:
@@ -238,13 +238,13 @@ def _import_all() -> None:
 
 
 def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
-    """Fork twice, so that the second process becomes the supervisor's own; gives its number."""
+    """Fork twice, so that the second process becomes a child of the supervisor; returns its process ID."""
     reading, writing = os.pipe()
     first = os.fork()
     if first == 0:
         second = os.fork()
         if second:
-            os.setpgid(second, second)  # done before anybody knows its number
+            os.setpgid(second, second)  # before any other process knows its ID
             os.write(writing, b"%d" % second)
             os._exit(0)
         for number in (line.fileno(), reading, writing):
@@ -258,7 +258,7 @@ def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
 
 
 def _live(order: dict[str, str], supervisor: int) -> None:
-    """In the new process: be what was ordered, and end."""
+    """In the new process: run what was ordered, and exit."""
     limit = time.monotonic() + BIRTH
     while os.getppid() != supervisor and time.monotonic() < limit:
         time.sleep(0.001)

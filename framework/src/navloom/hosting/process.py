@@ -1,4 +1,4 @@
-"""What every process of a robot does first: it ends with its parent, and in order when it is told to."""
+"""Set-up of every process of a robot: ends with its parent, shuts down on signals, and survives a full disk."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ __all__ = [
 
 PR_SET_PDEATHSIG = 1
 GRACE = 4.0
-"""s a process that was told to end may take; then it ends at once."""
+"""How long a process may take to shut down after a signal, s; then the system ends it."""
 SEIZED = signal.SIGPROF
-"""What ends a process in which some thread computes and never lets go of Python."""
+"""Signal that ends a process in which a thread computes without releasing the GIL."""
 
 
 def die_with_parent(parent: int) -> None:
-    """Have the system tell this process to end when its parent dies, however that dies."""
+    """Have the system send this process SIGTERM when its parent dies, whatever the cause."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:  # it died before that
+    if os.getppid() != parent:  # the parent died before the call
         os._exit(1)
 
 
 def end_on_signal(ending: threading.Event) -> None:
-    """End in order on SIGTERM, SIGINT and SIGHUP, and at once where that takes too long.
+    """Shut down on SIGTERM, SIGINT and SIGHUP; if that takes too long, the system ends the process.
 
-    The system's own alarm sees to that: a thread would wait with all others where one of them never lets go of Python.
+    A system timer does this, because a watchdog thread could not run while another thread holds the GIL.
     """
 
     def end(number: int, frame: Any) -> None:
@@ -59,10 +59,10 @@ def end_on_signal(ending: threading.Event) -> None:
 
 
 def end_unless_called(seconds: float) -> Callable[[], None]:
-    """Gives a function that is called again and again; where it is not, while this process computes for s, it ends.
+    """A function that must be called regularly: the process ends if it uses `seconds` of CPU time without a call.
 
-    The system sees to that, since no watchdog within Python could. Time of the processor is counted, so that a process
-    which was stopped for long goes on.
+    A system timer does this, because a watchdog thread could not run while another thread holds the GIL. It counts CPU
+    time, so a process that was stopped for long continues.
     """
 
     def alive() -> None:
@@ -74,18 +74,18 @@ def end_unless_called(seconds: float) -> Callable[[], None]:
 
 
 class _Heedless(io.FileIO):
-    """A file that takes what cannot be written, and of a single write no more than a log keeps."""
+    """A file whose writes never fail, and that keeps of a single write no more than a log keeps."""
 
     def write(self, data: Any) -> int:
-        """Write the end of it, as far as that works. Gives its length."""
+        """Write the end of the data, if possible, and return the length of all data."""
         whole = memoryview(data).cast("B")
-        with contextlib.suppress(OSError):  # a full disk must not make the node fail that prints
+        with contextlib.suppress(OSError):  # a full disk must not make a node fail that prints
             super().write(whole[-LARGEST_LOG:])
         return len(whole)
 
 
 def write_heedlessly() -> None:
-    """Have `print` never fail in this process, nor fill its log at once."""
+    """Make `print` in this process never fail, and never fill the log with one call."""
     for name in ("stdout", "stderr"):
         raw = _Heedless(1 if name == "stdout" else 2, "wb", closefd=False)
         stream = io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", "backslashreplace", line_buffering=True)

@@ -1,4 +1,4 @@
-"""What a process of a robot writes, kept within bounds: the newest part, and one older file."""
+"""Bounded log of a robot's process: the newest part, and one older file."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from navloom.crashes import crashed_at, is_of_dump
 __all__ = ["LARGEST_LOG", "ProcessLog", "last_crash", "last_lines", "older_log"]
 
 LARGEST_LOG = 2 * 2**20
-"""Size of a log at which it begins again, and of what is kept of it beside, bytes."""
+"""Size at which a log is rotated, and largest size of the older file, bytes."""
 TAIL = 2**16
-"""What is read for the last lines of a log, bytes."""
+"""Bytes read for the last lines of a log."""
 CATCH_UP = 100
-"""Most reads after a log that grows as fast as it is read."""
+"""Most reads to catch up with a log that grows as fast as it is read."""
 CUT = "(navloom cut this log: "
 
 
 class ProcessLog:
-    """The log of one process, for every process of that name in turn.
+    """The log of one process and of its successors of the same name.
 
     Args:
-        path: Of the log. Where it cannot be written, the words are lost and the process runs.
+        path: Path of the log. If it cannot be written, the output is lost and the process runs.
 
     Attributes:
-        cut: Bytes that were not kept so far.
+        cut: Bytes lost so far.
     """
 
     def __init__(self, path: Path) -> None:
@@ -40,11 +40,11 @@ class ProcessLog:
 
     @property
     def shared(self) -> Path:
-        """Path by which another process opens it, where the log's own path may be gone."""
+        """Path by which another process can open the log even if its own path is gone."""
         return Path(f"/proc/{os.getpid()}/fd/{self.file}") if sys.platform == "linux" else self.path
 
     def reopen(self) -> None:
-        """Open it again where its folder was deleted meanwhile, or where it could not be opened."""
+        """Open the log again if its folder was deleted, or if it could not be opened before."""
         with suppress(OSError):
             if os.path.samestat(os.fstat(self.file), self.path.stat()):
                 return
@@ -52,19 +52,19 @@ class ProcessLog:
         self.file = _open(self.path)
 
     def link(self) -> None:
-        """Put a way to it where its file was deleted, so that what was said before can still be read."""
+        """Replace a deleted log file with a link to the open one, so that earlier output can still be read."""
         with suppress(OSError):
             if sys.platform == "linux" and stat.S_ISREG(os.fstat(self.file).st_mode):
                 self.path.symlink_to(self.shared)
 
     def bound(self) -> None:
-        """Begin it again where it has grown too large; those that write add to its end, wherever that is."""
+        """Rotate the log if it has grown too large; writers append to its end, wherever that is."""
         with suppress(OSError):
             size = os.fstat(self.file).st_size
             if size <= LARGEST_LOG:
                 return
             kept = os.pread(self.file, LARGEST_LOG, size - LARGEST_LOG)
-            for _ in range(CATCH_UP):  # up to its end, so that no last word falls between the copy and the cut
+            for _ in range(CATCH_UP):  # up to the end, so that no output is lost between copy and truncation
                 if not (more := os.pread(self.file, LARGEST_LOG, size)):
                     break
                 kept, size = (kept + more)[-LARGEST_LOG:], size + len(more)
@@ -78,7 +78,7 @@ class ProcessLog:
             older.write_bytes(kept)
 
     def close(self) -> None:
-        """Leave it to those that read it."""
+        """Close the log; its file stays for readers."""
         os.close(self.file)
         if self.path.is_symlink():
             self.path.unlink()
@@ -92,19 +92,19 @@ def _open(path: Path) -> int:
 
 
 def older_log(path: Path) -> Path:
-    """Where the part before the newest is kept."""
+    """Path of the older part of a log."""
     return path.with_name(f"{path.name}.1")
 
 
 def last_lines(path: Path, lines: int) -> list[str]:
-    """The last lines of a log but for those of a dump; empty where there is none."""
+    """The last lines of a log, without those of a crash dump; empty for none."""
     text = (_tail(older_log(path)) + _tail(path)).decode("utf-8", "replace")
     said = [line.strip() for line in text.splitlines() if not line.startswith(CUT) and not is_of_dump(line)]
     return said[-lines:]
 
 
 def last_crash(path: Path) -> str:
-    """The plugin's line at which the process of a log ended, where its log ends with a dump; else empty."""
+    """The plugin's line at which a process crashed, if its log ends with a crash dump; otherwise empty."""
     return crashed_at((_tail(older_log(path)) + _tail(path)).decode("utf-8", "replace"))
 
 

@@ -1,4 +1,4 @@
-"""What a process of a live robot warns of though nothing failed: looked for when somebody asks."""
+"""Warnings of a live robot's process in which nothing failed: computed on request."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from navloom.plugins.threads import keeping_alive, started_by, watched_threads
 __all__ = ["ProcessWarnings"]
 
 WINDOW = 10.0
-"""Time in which a plugin may print so much, s."""
+"""Time window of the limit on a plugin's output, s."""
 NEWEST, MANY = 400, 100
-"""Steps that are looked at, and below which a node is not judged."""
+"""Number of newest steps that are examined, and fewest steps for a verdict on a node."""
 LATE = 0.1
-"""Share of late steps from which a node is called slow: a host that is busy for a moment is not the plugin's fault."""
+"""Share of late steps above which a node counts as slow: a host that is busy for a moment is not the plugin's fault."""
 
 
 class ProcessWarnings:
@@ -32,7 +32,7 @@ class ProcessWarnings:
 
     Args:
         system: The robot.
-        sources: What runs in this process.
+        sources: Nodes of this process.
     """
 
     def __init__(self, system: System, sources: Sequence[Source]) -> None:
@@ -44,7 +44,7 @@ class ProcessWarnings:
 
     @contextmanager
     def watch(self) -> Iterator[None]:
-        """See what plugins print and which threads they start, within a `with` statement."""
+        """Watch what plugins print and which threads they start, within a `with` statement."""
         with ExitStack() as stack:
             stack.enter_context(bounded_output(self._owners, self._flooded, WINDOW))
             self._started = stack.enter_context(watched_threads(self._owners))
@@ -57,7 +57,7 @@ class ProcessWarnings:
         self._found.add("output", owned.source, text)
 
     def listed(self, cells: Mapping[Source, Cell], live: Mapping[Source, LiveRunner]) -> list[RunWarning]:
-        """Look, and give all that was found since the process began."""
+        """Examine the nodes, and return all warnings since the process began."""
         run_warnings.far_commands(self._found, [cell.stepper for cell in cells.values()])
         volumes = [
             Volume(source, port, outlet.largest, outlet.sent)

@@ -1,4 +1,4 @@
-"""Which distributions the plugins of a config come from."""
+"""The distributions that provide a config's plugins."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["distributions"]
 
 
 def distributions(config: Config) -> dict[str, str]:
-    """Version of each distribution that provides a plugin in use, by name; what is not installed is left out."""
+    """Version of each distribution that provides a plugin in use, by name; missing plugins are left out."""
     used = {(role if role in ROLE_TABLES else NODE, table.plugin) for _, role, table in config.role_tables()}
     infos = Discovery(config.plugins.blocked).infos()
     return {

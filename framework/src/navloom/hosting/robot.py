@@ -1,4 +1,4 @@
-"""A live robot as the one who starts it sees it: its folder, its processes, and whether everybody is there."""
+"""A live robot from the side that starts it: its folder, its processes, and whether all nodes are alive."""
 
 from __future__ import annotations
 
@@ -29,33 +29,33 @@ from navloom.transport.zenoh_bus import Bus
 __all__ = ["LiveRobot", "StartError"]
 
 DAY = 86400.0
-"""s between two warnings of certificates that expire soon."""
+"""Interval of warnings about certificates that expire soon, s."""
 JOIN = 15.0
-"""s to wait for a router of this host's own."""
+"""Longest wait for a router that this host starts, s."""
 REACHABLE = 5.0
-"""Longest wait until a router shows the processes that are there, s."""
+"""Longest wait until the router shows the running processes, s."""
 
 
 class StartError(NavloomError, RuntimeError):
-    """The robot did not come up; the text says who is missing and what it said last."""
+    """The robot did not come up. The text names the missing nodes and the last lines of their logs."""
 
     exit_code = 1
 
 
 class LiveRobot:
-    """Processes of a robot on this host, supervised. Use it in a `with` statement.
+    """The supervised processes of a robot on this host. Use it in a `with` statement.
 
     Args:
         system: The robot.
         network: How its processes find each other.
-        host: Share of the config's `[live.hosts]` to start; None for all of it.
-        barrier: Ticks are held together, and no process is started again.
-        say: Told what happens.
-        attended: A recorder comes beside it, and is to hear the first tick.
-        ends: Whether nobody wants it any more, while its router is waited for.
+        host: Host of the config's `[live.hosts]` whose processes to start; None for all.
+        barrier: Run under the barrier; no process is restarted then.
+        say: Receives messages about what happens.
+        attended: A recorder joins the robot and must not miss the first tick.
+        ends: Checked while waiting for the router; True cancels the start.
 
     Raises:
-        DirectoryError: It is up already, or its folder cannot be used; LinkError, BusError: it cannot be linked.
+        DirectoryError: It is up already, or its folder cannot be used; LinkError, BusError: it cannot join its network.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class LiveRobot:
             self.supervisor.start()
             self.folder.write(self.running())
             link, starts_router = self.network.outsider(self.folder, self._shares), self.network.starts_router
-            patience = JOIN if starts_router else math.inf  # another host's router may come any time
+            patience = JOIN if starts_router else math.inf  # another host's router may start at any time
             self.bus = Bus(link, patience, self._say, lambda: not self._ends(), waits=starts_router)
             if not self.barrier:
                 self._remember()
@@ -116,14 +116,14 @@ class LiveRobot:
         return self
 
     def warn_of_expiry(self) -> None:
-        """Say which certificates expire soon, once a day: when they do, the robot's links end, and it stops."""
+        """Warn once a day of certificates that expire soon: when they do, the robot's links fail, and it stops."""
         if time.monotonic() - self._warned > DAY:
             self._warned = time.monotonic()
             for warning in expiring(self.network.folder):
                 self._say(warning)
 
     def _remember(self) -> None:
-        """Keep what must outlive every process of the robot, where there may be one alone that knows it."""
+        """Keep a copy of the robot's memory here too, in case a single process is the only one that has it."""
         board = Switchboard(self.bus, self.keys, lossless=False)
         monitor = MemoryReader(self.system, board, None, self._memory, lambda entry: None, self._ended.is_set)
         board.connect()
@@ -131,7 +131,7 @@ class LiveRobot:
         threading.Thread(target=self._presence.follow, args=(board.fetch, self._ended.is_set), daemon=True).start()
 
     def _tasks(self) -> list[ProcessTask]:
-        """The processes of this host: its router first, where it has one."""
+        """The processes of this host, its router first if it starts one."""
         links = self.network.links(self.folder, self._shares)
         shares = [
             Share(name, sources, links[name], self.barrier, self.started_ns, self.attended)
@@ -152,7 +152,7 @@ class LiveRobot:
             self.bus.close()
 
     def running(self) -> Running:
-        """For the runtime file."""
+        """The contents of the runtime file."""
         ends = self.network.outsider(self.folder, self._shares)
         return Running(
             self.keys.realm, self.keys.robot, os.getpid(), ends.connect, ends.mode == "client",
@@ -160,7 +160,7 @@ class LiveRobot:
         )  # fmt: skip
 
     def missing(self) -> list[Source]:
-        """Nodes of the whole robot that are not there."""
+        """Nodes of the whole robot that are not alive."""
         sources = [source for source in all_sources(self.system) if source[0] != "operator"]
         return [source for source in sources if not self._presence.is_alive(source)]
 
@@ -170,10 +170,10 @@ class LiveRobot:
         progress: Callable[[Sequence[Source]], None] = lambda left: None,
         ends: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Wait until every node is there, or `ends` says that nobody waits any more.
+        """Wait until every node is alive, or `ends` cancels the wait.
 
         Raises:
-            StartError: Somebody is missing after s, or a process will not start.
+            StartError: A node is missing after `timeout`, s, or a process cannot start.
         """
         limit = time.monotonic() + timeout
         while (missing := self.missing()) and not ends():
@@ -191,7 +191,7 @@ class LiveRobot:
         self._await_reachable(ends)
 
     def _await_reachable(self, ends: Callable[[], bool]) -> None:
-        """Wait a moment until the router, where it is there, shows the processes of this host to tools."""
+        """Wait a moment until the router, if there is one, shows the processes of this host to tools."""
         if not self.network.router:
             return
         wanted = {f"{role}/{name}" for sources in self._shares.values() for role, name in sources}
@@ -208,7 +208,7 @@ class LiveRobot:
         if away:
             return "they belong to other hosts: start those with `navloom up --host NAME`, and see `navloom doctor`"
         said = [f"{name}: {self.supervisor.tail(child)}" for name, child in self.supervisor.children.items()]
-        return "their processes said last: " + " | ".join(said)
+        return "last messages of their processes: " + " | ".join(said)
 
     def _came(self, source: Source, again: bool) -> None:
         with self._changed:

@@ -1,4 +1,4 @@
-"""Entry of a router process: `python -m navloom.hosting.router_main FILE`."""
+"""Entry point of a router process: `python -m navloom.hosting.router_main FILE`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["main", "route"]
 
 
 LOOK = 0.5
-"""s between two signs of life."""
+"""Interval of calls of `alive` and of checks for new certificates, s."""
 
 
 def route(
@@ -27,7 +27,7 @@ def route(
     ready: Callable[[], None] = lambda: None,
     alive: Callable[[], None] = lambda: None,
 ) -> None:
-    """Pass messages on until told to end; `alive` is called now and then."""
+    """Run a router until `ending` is set; `alive` is called regularly."""
     with Router(link, say) as router:
         ready()
         while not ending.wait(LOOK):
@@ -36,7 +36,7 @@ def route(
 
 
 def main() -> int:
-    """Route with the link of a file until told to end."""
+    """Run a router with the link in a file until a signal."""
     dump_when_broken()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))

@@ -1,4 +1,4 @@
-"""What a process's nodes answer: goals, stops, swaps, parameters, and what they are."""
+"""Services of a process's nodes: goals, stops, swaps, parameters, and descriptions of the nodes."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ from navloom.transport.zenoh_bus import Bus, Question
 __all__ = ["Services", "ServiceError"]
 
 APPLY = 2.0
-"""s a node may take to come to a change."""
+"""How long a node may take to begin with a change, s."""
 
 USUAL = 64
-"""Steps whose median is the usual duration."""
+"""Number of steps whose median is reported as the usual duration."""
 FEW_CHAINS = 100
-"""Ticks below which nothing is said of how long their commands take."""
+"""Fewest ticks for statistics on how long their commands take."""
 
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 class ServiceError(QuestionError):
-    """A request that is not done; the text says why."""
+    """A request that is refused. The text says why."""
 
 
 class Services:
@@ -87,7 +87,7 @@ class Services:
         self._places = {" ".join(source): placed[source] for source in all_sources(system) if source in placed}
 
     def offer(self) -> None:
-        """Declare everything that can be asked of this process."""
+        """Declare all services of this process."""
         for source in self._hosted:
             self._offer_description(source)
             if source in self._system.parts:
@@ -114,7 +114,7 @@ class Services:
             self._show(self._keys.process(self._process, "tracebacks"), "tracebacks", _tracebacks)
 
     def _serve(self, source: Source, service: str, handler: Handler) -> None:
-        """Answer questions with a JSON object in them by what a handler makes of it."""
+        """Serve queries that carry a JSON object: a handler turns it into the answer."""
         key, handler = self._keys.port(*source, service), self._once.guard(handler)
 
         def handle(question: Question) -> None:
@@ -128,11 +128,11 @@ class Services:
         self._bus.serve(key, self._desk.window(service, handle))
 
     def _show(self, key: str, service: str, made: Callable[[], bytes]) -> None:
-        """Answer questions that say nothing."""
+        """Serve queries that carry no data."""
         self._bus.serve(key, self._desk.window(service, lambda question: question.answer(key, made(), "json")))
 
     def _config(self) -> bytes:
-        """The whole config, for recordings: what runs here cannot be told from anywhere else."""
+        """The whole config, for recordings: only the running process knows what it runs."""
         given = {
             "loaded": self._system.loaded.to_json(),
             "barrier": self._board.lossless,
@@ -141,7 +141,7 @@ class Services:
         return json.dumps(given).encode()
 
     def _listed_warnings(self) -> bytes:
-        """What was found wrong though nothing failed."""
+        """The process's warnings."""
         cells = {source: hosted.cell for source, hosted in self._hosted.items()}
         return json.dumps([one.to_json() for one in self._warnings.listed(cells, self._live)]).encode()
 
@@ -156,7 +156,7 @@ class Services:
         self._show(self._keys.port(*source, "describe"), "describe", described.to_bytes)
 
     def _clocks(self) -> dict[str, Any]:
-        """What others measure this host's clocks by: never kept."""
+        """This host's clocks, for comparison by others; never cached."""
         return {"clock_ns": self._clock.now_ns(), "wall_ns": time.time_ns()}
 
     def _describe(self, source: Source) -> dict[str, Any]:
@@ -208,7 +208,7 @@ class Services:
     # --- what they do -----------------------------------------------------------------------------------------------
 
     def _set(self, source: Source, given: dict[str, Any]) -> dict[str, Any]:
-        """Check all values, then have the node take them between two steps."""
+        """Check all values, then let the node take them between two steps."""
         values = tuple(str(value) for value in given["values"])
         _refuse_doubles(values)
         changed_params(self._system, *source, values)
@@ -251,7 +251,7 @@ class Services:
         return {"goal_id": number}
 
     def _place(self, runner: LiveRunner, given: dict[str, Any]) -> dict[str, Any]:
-        """Tell a localizer where the robot is."""
+        """Set a localizer's pose."""
         node = runner.cell.node
         assert isinstance(node, LocalizerNode)
         x, y, heading = (_number(given, name) for name in ("x", "y", "heading"))
@@ -281,16 +281,16 @@ class Services:
     def _apply(
         self, runner: LiveRunner, change: Callable[[], None], waits: bool = False, patience: float = APPLY
     ) -> None:
-        """Have a node's own thread do something, and wait for it.
+        """Run a change on a node's own thread, and wait for it.
 
         Args:
-            runner: The node's.
-            change: What it is to do.
-            waits: It is to be done whenever the node comes to it. Else a refusal holds: it is not done afterwards.
-            patience: s to wait for it.
+            runner: Runner of the node.
+            change: The change.
+            waits: After a timeout the change stays scheduled. Otherwise it is cancelled.
+            patience: Longest wait, s.
 
         Raises:
-            ServiceError: The node does not come to it, or it cannot be done.
+            ServiceError: The node did not finish the change in time, or the change failed.
         """
         begun, done, failure = threading.Lock(), threading.Event(), []
 
@@ -325,7 +325,7 @@ def _usual(runner: LiveRunner | None) -> float | None:
 
 
 def _punctuality(runner: LiveRunner | None) -> dict[str, float]:
-    """How a platform keeps its time, and how long a tick's commands take to reach the gate."""
+    """For a platform, late ticks and stops; for a gate, how long a tick's commands take to arrive."""
     if isinstance(runner, LivePlatform):
         own = {"driven_ticks": runner.driven, "own_ticks": runner.own}
         return {"ticks": runner.ticks, "late_ticks": runner.late, "stops": runner.stops, **own}
@@ -336,7 +336,7 @@ def _punctuality(runner: LiveRunner | None) -> dict[str, float]:
 
 
 def shared_memory_mb() -> float | None:
-    """Free shared memory of this host, which large messages between its processes pass through; None without any."""
+    """Free shared memory of this host, MiB, which large messages between its processes need; None without any."""
     try:
         status = os.statvfs("/dev/shm")
     except OSError:
@@ -365,6 +365,6 @@ def _refuse_doubles(values: tuple[str, ...]) -> None:
 
 @cache
 def _versions() -> dict[str, str]:
-    """Of what must agree between the hosts of one robot."""
+    """Versions that must agree between the hosts of one robot."""
     found = {name: importlib.metadata.version(name) for name in ("navloom", "eclipse-zenoh", "numpy")}
     return found | {"python": platform.python_version()}

@@ -1,4 +1,4 @@
-"""Shared memory that Zenoh sessions leave in the system when their process is killed, or ends without Python's exit."""
+"""Shared memory that Zenoh leaves in the system when its process is killed, or ends without Python's shutdown."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pathlib import Path
 __all__ = ["SEGMENTS", "is_orphan", "remove_orphans"]
 
 SEGMENTS = Path("/dev/shm")
-"""Where Linux has them, as NUMBER.zenoh."""
+"""Folder of the segments on Linux; their names are NUMBER.zenoh."""
 
 
 def is_orphan(path: Path) -> bool:
-    """No process has a segment any more.
+    """Whether no process uses a segment any more.
 
-    Each process that opens one takes a shared lock on it until it ends, and the one that makes it takes the lock
-    before it gives it a size. So an exclusive lock on one that has a size shows that everybody is gone.
+    Each process that opens a segment holds a shared lock on it until it ends, and its creator takes the lock before it
+    sets the size. So if a segment with a size can be locked exclusively, all its users are gone.
     """
     try:
         segment = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
@@ -33,7 +33,7 @@ def is_orphan(path: Path) -> bool:
 
 
 def remove_orphans() -> int:
-    """Remove this user's segments that no process has; gives how many. Zenoh does so as it starts."""
+    """Remove this user's segments that no process uses, as Zenoh does at its start; returns how many."""
     removed = 0
     for path in SEGMENTS.glob("*.zenoh"):
         with contextlib.suppress(OSError):

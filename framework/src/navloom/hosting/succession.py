@@ -1,8 +1,8 @@
-"""A router that is replaced in its place, so that new certificates and rules take effect and no message is lost.
+"""A router that is replaced in place, so that new certificates and rules take effect without losing a message.
 
-Zenoh reads certificates and rules once, when it opens. So another router opens beside the first, takes its port, and is
-linked to it by a socket, so that streams pass between the clients of both. The clients are told, go over to the second
-(see `Bus`), and the first closes.
+Zenoh reads certificates and rules only when a session opens. So a second router opens, takes over the first one's port,
+and connects to it by a socket, so that streams pass between the clients of both. The clients are notified and move to
+the second router (see `Bus`), and the first closes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["Router"]
 KNOWN = 2.0
 """Longest wait until the second router knows the streams of the first, s."""
 LEAVE = SPREAD + SETTLE + LINGER + 2.0
-"""Longest wait until the clients have left the first router, s. A revoked certificate is good for no longer."""
+"""Longest wait until the clients have left the first router, s; a revoked certificate works no longer than this."""
 
 
 class Router:
@@ -35,7 +35,7 @@ class Router:
 
     Args:
         link: Where it listens. Over TLS it is replaced when its certificate or the list of identities changes.
-        say: Told when that happens, and when it fails.
+        say: Receives a message when that happens, or fails.
     """
 
     def __init__(self, link: Link, say: Callable[[str], None]) -> None:
@@ -57,7 +57,7 @@ class Router:
         self._bus.close()
 
     def look(self, ending: threading.Event) -> None:
-        """Have another take its place where the files are new; `ending` cuts that short."""
+        """Replace the router if the files have changed; `ending` cuts the waits short."""
         if self._watch is None or not self._watch.has_changed():
             return
         self._number += 1
@@ -92,7 +92,7 @@ class Router:
 
 
 def _await_streams(first: Bus, second: Bus, link: Link, ending: threading.Event) -> None:
-    """Wait until the second router knows what is declared at the first: a token that is declared last is known last."""
+    """Wait until the second router knows the first one's declarations: the token declared last arrives last."""
     token = f"{link.realm}/{link.robot}/{MOVED}"
     first.announce(token)
     limit = time.monotonic() + KNOWN
@@ -101,9 +101,9 @@ def _await_streams(first: Bus, second: Bus, link: Link, ending: threading.Event)
 
 
 def _stop_listening(port: int) -> None:
-    """Have this process take no more connections at a port, and keep those that are up. Zenoh has no call for it.
+    """Stop this process from accepting connections on a port, but keep those that are open. Zenoh has no call for it.
 
-    A listening socket that is shut down leaves its port to another, and keeps its number, by which Zenoh knows it.
+    Shutting a listening socket down frees its port but keeps the file descriptor, by which Zenoh knows it.
     """
     for number in map(int, os.listdir("/proc/self/fd")):
         with contextlib.suppress(OSError):  # it is no socket
@@ -113,4 +113,4 @@ def _stop_listening(port: int) -> None:
                 if is_listening and one.family in (socket.AF_INET, socket.AF_INET6) and one.getsockname()[1] == port:
                     one.shutdown(socket.SHUT_RDWR)
             finally:
-                one.detach()  # Zenoh goes on with it
+                one.detach()  # Zenoh continues to use it

@@ -1,4 +1,4 @@
-"""Starts a robot's processes, restarts those that crash, and leaves none behind."""
+"""The supervisor: starts a robot's processes, restarts those that crash, and ends them all."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ __all__ = ["Worker", "Supervisor", "ProcessTask", "node_task", "router_task"]
 
 NODE = "navloom.hosting.node_main"
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0
-"""s before the first restart, and at most before a later one."""
+"""Wait before the first restart, and longest wait before a later one, s."""
 HEALTHY = 5.0
-"""s a process must run for its next crash to count as a first one."""
+"""How long a process must run for its next crash to count as a first one, s."""
 STOP_WAIT = 1.0
-"""s each group of processes may take to end in order, before it is killed."""
+"""How long each group of processes may take to shut down before it is killed, s."""
 DUMPING = 0.5
-"""How long a process that is ended may take to print where it is, before it is killed, s."""
+"""How long a process may take to print its traceback before it is killed, s."""
 CHORES = 0.5
-"""Time between two looks at what has no haste, the folder and orphans, s."""
+"""Interval of checks that are not urgent: the folder and orphans, s."""
 WRITE_AGAIN = 1.0
-"""Time between two tries to write what has become of the processes, where that failed, s."""
+"""Wait before another attempt to write the status of the processes, s."""
 
 
 @dataclass(frozen=True)
 class ProcessTask:
-    """What a process is started with.
+    """Description of a process to start.
 
     Attributes:
-        name: Of the process.
+        name: Name of the process.
         module: Python module that is run with the path of a JSON file.
-        given: What the file holds.
-        roles: Of the nodes it runs, for the order in which processes end.
-        patience: How long one of its nodes may hold the GIL, s; None where it may do so for ever.
+        given: Contents of the file.
+        roles: Roles of its nodes, for the order in which processes end.
+        patience: How long one of its nodes may hold the GIL, s; None for no limit.
     """
 
     name: str
@@ -70,7 +70,7 @@ def node_task(loaded: Loaded, share: Share) -> ProcessTask:
     """The process of a share."""
     given = {"loaded": loaded.to_json(), "share": share_to_json(share)}
     roles = frozenset(role for role, _ in share.sources)
-    # Ticks that are held together have no deadline.
+    # Ticks under the barrier have no deadline.
     patience = None if share.barrier else longest_seizure(share.sources, loaded.config.live.hang_timeout)
     return ProcessTask(share.name, NODE, given, roles, patience)
 
@@ -82,19 +82,19 @@ def router_task(link: Link) -> ProcessTask:
 
 @dataclass(eq=False)
 class Worker:
-    """A process and its fate.
+    """A supervised process and its state.
 
     Attributes:
-        task: What it does.
-        process: It, while there is one.
-        crashes: Times of those within the window, s, monotonic.
-        restarts: How often it was started again.
+        task: Its description.
+        process: The running process; None while there is none.
+        crashes: Times of its crashes within the window, s, monotonic clock.
+        restarts: Number of restarts.
         state: starting, running, waiting (for its restart), failed or ended.
         why: How it ended last.
-        verdict: Why the supervisor has killed it; empty where it has not.
-        log: What it writes.
-        heart: Its signs of life, where it must give some.
-        spec: Open file with what it was started with, in memory; -1 for none.
+        verdict: Why the supervisor has killed it; empty if it has not.
+        log: Its log.
+        heart: Its heartbeat, if it must give one.
+        spec: File descriptor of its start parameters, in memory; -1 for none.
     """
 
     task: ProcessTask
@@ -117,10 +117,10 @@ class Supervisor:
 
     Args:
         live: Limits of restarts.
-        folder: The robot's.
-        tasks: What each process does.
-        say: Told what happens to them.
-        recall: What a process that is started must know of the time before, as JSON.
+        folder: The robot's folder.
+        tasks: The processes.
+        say: Receives messages about what happens to them.
+        recall: The robot's memory, as JSON, for a process that is started.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Supervisor:
             self._nursery = Nursery(folder.path / "nursery.log", mark(folder.path))
 
     def start(self) -> None:
-        """Start all of them, after what an earlier supervisor has left was ended."""
+        """End what is left of an earlier supervisor's processes, then start all processes."""
         left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
         if left:
             self._say(f"ended what was left of an earlier robot of this name: {_listed(left)}")
@@ -155,7 +155,7 @@ class Supervisor:
             self._start(child, READY)
 
     def poll(self, restarts: bool = True) -> list[Worker]:
-        """Look after them: those that ended by themselves since the last look; they are started again in due time."""
+        """Check all processes, and restart those whose wait is over. Returns those that ended since the last call."""
         fallen = []
         now = time.monotonic()
         if now >= self._chores_at:
@@ -164,7 +164,7 @@ class Supervisor:
         for child in self.children.values():
             self._bound(child)
             if child.process is not None and child.process.poll() is not None:
-                self._repair_folder()  # where others read what became of it, and the next one listens
+                self._repair_folder()  # other programs read its state there, and its successor listens there
                 self._reap(child, now)
                 fallen.append(child)
             elif child.state == "waiting" and restarts and now >= child.again_at:
@@ -184,14 +184,14 @@ class Supervisor:
         reap_orphans(self._groups, self._own_pids())
 
     def _repair_folder(self) -> None:
-        """Make the folder again where it was deleted."""
+        """Make the folder again if it was deleted."""
         if self._keeper.look():
             for child in self.children.values():
                 child.log.link()
             self._write_down()
 
     def stop(self) -> None:
-        """End them in order: those that compute, the gate, which stops the robot, the platform, and the router."""
+        """End all processes in order: those that compute, the gate, which stops the robot, the platform, the router."""
         if self._nursery is not None:
             self._nursery.close()
         for group in (self._group(lambda roles: bool(roles) and not roles & {"gate", "platform"}),
@@ -216,11 +216,11 @@ class Supervisor:
         remove_orphans()
 
     def tail(self, child: Worker, lines: int = 3) -> str:
-        """The last lines a process wrote."""
+        """The last lines of a process's log."""
         return self._folder.last_words(child.task.name, lines)
 
     def _start(self, child: Worker, patience: float) -> None:
-        """Start a process; patience is the s to wait for the nursery to be ready."""
+        """Start a process; `patience` is the longest wait for the nursery to be ready, s."""
         name, module = child.task.name, child.task.module
         heart = child.heart.path if child.task.patience is not None else ""
         known = {"parent": os.getpid(), "known": self._recall().decode(), "heart": heart}
@@ -232,7 +232,7 @@ class Supervisor:
         if self._nursery is not None and module == NODE:
             child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
         if child.process is None:
-            self._end_descendants(name)  # the nursery may have forked one all the same, and said so too late
+            self._end_descendants(name)  # the nursery may have forked one nevertheless, and answered too late
             child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})
         self._groups.add(child.process.pid)
         child.started = time.monotonic()
@@ -240,7 +240,7 @@ class Supervisor:
         self._write_down()
 
     def _hand_over(self, child: Worker, text: str) -> Path:
-        """A file for a process to read; in memory, where the system has that: a full disk must not stop a restart."""
+        """A file for a process to read; in memory if the system can, so that a full disk does not prevent a restart."""
         _close(child)
         if sys.platform == "linux":
             child.spec = os.memfd_create("task", os.MFD_CLOEXEC)
@@ -252,7 +252,7 @@ class Supervisor:
         return path
 
     def _watch(self, child: Worker) -> None:
-        """End a process in which a node holds the GIL for too long, sleeping or not. It prints where that is."""
+        """End a process in which a node holds the GIL for too long, computing or not. It prints its traceback."""
         patience, process = child.task.patience, child.process
         if patience is None or process is None:
             return
@@ -264,7 +264,7 @@ class Supervisor:
             process.send_signal(SEIZED)
 
     def _bound(self, child: Worker) -> None:
-        """Keep a process's log within its bounds, and say so the first time that something of it is lost."""
+        """Keep a process's log within its bounds, and report the first loss."""
         before = child.log.cut
         child.log.bound()
         if child.log.cut > before:
@@ -276,12 +276,12 @@ class Supervisor:
                 )
 
     def _own_pids(self) -> set[int]:
-        """Children whose end is waited for elsewhere than in `reap_orphans`."""
+        """Children that are reaped elsewhere than in `reap_orphans`."""
         pids = {child.process.pid for child in self.children.values() if child.process is not None}
         return pids | ({self._nursery.pid} if self._nursery is not None and self._nursery.pid else set())
 
     def _end_descendants(self, name: str, pid: int = -1) -> None:
-        """End what a process that is gone has started: it may hold the socket, the port or the device of the next."""
+        """End what a process that ended had started: it may hold the socket, port or device of its successor."""
         own = self._own_pids() | {os.getpid()}
 
         def left() -> list[Descendant]:
@@ -312,19 +312,17 @@ class Supervisor:
             child.state = "failed"
             self._say(
                 f"process {name} {child.why}, {len(child.crashes)} times within {self._live.restart_window:g} s: "
-                f"left down. It said last: {self.tail(child)}"
+                f"it stays down. Its last message: {self.tail(child)}"
             )
             self._write_down()
             return
         child.state, child.again_at = "waiting", now + child.wait
-        self._say(
-            f"process {name} {child.why}; it is started again in {child.wait:g} s. It said last: {self.tail(child)}"
-        )
+        self._say(f"process {name} {child.why}; it restarts in {child.wait:g} s. Its last message: {self.tail(child)}")
         child.wait = min(2 * child.wait, LONGEST_WAIT)
         self._write_down()
 
     def _write_down(self) -> None:
-        """Write the fate of each process for other programs; where that fails, say so once and try again later."""
+        """Write the state of each process for other programs; report a failure once, and retry later."""
         fates = {
             name: Fate(
                 child.process.pid if child.process else None, child.state, child.restarts, child.why, child.log.cut
@@ -363,8 +361,8 @@ def _popen(module: str, spec: Path, log: ProcessLog, environment: Mapping[str, s
         stdout=log.file,
         stderr=log.file,
         env={**os.environ, **environment},
-        # A group of its own: Ctrl-C reaches the supervisor alone, which ends them in order. The same session: when
-        # the supervisor dies, the system wakes a stopped one with SIGHUP, so that it can end, too.
+        # Own process group: Ctrl-C reaches only the supervisor, which ends the processes in order. Same session: when
+        # the supervisor dies, the system wakes a stopped process with SIGHUP, so that it can end too.
         process_group=0,
     )
 
@@ -383,13 +381,13 @@ def _send(child: Worker, number: signal.Signals) -> None:
     if child.process is not None:
         with contextlib.suppress(ProcessLookupError):
             child.process.send_signal(number)
-            child.process.send_signal(signal.SIGCONT)  # one that was stopped could not end
+            child.process.send_signal(signal.SIGCONT)  # a stopped process could not end
 
 
 def _why(code: int) -> str:
     if code == -SEIZED:
-        return "was ended: a node computed without ever letting go of Python"
+        return "was ended: a node computed without releasing the GIL"
     if code < 0:
         with contextlib.suppress(ValueError):
             return f"was ended by {signal.Signals(-code).name}"
-    return "gave up a node that hangs" if code == HUNG else f"ended with code {code}"
+    return "ended because a node hung" if code == HUNG else f"ended with code {code}"

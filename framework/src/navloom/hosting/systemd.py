@@ -1,4 +1,4 @@
-"""A robot under systemd: a unit for each of its processes, and what a process tells the service manager."""
+"""A robot under systemd: a unit for each of its processes, and notifications to the service manager."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from navloom.live.placing import goes_first, spread
 __all__ = ["UnitCommand", "notify", "units"]
 
 START, STOP = 180, 5
-"""s a process may take to be ready, when kernels have to be compiled, and to end."""
+"""Longest time for a process to be ready, if kernels must be compiled, and to end, s."""
 AGAIN = 0.5
-"""s before a process is started again."""
+"""Wait before a process is restarted, s."""
 RUNTIME = "navloom"
 """Folder below /run that the processes of a host share."""
 
 
 def notify(state: str) -> None:
-    """Tell the service manager, where there is one: READY=1, WATCHDOG=1, STOPPING=1 (sd_notify's protocol)."""
+    """Send a state to the service manager, if there is one: READY=1, WATCHDOG=1, STOPPING=1 (sd_notify protocol)."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return
-    if address.startswith("@"):  # a name without a file
+    if address.startswith("@"):  # an abstract socket
         address = "\0" + address[1:]
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
         line.setblocking(False)
@@ -43,14 +43,14 @@ def notify(state: str) -> None:
 
 @dataclass(frozen=True)
 class UnitCommand:
-    """What the units run.
+    """The command that the units run.
 
     Attributes:
         navloom: Path of the command.
         config: Path of the config, or a shipped name.
-        folder: Where relative paths in it start from.
-        user: Who runs it.
-        insecure: Plain TCP to other hosts is wanted.
+        folder: Working directory, for relative paths in the config.
+        user: User that runs it.
+        insecure: Plain TCP to other hosts is allowed.
     """
 
     navloom: Path
@@ -61,13 +61,13 @@ class UnitCommand:
 
 
 def units(system: System, network: Network, host: str | None, command: UnitCommand) -> dict[str, str]:
-    """Text of each unit by file name: of the robot's processes on a host, of the router where this host starts it, and
-    of the target that pulls them in.
+    """Text of each unit by file name: the robot's processes on a host, the router if this host starts it, and the
+    target that starts them all.
 
     Args:
         system, network: The robot.
-        host: Share of the config's `[live.hosts]`; None for all.
-        command: What they run.
+        host: Host of the config's `[live.hosts]`; None for all.
+        command: The command that they run.
 
     Raises:
         ConfigError: A process has the router's name, or nothing runs on this host.
@@ -94,14 +94,14 @@ def units(system: System, network: Network, host: str | None, command: UnitComma
 
 @dataclass(frozen=True)
 class _Service:
-    """What differs between the units of a robot.
+    """The part of a unit that differs between the units of a robot.
 
     Attributes:
-        what: For its description.
-        words: Of the navloom command.
+        what: Text for its description.
+        words: Arguments of the navloom command.
         after: Processes that start before it, and so end after it.
-        watchdog: s that its main loop may be silent.
-        is_control: It goes before processes that only compute.
+        watchdog: Longest silence of its main loop, s.
+        is_control: It has priority over processes that only compute.
     """
 
     what: str
@@ -112,7 +112,7 @@ class _Service:
 
 
 def _before(process: str, shares: Mapping[str, tuple[Source, ...]], has_router: bool) -> tuple[str, ...]:
-    """Units of this host that start before a process's: the router's, the platform's, the gate's."""
+    """Units of this host that start before the unit of a process: those of router, platform and gate."""
 
     def rank(name: str) -> int:
         roles = {role for role, _ in shares[name]}
@@ -164,7 +164,7 @@ def _text(service: _Service, robot: str, stem: str, command: UnitCommand, live: 
 
 
 def _plain(text: str) -> str:
-    """A value in which systemd expands nothing."""
+    """A value escaped so that systemd expands nothing in it."""
     return text.replace("%", "%%")
 
 

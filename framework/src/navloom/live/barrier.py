@@ -1,7 +1,7 @@
-"""What holds ticks together over the wire: readers wait for reports, and let messages in by their high-water marks.
+"""Keeps ticks in step over the network: readers wait for step reports and admit messages by high-water marks.
 
-Every node reports every tick with the mark of each port. A message belongs to the tick in whose report its sequence
-number first appears, so the order in which the network delivers does not matter. Alternatives are not waited for.
+Every node reports every tick with a high-water mark for each port. A message belongs to the first tick whose report
+covers its sequence number, so the order of delivery does not matter. Alternatives are not waited for.
 """
 
 from __future__ import annotations
@@ -17,18 +17,16 @@ from navloom.messages import Envelope, Message, StepReport
 __all__ = ["Barrier", "BarrierEnded", "InstanceProgress"]
 
 LOOK_UP = 0.2
-"""s between looks at whether the run was ended, while waiting."""
+"""Interval of checking for the end of the run while waiting, s."""
 
 
 class BarrierEnded(Exception):
-    """The process ends, so nobody waits any more."""
+    """The process is ending, so waiting stops."""
 
 
 @dataclass
 class InstanceProgress:
-    """How far an instance is: the last tick it reported, the marks of its ports then, what it waits for, and its first
-    fault.
-    """
+    """Progress of an instance: the last tick it reported, its ports' marks then, what it waits for, its first fault."""
 
     done: int = -1
     marks: dict[str, int] = field(default_factory=dict)
@@ -40,7 +38,7 @@ class InstanceProgress:
 
 @dataclass(eq=False)
 class _Stream:
-    """Messages of one port: those that are here, and the marks of the ticks not used yet."""
+    """Messages of one port that have arrived, and the marks of ticks that have not been read yet."""
 
     inlet: Inlet
     taken: int = 0
@@ -53,9 +51,9 @@ class Barrier:
 
     Args:
         mailbox: Woken by all of them.
-        reports: Inlet of the step reports by source.
-        streams: Inlets of the ports read, each with its source and port.
-        check: Called while waiting; raises BarrierEnded, or what else should end it.
+        reports: Inlet of the step reports, by source.
+        streams: Inlets of the ports that are read, each with its source and port.
+        check: Called while waiting; raises BarrierEnded or another exception to end the wait.
     """
 
     def __init__(
@@ -83,11 +81,11 @@ class Barrier:
         return progress
 
     def missing(self, sources: Sequence[Source], tick: int) -> list[Source]:
-        """Those that have not reported a tick."""
+        """Sources that have not reported a tick."""
         return [source for source in sources if self.progress[source].done < tick]
 
     def read(self, inlet: Inlet, upto: int, waits: bool = True) -> Iterator[tuple[Message, Envelope, int]]:
-        """Messages of the ticks up to one, each with its tick; those still on their way are waited for, or left."""
+        """Messages of ticks up to `upto`, each with its tick. If `waits`, it waits for those that have not arrived."""
         stream = self._streams[inlet]
         while stream.marks and stream.marks[0][0] <= upto:
             tick, mark = stream.marks[0]
@@ -104,7 +102,7 @@ class Barrier:
             stream.marks.popleft()
 
     def hear_all(self) -> None:
-        """Take note of every report that is here."""
+        """Process every report that has arrived."""
         for source in self.progress:
             self._hear(source)
 

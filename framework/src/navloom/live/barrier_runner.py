@@ -1,4 +1,4 @@
-"""A node under the barrier: it steps a tick when it holds all that tick's inputs, never before."""
+"""A node under the barrier: it steps a tick only when it has all inputs of that tick."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ GATE: Source = ("gate", "main")
 
 
 class BarrierRunner:
-    """Steps one cell tick by tick, as far as the operator's node lets it.
+    """Steps one cell tick by tick, as the operator node allows.
 
     Args:
         cell: The node.
-        requests, selection: What every node hears of the operator and of the gate.
+        requests, selection: Feeds of the operators' requests and the gate's selection.
         system: The robot.
         configure: Changes the plugin's parameters.
         check: Raises BarrierEnded when the process ends.
@@ -53,7 +53,7 @@ class BarrierRunner:
             cell.node.find_waiting = self._find_waiting
 
     def run(self) -> None:
-        """Tick after tick, until the process ends."""
+        """Step tick after tick until the process ends."""
         number = 0
         try:
             while True:
@@ -77,7 +77,7 @@ class BarrierRunner:
         self._step(number)
 
     def _let_in(self, feeds: Sequence[Feed], tick: int, others: int) -> None:
-        """Let in what the active ones published up to a tick, and what is here of the others up to another."""
+        """Admit all messages of active instances up to `tick`, and those of others up to `others` that have arrived."""
         for feed in feeds:
             if not self.cell.in_charge(feed.source):
                 self._apply(feed, others, waits=False)
@@ -90,7 +90,7 @@ class BarrierRunner:
             feed.slot.take(message, envelope, tick)
 
     def _obey(self, number: int) -> None:
-        """Do what only the executor can: change parameters, wake who waits, watch who is to be swapped in."""
+        """Act on requests: change parameters, enable the target of a swap, and watch pending instances."""
         wire = self.requests.wire
         assert isinstance(wire, QueueWire)
         wire.prepare(number, number - 1)
@@ -117,7 +117,7 @@ class BarrierRunner:
         self.cell.select(message)
 
     def _await_others(self, number: int) -> None:
-        """The goal hears of every fault, the gate of all that may take over."""
+        """Let the goal know of every fault, and the gate of every instance that may take over."""
         node, place = self.cell.node, self.roles.index(self.cell.source[0])
         if isinstance(node, GoalNode):
             for source in self.barrier.progress:
@@ -131,7 +131,7 @@ class BarrierRunner:
                 self.barrier.await_report(source, number)
 
     def _find_waiting(self) -> str:
-        """Which of the instances that may wait for a stream does in this tick: all of them step before the gate."""
+        """The first active instance that waits for a stream in this tick, and for which; all step before the gate."""
         found = [
             self.barrier.await_report(one, self._number).waiting for one in self._may_wait if self.cell.in_charge(one)
         ]

@@ -1,4 +1,4 @@
-"""One node of a live robot in its process: the instance, its mailbox, and all its streams in and out."""
+"""One node of a live robot in its process: the instance, its mailbox, and its input and output streams."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Feed:
 
     Attributes:
         wire: The input.
-        inlet: Where its messages wait.
+        inlet: Queue of its messages.
         slot: The node's own copy of the port.
-        source: Who publishes it.
+        source: Role and instance that publish it.
     """
 
     wire: Wire
@@ -37,20 +37,20 @@ class Feed:
 
 
 class Cell:
-    """A node with everything it needs to be stepped by a thread of its own.
+    """A node with everything that its own thread needs to step it.
 
     Attributes:
-        stepper: Its wires lead to slots of its own, filled from the feeds.
+        stepper: Its wires read the cell's own slots, which the feeds fill.
         mailbox: Woken by every feed.
-        feeds: Its inputs, of all instances of each role it reads.
-        reports: Step reports by source.
-        faults: Step reports that say of faults, by source, where the node acts on them.
-        platform: The platform's odometry, where the node acts on the platform's beginning anew.
-        outlets: By port; that of the step reports is under "step".
-        fault: Where this node's reports of faults leave; None under a barrier, where everybody hears all reports.
-        epoch: Of the selection in force.
+        feeds: Its inputs, from all instances of each role it reads.
+        reports: Step reports, by source.
+        faults: Step reports of faults, by source, if the node acts on them.
+        platform: The platform's odometry, if the node acts on a restart of the platform.
+        outlets: By port; the outlet of the step reports is "step".
+        fault: Outlet of this node's fault reports; None under a barrier, where every node reads all reports.
+        epoch: Epoch of the current selection.
         chosen: Active instance, by role.
-        versions: Changes of its parameters so far.
+        versions: Number of parameter changes so far.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Cell:
 
     @property
     def node(self) -> Node:
-        """What is stepped."""
+        """The node."""
         return self.stepper.node
 
     def select(self, selection: Selection) -> None:
@@ -91,7 +91,7 @@ class Cell:
         self.recall(selection.chosen, selection.epoch)
 
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
-        """Read these instances, under this epoch."""
+        """Read these active instances, under this epoch."""
         self.epoch = epoch
         self.chosen |= chosen
         self.stepper.active = self.in_charge(self.source)
@@ -100,33 +100,33 @@ class Cell:
                 feed.wire.lead_to(feed.slot)
 
     def in_charge(self, source: Source) -> bool:
-        """An instance is the one of its role that is read."""
+        """Whether an instance is active."""
         role, name = source
         return self.chosen.get(role, name) == name
 
     def read_marks(self, number: int, since: int) -> tuple[InputRead, ...]:
-        """Sequence numbers of what a step in this tick reads."""
+        """Sequence numbers of the messages that a step in this tick reads."""
         return tuple(InputRead(name, numbers) for name, numbers in self.stepper.read_marks(number, since))
 
     def publish(self, outputs: Outputs, made: Tick, cause_ns: int) -> None:
-        """Send what a step gave."""
+        """Send a step's outputs."""
         _send(self._hand_on(outputs, made, cause_ns))
 
     def report(
         self, tick: Tick, trigger: str = "", read: tuple[InputRead, ...] = (), spent_ns: int = 0, fault: str = ""
     ) -> None:
-        """Say that this tick is done, and what came of it; a silent one has no trigger."""
+        """Report that this tick is done; `trigger` is empty if the node did not step."""
         _send([self._hand_on_report(tick, trigger, read, spent_ns, fault)])
 
     @property
     def is_followed(self) -> bool:
-        """Somebody hears its step reports."""
+        """Whether any node or tool reads its step reports."""
         return self.outlets[STEP].is_heard
 
     def tell(
         self, outputs: Outputs, tick: Tick, cause_ns: int, trigger: str, read: tuple[InputRead, ...] | None, fault: str
     ) -> None:
-        """Send what the last step gave, and its report behind it, in one go. Nobody hears the report without `read`."""
+        """Send a step's outputs and then its report, together. `read` is None if no one reads the report."""
         burst = self._hand_on(outputs, tick, cause_ns)
         is_news = self.fault is not None and (bool(fault) or self._was_faulty)
         if read is None and not is_news:
@@ -161,8 +161,8 @@ class Cell:
 def _send(burst: list[tuple[Outlet, Dated]]) -> None:
     """Send messages that were handed on.
 
-    Neighbours in this process are woken when all is there for them, and before anything is encoded for others: one of
-    them is the next link of the chain from a stamp to the wheels.
+    Readers in this process are woken once all messages are queued, and before any is encoded for other processes: one
+    of them is the next node in the chain from sensor to wheels.
     """
     for outlet, _ in burst:
         outlet.wake()

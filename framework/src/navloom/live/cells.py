@@ -1,4 +1,4 @@
-"""From a built system to the cells of one process."""
+"""Builds the cells of one process from a system."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ SELECTION = Input("gate.selection", GatePorts.selection, delayed=True)
 
 @dataclass(eq=False)
 class Hosted:
-    """A cell with what every node hears beside its own inputs: the operator's requests and the gate's selection.
+    """A cell, and two feeds for every node in addition to its inputs: operators' requests and the gate's selection.
 
     Attributes:
-        awaited: Instances whose step of a tick is worth waiting for a moment before the node's own step of it.
+        awaited: Instances for whose step of a tick the node briefly waits before its own step of that tick.
     """
 
     cell: Cell
@@ -39,7 +39,7 @@ class Hosted:
 
 
 def all_sources(system: System) -> list[Source]:
-    """Every instance of the robot in the order of the graph, of a role the active one first; the operator's too."""
+    """Every instance of the robot, operator included, in the order of the graph; of a role the active one first."""
     found: list[Source] = []
     for spec in system.specs:
         names = [name for role, name in system.parts if role == spec.role] or ["main"]
@@ -48,7 +48,7 @@ def all_sources(system: System) -> list[Source]:
 
 
 def make_cell(system: System, source: Source, node: Node, board: Switchboard, mailbox: Mailbox | None = None) -> Hosted:
-    """One node of this process with its feeds, not connected yet."""
+    """One node of this process with its feeds. Its streams are not connected yet."""
     mailbox = mailbox or Mailbox()
     sources = all_sources(system)
     stepper = make_stepper(system, *source, node)
@@ -78,7 +78,7 @@ def make_cell(system: System, source: Source, node: Node, board: Switchboard, ma
 
 
 def awaited(catalogue: Catalogue, source: Source, feeds: Sequence[Feed]) -> set[Source]:
-    """Instances whose step of a tick is worth waiting for a moment before a node's own step of it."""
+    """Instances for whose step of a tick a node briefly waits before its own step of that tick."""
     return {
         feed.source
         for feed in feeds
@@ -94,7 +94,7 @@ def _reporting(
     board: Switchboard,
     waits_for: set[Source],
 ) -> Iterable[Source]:
-    """Instances whose step reports a node hears: none that it has no use for."""
+    """Instances whose step reports a node needs."""
     if board.lossless:
         return sources
     roles = [role for role, _ in sources]
@@ -106,12 +106,12 @@ def _reporting(
 
 
 def _answers(system: System, feed: Feed) -> bool:
-    """A message comes by this feed in every step of its instance, and tells as much as the report of the step."""
+    """Whether this feed brings a message in every step of its instance, which makes the step's report unnecessary."""
     return feed.wire.input.port in system.catalogue.answer_ports(feed.source[0])
 
 
 def _feeds(system: System, given: Input, sources: Sequence[Source], board: Switchboard, mailbox: Mailbox) -> list[Feed]:
-    """A feed of each instance into one input; the wire leads to the first, which is active."""
+    """One feed for each instance that may provide an input; the wire is connected to the first, which is active."""
     limit = MANY if given.reading in ("new", "track") else FEW
     feeds: list[Feed] = []
     wire: Wire | None = None

@@ -1,4 +1,4 @@
-"""Conducts a run under the barrier from outside the nodes: it lets ticks begin, and collects what they came to."""
+"""Conducts a run under the barrier from outside the nodes: it starts ticks and collects their messages."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from navloom.transport.keyspace import STEP
 __all__ = ["BarrierError", "Conductor"]
 
 STALL = 30.0
-"""s without any progress after which the run has failed."""
+"""Time without any progress after which the run has failed, s."""
 
 
 class BarrierError(NavloomError, RuntimeError):
-    """A node did not report a tick, so the run ends; the text names it."""
+    """A node did not report a tick, so the run ends. The text names the node."""
 
     exit_code = 1
 
 
 class Conductor:
-    """The operator's node of a run under the barrier, and the keeper of its trace.
+    """The operator node of a run under the barrier, which also writes the run's trace.
 
     Args:
-        system: The robot; no plugin of it is made here.
+        system: The robot; its plugins are not made here.
         board: Streams of this process.
         requests: Operators' requests by tick.
-        observers: Who looks on; they are shown the messages of the active ones, in the order of lockstep.
-        trace: Where their messages go.
-        check: Called while waiting; raises what should end the run.
+        observers: Receive the messages of the active instances, in the order of lockstep.
+        trace: Receives the same messages.
+        check: Called while waiting; raises an exception to end the run.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Conductor:
         self._tick = 0
 
     def run(self, ticks: int, progress: Callable[[int], None] | None = None) -> RunLog:
-        """Until the last goal has ended, but no more than this many ticks.
+        """Run until the last goal has ended, but at most this many ticks.
 
         Raises:
             BarrierError: A node that should have reported did not.
@@ -102,7 +102,7 @@ class Conductor:
         return self.log
 
     def _let_begin(self, number: int) -> None:
-        """What operators ask for in a tick, and leave to step it."""
+        """Publish a tick's operator requests, and allow the nodes to step it."""
         time_ns = round(number * self.system.config.run.period * 1e9)
         for request in self.requests.get(number, ()):
             self._requests.publish(request, number, time_ns, time_ns, 0)
@@ -111,7 +111,7 @@ class Conductor:
         self._steps.publish(report, number, time_ns, time_ns, 0)
 
     def _collect(self, number: int) -> None:
-        """Wait for everyone's report of a tick, and take in what they published."""
+        """Wait for every active instance's report of a tick, and take the messages that it published."""
         if self._selection is not None and number >= self._selection.from_tick:
             self._chosen |= self._selection.chosen
             self.log.swaps = self._selection.epoch

@@ -1,4 +1,4 @@
-"""A node on the wall clock: it steps when its trigger comes, on what is there; nothing can make it wait for long."""
+"""A node on the wall clock: it steps when its trigger arrives, on the inputs at hand; it never waits for long."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from navloom.messages import Envelope, InputRead, Selection, StepReport
 __all__ = ["Change", "LiveRunner"]
 
 IDLE = 0.5
-"""s between two looks where nothing comes in."""
+"""Longest wait while no message arrives, s."""
 WAITING = 0.25
-"""s between two reports of a node that waits for the first message of an input."""
+"""Interval of the reports of a node that waits for the first message of an input, s."""
 BACKWARDS = 200
-"""Ticks a message may be older than the one before it to be passed over; beyond that the clock began anew."""
+"""Largest step back, in ticks, of a message that is merely late; a larger one means that the run clock restarted."""
 
 Change = Callable[[], None]
 
 
 class LiveRunner:
-    """Steps one cell as its inputs come in.
+    """Steps one cell as its inputs arrive.
 
     Args:
-        hosted: The node and what it hears beside its inputs.
-        clock: The run clock, as this process knows it.
-        period: s.
+        hosted: The node with its feeds.
+        clock: The run clock as this process knows it.
+        period: Length of a tick, s.
         ends: Whether the process is ending.
     """
 
@@ -61,11 +61,11 @@ class LiveRunner:
             inlet.rings = inlet in self._ringing
 
     def rings(self, feed: Feed) -> bool:
-        """What comes by this feed wakes the node: what it steps for. All else waits until then."""
+        """Whether messages of this feed wake the node: only those that make it step. All others wait until then."""
         return feed.wire is self._pace if self.stepper.spec.ticks else feed.wire.input.triggers
 
     def change(self, change: Change) -> None:
-        """Have something done between two steps, by the node's own thread."""
+        """Schedule a call between two steps, on the node's own thread."""
         self._changes.append(change)
         self.cell.mailbox.ring()
 
@@ -77,11 +77,11 @@ class LiveRunner:
             self.act()
 
     def wait_time(self) -> float:
-        """s to wait for news at most."""
+        """Longest wait for a message, s."""
         return min(self._patience, IDLE) if self._waits_since[0] >= 0 else IDLE
 
     def act(self) -> None:
-        """Step if there is something to step for."""
+        """Step if a step is due."""
         found = self._due()
         if found is None:
             return
@@ -93,7 +93,7 @@ class LiveRunner:
     # --- taking in --------------------------------------------------------------------------------------------------
 
     def take_in(self) -> None:
-        """Empty the mailbox into the node's slots, and do what is to be done between two steps."""
+        """Move messages from the inlets into the node's slots, follow the selection, and run scheduled calls."""
         for feed in self._all_feeds:
             if feed.inlet.has_news:
                 self._fill(feed)
@@ -108,13 +108,13 @@ class LiveRunner:
             self._changes.popleft()()
 
     def hear(self, source: Source) -> None:
-        """Take in what an instance has reported."""
+        """Take an instance's step reports."""
         for message, envelope in self.cell.reports[source].take():
             if isinstance(message, StepReport):
                 self._hear(source, message, envelope)
 
     def recall(self, chosen: Mapping[str, str], epoch: int) -> None:
-        """Read these instances from now on; one that is itself active steps, woken in this life or in one before."""
+        """Read these active instances from now on; enable this node if it is one of them."""
         self.cell.recall(chosen, epoch)
         self.stepper.enabled = self.stepper.enabled or self.stepper.active
 
@@ -128,7 +128,7 @@ class LiveRunner:
             held = slot.envelope
             if held is not None and envelope.tick <= slot.tick:
                 is_known = envelope.tick == slot.tick and envelope.sequence == held.sequence
-                # That the clock began anew the platform tells alone: an old message of another is only old.
+                # Only the platform can show that the clock restarted: an old message of another node is only old.
                 is_near = is_clock or self.clock.tick < envelope.tick + BACKWARDS
                 is_anew = envelope.tick <= slot.tick - BACKWARDS and is_near
                 if is_known or (envelope.tick < slot.tick and not is_anew):
@@ -141,14 +141,14 @@ class LiveRunner:
                 self.clock.observe(envelope.stamp_ns, feed.inlet.arrived_ns, envelope.tick)
 
     def begin_anew(self, tick: int) -> None:
-        """The run clock began anew, and is at this tick: what the old one left is as far ahead as it had run."""
+        """Handle a restart of the run clock, now at this tick: state of the old clock would lie in the future."""
         stepper, limit = self.stepper, tick + BACKWARDS
         if stepper.stepped >= limit:
             stepper.stepped = -1
         self.done = {source: done for source, done in self.done.items() if done < limit}
         self._waits_since = (-1, 0.0)
         for feed in self.cell.feeds:
-            if feed.slot.tick >= limit:  # what it holds stays, and is no news
+            if feed.slot.tick >= limit:  # the message stays, but no longer counts as new
                 feed.slot.tick, feed.slot.older = -1, (None, 0, -1)
         for wire in stepper.wires:
             if wire.queue is not None:
@@ -159,7 +159,7 @@ class LiveRunner:
     # --- when to step -----------------------------------------------------------------------------------------------
 
     def _due(self) -> tuple[str, int] | None:
-        """Trigger and tick of a step that should be made now."""
+        """Trigger and tick of a step that is due; None for none."""
         stepper = self.stepper
         if not stepper.enabled:
             return None
@@ -178,7 +178,7 @@ class LiveRunner:
         return None
 
     def _say_waiting(self) -> None:
-        """Report now and then which streams are waited for."""
+        """Report, at intervals, which streams the node waits for."""
         now = time.monotonic()
         if now - self._said_waiting > WAITING and self.clock.is_known:
             self._said_waiting = now
@@ -186,7 +186,7 @@ class LiveRunner:
             self.cell.report(Tick(max(0, self.clock.tick), time_ns * 1e-9, time_ns, self.cell.epoch))
 
     def _awaits_siblings(self, number: int) -> bool:
-        """Give what belongs to the same tick a moment to come in; what comes after it is not waited for meanwhile."""
+        """Whether to wait a moment for other inputs of the same tick; later ticks do not extend the wait."""
         wanted = number if self._waits_since[0] < 0 else min(number, self._waits_since[0])
         late = [
             source for source in self._siblings if self.cell.in_charge(source) and not self._is_done(source, wanted)
@@ -208,12 +208,12 @@ class LiveRunner:
         return False
 
     def _words(self, source: Source) -> list[Inlet]:
-        """By what an instance says that it is done with a tick."""
+        """Inlets that show that an instance has finished a tick."""
         report = self.cell.reports.get(source)
         return [report] if report is not None else [feed.inlet for feed in self._parts[source]]
 
     def _is_done(self, source: Source, number: int) -> bool:
-        """All that an instance gives in a tick is here: a message of each of its ports that is read, or its word."""
+        """Whether an instance's outputs of a tick are here: a message on each port that is read, or its report."""
         if all(feed.slot.tick >= number for feed in self._parts[source]):
             return True
         if source in self.cell.reports:
@@ -223,7 +223,7 @@ class LiveRunner:
     # --- stepping ---------------------------------------------------------------------------------------------------
 
     def step(self, trigger: str, number: int) -> None:
-        """One step: what it gives is published, what it raises is reported, and the next tick is tried anew."""
+        """One step: publish its outputs, and report a fault; a failed node is stepped again in the next tick."""
         stepper = self.stepper
         time_ns = self._time_of(number)
         tick = Tick(number, time_ns * 1e-9, time_ns, self.cell.epoch)
@@ -231,7 +231,7 @@ class LiveRunner:
         self.step_once(tick, trigger, number - stepper.stride - missed)
 
     def step_once(self, tick: Tick, trigger: str, since: int) -> None:
-        """Make a step and publish what comes of it; of news, it is given what came after the tick `since`."""
+        """Step and publish the outputs; queues give the messages after tick `since`."""
         read = self.cell.read_marks(tick.number, since) if self.cell.is_followed else None
         outputs = self.stepper.step(tick, since)
         self.times.note(tick.number, self.stepper.spent_ns)
@@ -239,20 +239,20 @@ class LiveRunner:
         self.tell(outputs, tick, trigger, read)
 
     def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
-        """Send what a step gave, and its report, which nobody hears where it is not said what was read."""
+        """Send a step's outputs and its report; `read` is None if no one reads the report."""
         self.cell.tell(outputs, tick, self.cause_of(tick), trigger, read, self.fault)
 
     def cause_of(self, tick: Tick) -> int:
-        """Platform stamp that what a step gives derives from."""
+        """Platform stamp that a step's outputs derive from."""
         return self.stepper.cause_of(tick.time_ns)
 
     def note(self) -> None:
-        """Keep what the last step took and raised."""
+        """Record the fault of the last step."""
         self.fault = self.stepper.fault
         self.faulted = self.faulted + 1 if self.fault else 0
 
     def _time_of(self, number: int) -> int:
-        """Run clock of a tick, ns: that of the message which brought it."""
+        """Run clock of a tick, ns: the stamp of an input message of that tick."""
         for wire in self.stepper.wires:
             envelope = wire.slot.envelope
             if envelope is not None and envelope.tick == number:

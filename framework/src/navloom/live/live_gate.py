@@ -1,4 +1,4 @@
-"""The command gate live: it decides once a platform tick, and looks whenever something may have gone stale since."""
+"""The gate node live: it decides once per platform tick, and checks in between when an input may have gone stale."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from navloom.navigation.gate import ENDING
 __all__ = ["BETWEEN", "CHECK", "LiveGate", "held_rate", "hold"]
 
 CHECK = 0.05
-"""s between two looks, at most."""
+"""Longest time between two checks, s."""
 AFTER = 0.0002
-"""s after which something has gone stale that it is looked at: not a moment before."""
+"""Delay of the check after an input has gone stale, s, so that the check is not too early."""
 BETWEEN = "check"
-"""Trigger of a step record of a stop between two ticks."""
+"""Trigger in the step record of a stop between two ticks."""
 LEAD = 2
-"""Ticks a selection is announced ahead, so that every host knows it when it begins to hold."""
+"""Ticks by which a selection is announced in advance, so that every host knows it when it begins to apply."""
 HOLD, HOLD_MOST, HOLD_LEAST = 0.4, 0.8, 0.008
-"""Share of the period that a tick's commands may take to come in; of a short period more, so that they have 8 ms."""
+"""Wait for a tick's commands: share of the period; largest share, of short periods; shortest wait, s."""
 CHAINS = 1000
-"""Ticks whose commands' times are kept."""
+"""Number of ticks for which `chains_s` is kept."""
 CHAIN = ("controller", "avoider")
-"""Whose commands belong to each tick of a robot that follows a trajectory."""
+"""Roles whose commands belong to each tick of a robot that follows a trajectory."""
 GOAL_SILENCE = 0.5
-"""s the goal may not step before what it authorised ends."""
+"""Longest time without a step of the goal node before its authorisation ends, s."""
 
 
 def hold(period: float) -> float:
-    """s after a platform stamp that the gate waits for the commands of its tick.
+    """How long after a platform stamp the gate waits for the commands of its tick, s.
 
-    Longer would cost a robot with ticks of 50 ms its way past one late command: decided on late as well, the command of
-    the tick before would go stale.
+    With a longer wait, a robot with ticks of 50 ms would stop for one late command: by the late decision the command
+    of the previous tick would be stale.
     """
     return min(HOLD_MOST * period, max(HOLD * period, HOLD_LEAST))
 
 
 def held_rate(seconds: float) -> float:
-    """Ticks per s, at most, whose commands are waited for where they take s to come in: the inverse of `hold`."""
+    """Largest tick rate, Hz, at which commands that take `seconds` are waited for: the inverse of `hold`."""
     return (HOLD_MOST if seconds <= HOLD_LEAST else HOLD) / seconds
 
 
@@ -56,12 +56,12 @@ class LiveGate(LiveRunner):
 
     Args:
         hosted, clock, period, ends: See `LiveRunner`.
-        deadline: s without a platform stamp after which it is silent.
-        is_alive: Whether an instance's liveliness token is there.
+        deadline: Time without a platform stamp after which the platform is silent, s.
+        is_alive: Whether an instance has a liveliness token.
         system: The robot.
 
-    Attributes:
-        chains_s: From a platform stamp until every command of its tick was here, s, newest last; in time or not.
+        Attributes:
+            chains_s: Time from a platform stamp until all commands of its tick had arrived, even late, s; newest last.
     """
 
     def __init__(
@@ -92,37 +92,37 @@ class LiveGate(LiveRunner):
         self._chain: tuple[int, int] | None = None
 
     def run(self) -> None:
-        """Until the process ends; then the robot is told to stand."""
+        """Run until the process ends, and then publish a last stop."""
         super().run()
         tick = self._tick(self.clock.tick)
         outputs = self.stepper.run(tick, lambda tick: self.gate.stop(ENDING, tick.time_ns))
         self.cell.publish(outputs, tick, self.cause_of(tick))
 
     def begin_anew(self, tick: int) -> None:
-        """Selections hold at once by the new clock."""
+        """As in `LiveRunner`; the current selection applies at once by the new clock."""
         super().begin_anew(tick)
         self._chain = None
         self.gate.begin_anew()
 
     def rings(self, feed: Feed) -> bool:
-        """What the goal says, and an attempt of a recovery; of ticks and their commands see `_await_tick`."""
+        """Messages of the goal and the recovery's command; for ticks and their commands see `_await_tick`."""
         return feed.wire.input.name in ("drive", "recovering", "recovery")
 
     def wait_time(self) -> float:
-        """s to wait for news at most: until something that was fresh at the last look may have gone stale."""
+        """Longest wait for a message, s: until an input that was fresh at the last check may have gone stale."""
         if not self.clock.is_known:
             return CHECK
         coming = [limit_ns for limit_ns in self._limits_ns() if limit_ns >= self._looked_ns]
         return min(CHECK, max(0.0, (min(coming, default=2**62) - self.clock.now_ns()) * 1e-9 + AFTER))
 
     def _limits_ns(self) -> Iterator[int]:
-        """Run clock up to which each of what is here counts, ns. What the goal says is good for longer than CHECK."""
+        """Run clock up to which each input stays fresh, ns. The goal's messages stay fresh for longer than CHECK."""
         stamp_ns, limits, gate = self.clock.stamp_ns, self.gate.gate.limits, self.gate
         held_ns = round(hold(self.period) * 1e9)
         yield stamp_ns + round(self.deadline * 1e9)
         if self.clock.tick > self.stepper.stepped:
             yield stamp_ns + held_ns
-        yield stamp_ns + round(self.period * 1e9) + held_ns  # of the next tick, which may not wake it
+        yield stamp_ns + round(self.period * 1e9) + held_ns  # the next tick, whose stamp may not wake the gate
         for offer in (gate.operator, gate.recovery, gate.controller, gate.avoider):
             if offer.when is not None:
                 yield offer.when[2] + limits.stop_deadline_ns
@@ -131,7 +131,7 @@ class LiveGate(LiveRunner):
                 yield scan.when[1] + limits.sensor_timeout_ns
 
     def act(self) -> None:
-        """Decide where a tick is complete or has waited long enough; in between, stop where something is wrong."""
+        """Decide when a tick is complete or has waited long enough; in between, stop if something is wrong."""
         clock, stepper = self.clock, self.stepper
         if not clock.is_known:
             self._await_tick()
@@ -140,7 +140,7 @@ class LiveGate(LiveRunner):
         self.gate.is_silent = clock.silence_s() > self.deadline
         self.gate.gone = self._gone()
         for source in [source for source in self.cell.reports if not self.is_alive(source)]:
-            self.cell.reports[source].clear()  # what takes its place has to warm up anew
+            self.cell.reports[source].clear()  # its successor has to warm up again
             self._marks.pop(source, None)
         number = clock.tick
         self._time_chain(number)
@@ -151,7 +151,7 @@ class LiveGate(LiveRunner):
         self._await_tick()
 
     def _look(self, number: int) -> None:
-        """Stop between two ticks where something is wrong by now."""
+        """Check between two ticks, and stop if something is wrong."""
         tick, stepper = self._tick(number), self.stepper
         stepper.prepare(number + 1, number)
         outputs = stepper.run(tick, self.gate.check)
@@ -172,7 +172,7 @@ class LiveGate(LiveRunner):
         self.step_once(self._tick(number), trigger, number - 1)
 
     def cause_of(self, tick: Tick) -> int:
-        """Platform stamp that what was decided derives from."""
+        """Platform stamp that the decision derives from."""
         return self.gate.cause_ns
 
     def _tick(self, number: int) -> Tick:
@@ -180,18 +180,18 @@ class LiveGate(LiveRunner):
         return Tick(max(0, number), time_ns * 1e-9, time_ns, self.cell.epoch)
 
     def _is_complete(self, number: int) -> bool:
-        """Every command that this tick can bring is here."""
+        """Whether every command expected for this tick has arrived."""
         recovering = self._feeds["recovering"].wire.slot.message
         if recovering is not None and getattr(recovering, "active", False):
             return self._feeds["recovery"].wire.slot.tick >= number
         return not self._follows() or all(self._feeds[role].wire.slot.tick >= number for role in CHAIN)
 
     def _follows(self) -> bool:
-        """A trajectory is to be followed."""
+        """Whether the goal authorises following a trajectory."""
         return bool(getattr(self._feeds["drive"].wire.slot.message, "path_id", 0))
 
     def _time_chain(self, number: int) -> None:
-        """Note how long the commands of a tick took; of one that is not complete when the next begins as well."""
+        """Record how long the commands of a tick took, also if the next tick begins before they are complete."""
         if self._chain is None and number > self.stepper.stepped and self._follows():
             self._chain = number, self.clock.stamp_ns
         if self._chain is not None and self._is_complete(self._chain[0]):
@@ -200,9 +200,9 @@ class LiveGate(LiveRunner):
             self._chain = None
 
     def _await_tick(self) -> None:
-        """Have the last thing that the next decision lacks wake the gate: what comes before it waits for that.
+        """Let only the last input that the next decision lacks wake the gate; earlier ones wait for it.
 
-        Of a robot that follows a trajectory that is a command, which comes some ms after the tick it is for.
+        For a robot that follows a trajectory this is a command, which arrives some ms after the stamp of its tick.
         """
         number = self.stepper.stepped + 1 if self._chain is None else self._chain[0]
         missing = [role for role in CHAIN if self._feeds[role].wire.slot.tick < number] if self._follows() else []
@@ -214,7 +214,7 @@ class LiveGate(LiveRunner):
                 feed.inlet.rings = False
 
     def _find_waiting(self) -> str:
-        """Which active instance waits for a stream, as far as its reports say."""
+        """The first active instance whose reports say that it waits for a stream, and for which; empty for none."""
         for source in self._may_wait:
             self.hear(source)
         found = [self._waiting.get(source, "") for source in self._may_wait if self.cell.in_charge(source)]

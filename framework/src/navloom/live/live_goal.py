@@ -1,4 +1,4 @@
-"""The goal live: it goes on when nothing comes in, so that a robot whose parts are gone does not keep its goal."""
+"""The goal node live: it also steps without new poses, so that a goal ends even if other nodes are gone."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from navloom.messages import Envelope, OperatorRequest, StepReport
 __all__ = ["LiveGoal", "began_anew"]
 
 CHECK = 0.05
-"""s between two looks, at least, while no pose comes."""
+"""Shortest wait between two checks while no pose arrives, s."""
 WITHOUT_POSE = 0.2
-"""s without a pose after which the goal steps by itself."""
+"""Time without a pose after which the goal steps without one, s."""
 PLATFORM_SILENCE = 1.0
-"""s without the platform after which a goal waits for it."""
+"""Silence of the platform after which a goal pauses, s."""
 BROKEN = 20
-"""Steps in a row that a plugin may fail in before its goal has failed."""
+"""Number of consecutive failed steps of a plugin after which the goal ends with an error."""
 
 
 def began_anew(last: Envelope, at: Envelope) -> bool:
-    """Whether a publisher's message comes from another life than the last one, not from before it by a slower way."""
+    """Whether a publisher restarted between the last message and this one; a late message is not a restart."""
     was_overtaken = last.tick - BACKWARDS < at.tick <= last.tick
     return at.sequence < last.sequence and not was_overtaken
 
 
 class LiveGoal(LiveRunner):
-    """Steps the goal's node."""
+    """Steps the goal node."""
 
     def __init__(self, hosted: Hosted, clock: RunClock, period: float, ends: Callable[[], bool]) -> None:
         super().__init__(hosted, clock, period, ends)
@@ -44,20 +44,20 @@ class LiveGoal(LiveRunner):
         self._began_anew = self._is_asked = False
 
     def wait_time(self) -> float:
-        """s to wait for news at most."""
+        """Longest wait for a message, s."""
         left = WITHOUT_POSE + self._stepped_at - time.monotonic()
         return min(super().wait_time(), max(CHECK, left))
 
     def act(self) -> None:
-        """Step with each pose, and without one when it does not come, or where something was asked for."""
+        """Step with each pose; also without one after a request or when poses stay away."""
         super().act()
         silence = time.monotonic() - self._stepped_at
         if (self._is_asked or silence > WITHOUT_POSE) and self.clock.is_known:
-            # Never ahead of the platform for long: the poses of ticks that have been stepped are passed over.
+            # Ticks advance by elapsed time, not ahead of the platform: poses of ticks already stepped are skipped.
             self.step("tick", self.stepper.stepped + max(1, int(silence / self.period)))
 
     def step(self, trigger: str, number: int) -> None:
-        """One step of the goal's state machine, which is told what the process knows to be broken."""
+        """One step of the goal's state machine, with the faults and silences that this process knows of."""
         for _, envelope in self.cell.platform.take() if self.cell.platform is not None else ():
             self._follow_platform(envelope)
         for source, inlet in self.cell.faults.items():
@@ -83,7 +83,7 @@ class LiveGoal(LiveRunner):
             self._platform_said = at
 
     def _blame(self, source: Source, report: StepReport, at: Envelope) -> None:
-        """Count a node's faults in a row; a process that began anew counts from its first."""
+        """Count a node's consecutive faults; the count restarts with its process."""
         before = self.faults.get(source, (0, ""))[0] if at.sequence > 1 else 0
         if report.fault:
             self.faults[source] = (before + 1, report.fault)
@@ -96,6 +96,6 @@ class LiveGoal(LiveRunner):
             return "the platform began anew, and where the robot is now is not known"
         for (role, name), (times, text) in self.faults.items():
             if times >= BROKEN and self.cell.in_charge((role, name)) and role not in self.goal.optional:
-                del self.faults[role, name]  # the next goal has another try
+                del self.faults[role, name]  # the next goal tries again
                 return f"{role} {name} failed {times} times in a row: {text}"
         return ""

@@ -1,4 +1,4 @@
-"""The platform live: the source of the run clock, and the last to stop the wheels where the gate falls silent."""
+"""The platform node live: the source of the run clock; it stops the wheels if the gate falls silent."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from navloom.messages import Command, InputRead, Twist2D
 __all__ = ["LivePlatform"]
 
 CHECK = 0.01
-"""s between two tries to begin, or to tell the wheels what they did not take."""
+"""Interval between two attempts to begin, or to repeat a command that the wheels refused, s."""
 AFTER = 0.0002
-"""s after which a command has gone stale that it is looked at: not a moment before."""
+"""Delay of the check after a command has gone stale, s, so that the check is not too early."""
 STILL = Twist2D(0.0, 0.0, 0.0)
 UNTOLD = 1.0
-"""s that the wheels may not be told anything: then the process is given up, and another opens them anew."""
+"""How long commands to the wheels may fail before the process ends, s; its successor opens the driver again."""
 
 
 class LivePlatform(LiveRunner):
-    """Ticks by the wall clock and hands commands to the platform as they come.
+    """Ticks by the wall clock, and passes commands to the platform as they arrive.
 
     Args:
         hosted, clock, period, ends: See `LiveRunner`.
-        deadline: s after which a command has gone stale.
-        start_ns: This host's monotonic clock at run clock 0.
-        may_begin: Asked before the first tick.
+        deadline: Age at which a command is stale, s.
+        start_ns: This host's monotonic clock at run clock 0, ns.
+        may_begin: Whether the first tick may begin.
 
     Attributes:
-        ticks, late: Ticks begun, and those begun more than half a period late or passed over.
+        ticks, late: Number of ticks, and of those that began more than half a period late or were skipped.
         driven, own: Ticks in which the wheels turned, and those of them whose own command came before the next tick.
-        stops: How often the wheels were stopped here because no fresh command was there.
+        stops: How often the wheels were stopped here for lack of a fresh command.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class LivePlatform(LiveRunner):
         self._next = -1
 
     def run(self) -> None:
-        """Until the process ends; then the wheels stand, and the platform gives up its ports."""
+        """Run until the process ends; then stop the wheels and close the platform."""
         while not self._may_begin() and not self.ends():
             time.sleep(CHECK)
         self._next = max(0, -(-self._now_ns() // self.period_ns))
@@ -78,7 +78,7 @@ class LivePlatform(LiveRunner):
             self.platform.close()
 
     def wait_time(self) -> float:
-        """s to the next tick, or until the gate's command goes stale."""
+        """Time to the next tick, or until the gate's command goes stale, s."""
         now_ns = self._now_ns()
         left = (self._next * self.period_ns - now_ns) * 1e-9
         if self._twist != STILL:
@@ -88,14 +88,14 @@ class LivePlatform(LiveRunner):
         return min(IDLE, max(0.0, left))
 
     def rings(self, feed: Feed) -> bool:
-        """The gate's command is handed on as it comes."""
+        """The gate's command wakes the node, so that it is passed on at once."""
         return feed.wire.input.name == "command"
 
     def act(self) -> None:
-        """Hand on what the gate said; stop where that has gone stale; tick where it is time.
+        """Pass on the gate's command; stop if it has gone stale; tick if a tick is due.
 
         Raises:
-            RuntimeError: The wheels cannot be told anything any more.
+            RuntimeError: Commands to the wheels have failed for too long.
         """
         self._follow_gate()
         if self._untold_since is not None and time.monotonic() - self._untold_since > UNTOLD:
@@ -127,7 +127,7 @@ class LivePlatform(LiveRunner):
             self._drive(wanted)
 
     def _drive(self, twist: Twist2D) -> None:
-        """Tell the wheels; where that fails it is tried again at the next look, and the tick's report says so."""
+        """Send a command to the wheels. A failure is retried, and reported with the tick."""
         self._twist = twist
         try:
             self.platform.drive(twist, max(0, self._now_ns()))
@@ -143,19 +143,19 @@ class LivePlatform(LiveRunner):
         self.step_once(tick, "tick", number - 1)
 
     def note(self) -> None:
-        """Keep what the last step took and raised, and what the wheels refused since the one before."""
+        """Record the fault of the last step, or of a command to the wheels since the previous step."""
         super().note()
         if self._refusal:
             self.fault = self.fault or self._refusal
             self.faulted, self._refusal = max(1, self.faulted), ""
 
     def tell(self, outputs: Outputs, tick: Tick, trigger: str, read: tuple[InputRead, ...] | None) -> None:
-        """What triggers the others goes out when all that belongs to it is on its way."""
+        """Send the odometry last: it triggers other nodes, and the tick's other messages must be on their way then."""
         self.clock.observe(tick.time_ns, time.monotonic_ns(), tick.number)
         super().tell(sorted(outputs, key=lambda made: made[0].name == "odometry"), tick, trigger, read)
 
     def cause_of(self, tick: Tick) -> int:
-        """Its own stamp."""
+        """The platform's own stamp."""
         return tick.time_ns
 
     def _now_ns(self) -> int:

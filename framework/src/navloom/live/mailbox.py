@@ -1,4 +1,4 @@
-"""Where messages wait for a node: one bounded queue a stream, filled by anyone, emptied by the node's own thread."""
+"""Message queues of a node: one bounded queue per stream, filled by any thread, emptied by the node's own thread."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AGES = 256
 
 
 class Misrouted(CodecError):
-    """A message that the network delivered to another stream than its own.
+    """A message that arrived on another stream than its own.
 
     Attributes:
         origin: Key of its own stream.
@@ -30,14 +30,14 @@ class Misrouted(CodecError):
 
 
 class Packet:
-    """Bytes off the wire, decoded once for all its readers in a process, by the first that looks.
+    """Bytes from the network, decoded once for all readers in a process, by the first reader.
 
     Args:
-        data, label: As they came.
-        key: Stream they came by, which their envelope must name; None where that does not matter.
-        kind: What the stream carries; None for any message.
-        asked_ns: This host's monotonic clock when it was asked for; 0 where it came by itself.
-        opens: How it is decoded, as by an `Opener` for tools.
+        data, label: Bytes and encoding label as received.
+        key: Stream on which they arrived and which the envelope must name; None for no check.
+        kind: Message class of the stream; None for any.
+        asked_ns: This host's monotonic clock at the query that it answers; 0 if it was published.
+        opens: Decoder; tools pass that of an `Opener`.
     """
 
     __slots__ = ("_key", "_kind", "_opened", "_opens", "arrived_ns", "asked_ns", "data", "label")
@@ -59,7 +59,7 @@ class Packet:
         self._opened: tuple[Message, Envelope] | CodecError | None = None
 
     def open(self) -> tuple[Message, Envelope]:
-        """Message and envelope. Raises CodecError for what is neither."""
+        """Message and envelope. Raises CodecError for a malformed or misrouted message."""
         opened = self._opened
         if opened is None:
             try:
@@ -80,7 +80,7 @@ class Packet:
         return message, envelope
 
     def try_open(self) -> tuple[Message, Envelope] | None:
-        """The same; None for what is no message."""
+        """Message and envelope; None for a malformed or misrouted message."""
         try:
             return self.open()
         except CodecError:
@@ -89,15 +89,15 @@ class Packet:
 
 @dataclass
 class StreamCounts:
-    """What became of a stream's messages on their way into one node.
+    """Counts of a stream's messages at one reader.
 
     Attributes:
-        received: All that came.
-        dropped: Pushed out unread by newer ones.
-        malformed: No messages of this stream, and `complaint` why the last one was none.
-        misrouted: Sound messages of other streams, and `origin` the stream of the last one.
-        late: Passed over for what had come before.
-        ages: s, newest last.
+        received: All messages.
+        dropped: Messages replaced by newer ones before they were read.
+        malformed: Invalid messages; `complaint` says what was wrong with the last one.
+        misrouted: Valid messages of other streams; `origin` is the stream of the last one.
+        late: Messages skipped because a newer one came before.
+        ages: Ages of messages, s, newest last.
     """
 
     received: int = 0
@@ -110,7 +110,7 @@ class StreamCounts:
     ages: deque[float] = field(default_factory=lambda: deque(maxlen=AGES))
 
     def summary(self) -> dict[str, Any]:
-        """Counts, and median and 99th percentile of the ages, s."""
+        """The counts, and median and 99th percentile of the ages, s."""
         ages = sorted(self.ages)
         found: dict[str, Any] = {
             "received": self.received,
@@ -130,14 +130,14 @@ class StreamCounts:
 
 
 class Mailbox:
-    """Wakes one node's thread when something comes in. Anyone may ring; one thread waits.
+    """Wakes one node's thread when a message arrives. Any thread may ring; one thread waits.
 
-    The bell is a lock that is held while there is nothing to wake for: to ring is to release it. That is a fifth of
-    what a condition costs, on a way that every message between two processes takes.
+    The bell is a lock that is held while there is nothing to do, and released to ring. This costs a fifth of a
+    condition variable, and every message between two processes passes here.
 
     Attributes:
-        lock: Held while something is put in.
-        news: Rises with everything that comes in and is to wake the thread.
+        lock: Held while a message is added.
+        news: Number of messages that woke or will wake the thread.
     """
 
     def __init__(self) -> None:
@@ -147,51 +147,51 @@ class Mailbox:
         self._bell.acquire()
 
     def ring(self) -> None:
-        """Something came in that is not in a queue."""
+        """Wake the thread for something other than a queued message."""
         with self.lock:
             self.news += 1
         self.wake()
 
     def wake(self) -> None:
-        """Have the waiting thread look; after `news` has risen, with the lock free again."""
+        """Wake the waiting thread. Call it after `news` has been incremented and the lock released."""
         if self._bell.locked():
             try:  # noqa: SIM105  a context manager would cost as much as all the rest
                 self._bell.release()
-            except RuntimeError:  # another has just done it
+            except RuntimeError:  # another thread has just released it
                 pass
 
     def wait(self, seen: int, timeout: float | None) -> int:
-        """Wait until more than `seen` things have come in, or s have passed; gives how many have.
+        """Wait until `news` differs from `seen` or `timeout`, s, has passed, and return `news`.
 
-        It may end without either: what came in before the last call may have rung after it.
+        The wait may end early: a message counted by the previous call may have rung after it.
         """
         if self.news != seen:
-            self._bell.acquire(blocking=False)  # first silence it, then look: what rings from now on is news or rings
+            self._bell.acquire(blocking=False)  # silence the bell before reading `news`, so that no message is lost
         else:
             self._bell.acquire(timeout=-1 if timeout is None else timeout)
         return self.news
 
 
 AHEAD = 0.5
-"""s that a message may be ahead of the platform's clock as known here: less is its way to this host."""
+"""Largest lead of a message over the platform's clock as known here, s: a small lead is due to transport delays."""
 
 
 class Inlet:
     """One stream into one node.
 
     Args:
-        key: Of the stream.
-        mailbox: Of the node.
-        limit: Messages that may wait; the oldest is dropped beyond. None for no limit.
-        age: Age in s of something with this Platform stamp, where it is known.
-        tells_time: The platform's own: what that clock is known by is not held against it.
-        rings: A message that comes in wakes the node.
+        key: Key of the stream.
+        mailbox: Mailbox of the node.
+        limit: Most waiting messages; beyond it the oldest is dropped. None for no limit.
+        age: Age of a Platform stamp, s; None if it is not known.
+        tells_time: A stream of the platform: it defines the clock, so its stamps are not checked against it.
+        rings: A message that arrives wakes the node.
 
     Attributes:
-        counts: What became of its messages.
-        arrived_ns: This host's monotonic clock at the last one taken out.
-        heard_ns: The same at the last one that came in, answers to questions left out; 0 before the first.
-        rings: The reader may change it. Messages that do not ring wait until it looks for another reason.
+        counts: Counts of its messages.
+        arrived_ns: This host's monotonic clock at the arrival of the last message taken.
+        heard_ns: The same of the last message that arrived, answers to queries excluded; 0 before the first.
+        rings: The reader may change it. Messages that do not ring wait until the node wakes for another reason.
     """
 
     def __init__(
@@ -213,15 +213,16 @@ class Inlet:
         self._waiting: deque[Packet | tuple[Message, Envelope]] = deque(maxlen=limit)
 
     def give(self, item: Packet | tuple[Message, Envelope]) -> None:
-        """Leave a message, from any thread, and wake the node if that is to ring. Never blocks, never raises."""
+        """Add a message, from any thread, and wake the node if the inlet rings. Never blocks, never raises."""
         self.leave(item)
         if self.rings:
             self.mailbox.wake()
 
     def leave(self, item: Packet | tuple[Message, Envelope]) -> None:
-        """Leave a message and wake nobody yet.
+        """Add a message without waking the node.
 
-        An answer comes by another way than the stream itself: what the stream has brought since the question is newer.
+        The answer to a query travels separately from the stream: it is dropped if the stream has brought a message
+        since the query, which is newer.
         """
         waiting, mailbox = self._waiting, self.mailbox
         with mailbox.lock:
@@ -239,40 +240,40 @@ class Inlet:
             mailbox.news += self.rings
 
     def listen(self) -> None:
-        """Have the next message wake the node, and one that waits by now as well."""
+        """Let the next message wake the node, and wake it now if one is waiting."""
         self.rings = True
         if self._waiting:
             self.mailbox.ring()
 
     def clear(self) -> None:
-        """Forget what waits. For the node's thread only."""
+        """Discard waiting messages. For the node's thread only."""
         self._waiting.clear()
 
     @property
     def has_news(self) -> bool:
-        """Something waits."""
+        """Whether a message is waiting."""
         return bool(self._waiting)
 
     @property
     def keeps_latest(self) -> bool:
-        """Only the newest message waits: what it replaces unread is no loss."""
+        """Whether only the newest message is kept; then a message replaced unread is no loss."""
         return self._waiting.maxlen == 1
 
     def refuse(self, complaint: str) -> None:
-        """Count a message that never became one."""
+        """Count a message that could not be received."""
         self.counts.received += 1
         self.counts.malformed += 1
         self.counts.complaint = complaint
 
     def packets(self) -> Iterator[Packet]:
-        """What waits, as it came off the wire, oldest first. For one reader's thread only."""
+        """Waiting messages as received from the network, oldest first. For one reader's thread only."""
         while self._waiting:
             item = self._waiting.popleft()
             if isinstance(item, Packet):
                 yield item
 
     def take(self) -> Iterator[tuple[Message, Envelope]]:
-        """What waits, oldest first; what is malformed is counted and passed over. For the node's thread only."""
+        """Waiting messages, oldest first; malformed ones are counted and skipped. For the node's thread only."""
         waiting = self._waiting
         while waiting:
             item = waiting.popleft()
@@ -293,7 +294,7 @@ class Inlet:
             if self._age is not None:
                 age = self._age(item[1].cause_ns)
                 if age is not None and age < -AHEAD and not self._tells_time:
-                    # Kept, it would be the newest for as long as it is ahead, and in force when its time has come.
+                    # If kept, it would count as the newest message until the clock catches up with it.
                     self.counts.malformed += 1
                     self.counts.complaint = f"it derives from what the platform will say in {-age:.1f} s"
                     continue

@@ -1,4 +1,4 @@
-"""What a robot must not forget when the process that knew it dies: every other process keeps it too."""
+"""State of a robot that must survive the death of a process: every process keeps a copy."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ __all__ = ["Memory"]
 
 @dataclass
 class Memory:
-    """The selection, the gate's latched stop, the goal on its way, and parameters that were changed.
+    """The selection, the gate's latched stop, the active goal, and changed parameters.
 
     Attributes:
-        epoch, selected: Of the newest selection.
-        stop: (tick, why the robot stands until somebody resumes, empty where it does not).
-        goal: (tick, number of the goal on its way, 0 for none).
-        last_goal: Highest number of a goal so far.
-        parameters: By "role instance": version and assignments.
-        clock_ns: Run clock when this was written down; -1 where it was not known.
+        epoch, selected: Epoch and active instances of the newest selection.
+        stop: (tick, reason of a stop that lasts until `resume`; empty for none).
+        goal: (tick, number of the active goal; 0 for none).
+        last_goal: Highest goal number so far.
+        parameters: Version and assignments, by "role instance".
+        clock_ns: Run clock when this was written, ns; -1 if unknown.
     """
 
     epoch: int = -1
@@ -34,7 +34,7 @@ class Memory:
     clock_ns: int = -1
 
     def note(self, source: tuple[str, str], message: Message, at: Envelope) -> None:
-        """Remember what a message says."""
+        """Update the memory from a message."""
         if isinstance(message, Selection) and message.epoch >= self.epoch:
             self.epoch = message.epoch
             self.selected = message.chosen
@@ -47,7 +47,7 @@ class Memory:
             self.parameters[" ".join(source)] = (message.version, message.values)
 
     def _stop_of(self, message: GateStatus) -> str:
-        """Why the robot stands until somebody resumes, by the gate's word; some words say nothing of it."""
+        """Reason of a stop that lasts until `resume`, from the gate's status; some statuses leave it as it was."""
         before = self.stop[1]
         if message.reason == ENDING:
             return before or ("operator" if message.latched else "")
@@ -56,11 +56,11 @@ class Memory:
         return message.reason if message.latched or message.reason.startswith(LEFT) else ""
 
     def to_bytes(self) -> bytes:
-        """For another process."""
+        """Serialised for another process."""
         return json.dumps(vars(self)).encode()
 
     def learn(self, data: bytes) -> None:
-        """Take over what another process knows and this one does not, or not as newly."""
+        """Take over newer entries from another process's memory; malformed data is ignored."""
         try:
             other: dict[str, Any] = json.loads(data)
             if other["epoch"] > self.epoch:

@@ -1,4 +1,4 @@
-"""What every process keeps an eye on: the run clock, and what must outlive any one of them."""
+"""Every process follows the run clock and the state that must outlive any single process."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ __all__ = ["MemoryReader"]
 
 
 LOOK = 0.25
-"""s between two looks at the platform's clock; all else is noted as it comes."""
+"""Interval of reading the platform's clock, s; other streams are read as they arrive."""
 
 
 class MemoryReader:
-    """Reads the streams that a process remembers.
+    """Reads the streams from which a process keeps its run clock and its memory.
 
     Args:
         system: The robot.
         board: Streams of the process.
-        clock, memory: What is kept; without a clock the platform is not listened to.
-        wake: Told of each "role instance" that is to take over.
+        clock, memory: Updated from the streams; without a clock the platform is not read.
+        wake: Called with each "role instance" of a pending swap.
         ends: Whether the process is ending.
     """
 
@@ -49,7 +49,7 @@ class MemoryReader:
         ]
 
     def run(self) -> None:
-        """Until the process ends."""
+        """Read until the process ends."""
         seen = 0
         while not self._ends():
             seen = self._mailbox.wait(seen, LOOK)
@@ -64,6 +64,6 @@ class MemoryReader:
 
 
 def _inlet(board: Switchboard, source: tuple[str, str], port: str, mailbox: Mailbox) -> Inlet:
-    """A stream that is remembered: of the odometry the newest message is enough, and wakes nobody."""
+    """The inlet of one stream. For odometry the newest message is enough, and it does not wake the thread."""
     is_clock = port == "odometry"
     return board.inlet(source, port, mailbox, 1 if is_clock else 16, rings=not is_clock)

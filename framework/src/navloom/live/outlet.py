@@ -1,4 +1,4 @@
-"""Where a node's messages leave: to readers in the same process by reference, to all others over the bus."""
+"""A node's output: to readers in the same process by reference, to all others over the bus."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from navloom.transport.zenoh_bus import Bus, Publication, Question
 __all__ = ["Dated", "Outlet"]
 
 ANSWERED, AT_ONCE = 20e6, 100e6
-"""Bytes of kept messages given to who asks for them, 1/s in the long run and at once: a map has up to some MB."""
+"""Limits on answers to queries for the last message: bytes/s in the long run, and bytes at once. A map has some MB."""
 NOTHING = "nothing was said yet"
-"""Refusal where there is no last message: who asks knows that his question came through."""
+"""Refusal if there is no last message yet; it shows that the query arrived."""
 LEAST = 1e5
-"""Bytes that a small one counts as: 200 answers a second cost about as much as these."""
+"""Smallest cost of an answer, bytes: 200 small answers a second cost about as much as ANSWERED bytes."""
 Dated = tuple[Message, Envelope]
 """A message in its envelope."""
 
@@ -25,14 +25,14 @@ class Outlet:
     """One port of one instance.
 
     Args:
-        key: Of the stream.
-        bus: The process's.
-        lossless: Nothing may be dropped on the way: under a barrier, where each message is waited for.
-        retained: Who joins later is given the last message.
-        quality: How it travels; default by what a message is.
+        key: Key of the stream.
+        bus: The process's bus.
+        lossless: No message may be dropped: under a barrier every message is waited for.
+        retained: Late joiners can query the last message.
+        quality: Quality of service; default: by message class.
 
-    Attributes:
-        sent, largest: Bytes that were sent to other processes, and those of the largest message.
+        Attributes:
+            sent, largest: Bytes sent to other processes, and size of the largest message.
     """
 
     def __init__(self, key: str, bus: Bus, lossless: bool, retained: bool, quality: Quality | None = None) -> None:
@@ -50,22 +50,22 @@ class Outlet:
 
     @property
     def is_heard(self) -> bool:
-        """Somebody reads the stream, here or in another process."""
+        """Whether the stream has a reader, here or in another process."""
         publications = [publication for publication, _ in self._ways.values()]
         return bool(self.readers) or not publications or any(one.is_heard for one in publications)
 
     def pass_over(self) -> None:
-        """Count a message that is not made, because nobody hears it."""
+        """Count a message that is not made because no one reads it."""
         self.sequence += 1
 
     def publish(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> None:
-        """Send a message to all who read it."""
+        """Send a message to all readers."""
         dated = self.hand_on(message, tick, stamp_ns, cause_ns, epoch)
         self.wake()
         self.send(dated)
 
     def hand_on(self, message: Message, tick: int, stamp_ns: int, cause_ns: int, epoch: int) -> Dated:
-        """Leave a message with the readers in this process, which are not woken yet; gives it for `send`."""
+        """Queue a message for the readers in this process without waking them, and return it for `send`."""
         self.sequence += 1
         dated = self.last = (message, Envelope(self.key, self.sequence, tick, stamp_ns, cause_ns, epoch))
         for inlet in self.readers:
@@ -73,13 +73,13 @@ class Outlet:
         return dated
 
     def wake(self) -> None:
-        """Have the readers in this process look, as far as this stream wakes them."""
+        """Wake the readers in this process that this stream may wake."""
         for inlet in self.readers:
             if inlet.rings:
                 inlet.mailbox.wake()
 
     def send(self, dated: Dated) -> None:
-        """Send a message that was handed on to the readers in other processes, if there are any."""
+        """Send a message that was handed on to readers in other processes, if there are any."""
         message, envelope = dated
         kind = type(message)
         publication, label = self._ways.get(kind) or self._open(kind)
@@ -90,13 +90,13 @@ class Outlet:
             publication.put(data, label)
 
     def prepare(self, kind: type[Message]) -> None:
-        """Declare the stream before its first message, which would have to wait for that."""
+        """Declare the stream in advance, so that its first message does not wait for the declaration."""
         if kind not in self._ways:
             self._open(kind)
 
     @property
     def carries(self) -> str:
-        """Schema and version of what it sends; empty before the first message of a stream that carries any."""
+        """Schema and version of its messages; empty before the first message if the class is not known in advance."""
         return next((label for _, label in self._ways.values()), "")
 
     def _open(self, kind: type[Message]) -> tuple[Publication, str]:
@@ -105,7 +105,7 @@ class Outlet:
         return way
 
     def _answer(self, question: Question) -> None:
-        """Give the last message, encoded once; on the network's thread."""
+        """Answer a query with the last message, encoded once. Called on the network's thread."""
         last = self.last
         if last is None:
             question.refuse(NOTHING)

@@ -1,4 +1,4 @@
-"""Which process runs which node."""
+"""Assigns nodes to processes."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from navloom.live.cell import Source
 __all__ = ["goes_first", "spread"]
 
 PLANNING = frozenset({"mapper", "planner"})
-"""Roles that only compute: their processes go last."""
+"""Roles that compute without a deadline: their processes have low priority."""
 
 
 def goes_first(roles: Collection[str]) -> bool:
-    """Whether a process takes the processor from others: one that drives, and neither maps nor plans beside it."""
+    """Whether a process has priority on the CPU: it drives, and neither maps nor plans."""
     return PLANNING.isdisjoint(roles) and any(role in ROLE_TABLES or role in OWN_NODES for role in roles)
 
 
 def spread(config: Config, sources: Sequence[Source], host: str | None) -> dict[str, tuple[Source, ...]]:
-    """Nodes of each process of a host, or of all. An alternative lives with its role unless it is placed by name.
+    """Nodes of each process of a host, or of all hosts. An alternative runs with its role unless it is placed by name.
 
     Args:
-        config: With the `[live]` table.
+        config: The config with its `[live]` table.
         sources: Every instance.
         host: Name of the host; None for all processes.
     """

@@ -1,4 +1,4 @@
-"""Who is there: liveliness tokens of a robot's instances."""
+"""Which instances of a robot are alive, by their liveliness tokens."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from navloom.transport.keyspace import KeySpace
 __all__ = ["Presence"]
 
 LIVES = 16
-"""Lives that one instance may have at once: more are no robot's, and are not heeded."""
+"""Most tokens that one instance may have at once; further ones are ignored."""
 AGAIN = 0.5
-"""s between two meetings with one instance: one that comes and goes all the time takes no more than that."""
+"""Shortest time between two calls of `meet` for one instance, s, even if it restarts all the time."""
 LOOK = 0.2
-"""s between two looks whether it ends, where nobody comes up."""
+"""Interval of checking for the end while no instance comes up, s."""
 
 
 class Presence:
-    """Keeps who is alive, from the bus's liveliness changes.
+    """Knows which instances are alive, from liveliness changes on the bus.
 
     Args:
-        keys: Of the robot.
-        own: Instances of this process, which are there as long as it is.
-        came: Told of an instance that came up, and whether it had been there before in another life.
+        keys: Keys of the robot.
+        own: Instances of this process, which are alive as long as it runs.
+        came: Called with an instance that came up, and whether it is a restart.
     """
 
     def __init__(self, keys: KeySpace, own: Iterable[Source], came: Callable[[Source, bool], None]) -> None:
@@ -38,7 +38,7 @@ class Presence:
         self._queued: set[Source] = set()
 
     def change(self, key: str, alive: bool) -> None:
-        """A token appeared or vanished; called on the network's thread."""
+        """Take the appearance or disappearance of a token. Called on the network's thread."""
         role, name, rest = self._keys.split(key)
         source, life = (role, name), rest.rpartition("/")[2]
         lives = self._lives.setdefault(source, set())
@@ -54,11 +54,11 @@ class Presence:
             lives.discard(life)
 
     def is_alive(self, source: Source) -> bool:
-        """Its token is there, or it is of this process."""
+        """Whether an instance has a token, or belongs to this process."""
         return source in self._own or bool(self._lives.get(source))
 
     def follow(self, meet: Callable[[Source], None], ends: Callable[[], bool]) -> None:
-        """Have each that comes up met once, on the thread that calls this, until it ends."""
+        """Call `meet` once for each instance that comes up, on the calling thread, until the process ends."""
         met: dict[Source, float] = {}
         while not ends():
             with contextlib.suppress(queue.Empty):

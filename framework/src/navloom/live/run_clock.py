@@ -1,4 +1,4 @@
-"""The platform's clock as another process knows it: its newest stamp and the time since that came in."""
+"""The platform's clock as known in another process: its newest stamp plus the time since that arrived."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ __all__ = ["RunClock"]
 
 
 class RunClock:
-    """Follows the run clock by the platform's stamps. Only differences of this host's own monotonic clock are used.
+    """Follows the run clock by the platform's stamps. It uses only differences of this host's own monotonic clock.
 
     Args:
-        monotonic_ns: This host's clock.
+        monotonic_ns: This host's monotonic clock, ns.
     """
 
     def __init__(self, monotonic_ns: Callable[[], int] = time.monotonic_ns) -> None:
@@ -20,12 +20,12 @@ class RunClock:
         self._newest = (-1, 0, -1)
 
     def observe(self, stamp_ns: int, arrived_ns: int, tick: int) -> None:
-        """A platform output came in."""
+        """Take the stamp of a platform output that arrived."""
         self._newest = (stamp_ns, arrived_ns, tick)
 
     @property
     def is_known(self) -> bool:
-        """The platform has been heard."""
+        """Whether a platform output has arrived."""
         return self._newest[2] >= 0
 
     @property
@@ -39,15 +39,15 @@ class RunClock:
         return self._newest[0]
 
     def now_ns(self) -> int:
-        """What the platform's clock shows by now, transport left out; -1 before it was heard."""
+        """What the platform's clock shows now, transport delay neglected, ns; -1 before the first platform output."""
         stamp, arrived, tick = self._newest
         return -1 if tick < 0 else stamp + max(0, self._monotonic_ns() - arrived)
 
     def silence_s(self) -> float:
-        """Since the newest platform output came in; 0 before the first."""
+        """Time since the newest platform output arrived, s; 0 before the first."""
         _, arrived, tick = self._newest
         return 0.0 if tick < 0 else (self._monotonic_ns() - arrived) * 1e-9
 
     def age_s(self, cause_ns: int) -> float | None:
-        """Age of what derives from a platform stamp; None before the platform was heard."""
+        """Age of a platform stamp, s; None before the first platform output."""
         return None if not self.is_known else (self.now_ns() - cause_ns) * 1e-9

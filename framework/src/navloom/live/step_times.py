@@ -1,4 +1,4 @@
-"""How long a node's newest steps took: kept where they are made, for whoever asks how a run went."""
+"""Durations of a node's newest steps, recorded where they run, for run statistics."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 __all__ = ["KEPT", "StepTimes"]
 
 KEPT = 4096
-"""Steps that are kept."""
+"""Number of recorded steps."""
 
 
 class StepTimes:
@@ -18,11 +18,11 @@ class StepTimes:
         self._steps = 0
 
     def note(self, tick: int, spent_ns: int) -> None:
-        """A step was made."""
+        """Record a step."""
         self._kept[self._steps % KEPT] = tick, spent_ns
         self._steps += 1
 
     def newest(self, most: int = KEPT) -> list[tuple[int, int]]:
-        """(tick, ns) of that many steps at most, oldest first."""
+        """(tick, ns) of at most `most` steps, oldest first."""
         places = np.arange(max(0, self._steps - min(most, KEPT)), self._steps) % KEPT
         return [(int(tick), int(spent)) for tick, spent in self._kept[places]]

@@ -1,4 +1,4 @@
-"""A process's streams: which of its nodes read what, from a node beside them or from the network."""
+"""A process's streams: connects its nodes' inputs to nodes of the same process or to the network."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from navloom.transport.zenoh_bus import Bus
 __all__ = ["Switchboard"]
 
 PAUSE, TRIES = 0.03, 5
-"""s between two questions for a kept message, and how often it is asked for again where none answers, or too many ask:
-a router drops what comes too soon after another question of its kind, see `access.PACES`."""
+"""Time between two queries for a retained message, s, and the number of retries if no answer comes or too many queries
+are made: a router drops queries that come too soon after another of their kind, see `access.PACES`."""
 
 
 class Switchboard:
@@ -26,10 +26,10 @@ class Switchboard:
 
     Args:
         bus: The process's session.
-        keys: Of the robot.
+        keys: Keys of the robot.
         lossless: No stream may drop a message.
-        age: Age in s of what derives from a Platform stamp, where it is known.
-        catalogue: What is known of the robot's streams.
+        age: Age of a Platform stamp, s; None if it is not known.
+        catalogue: The robot's nodes and streams.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Switchboard:
     def inlet(
         self, source: tuple[str, str], port: str, mailbox: Mailbox, limit: int | None, rings: bool = True
     ) -> Inlet:
-        """A reader of a stream; a lossless one has no limit and always rings."""
+        """A reader of a stream. Without loss it has no limit and always rings."""
         key, is_lossless = self.keys.port(*source, port), self.lossless
         inlet = Inlet(
             key, mailbox, None if is_lossless else limit, self._age, source[0] == "platform", rings or is_lossless
@@ -59,7 +59,7 @@ class Switchboard:
         return inlet
 
     def outlet(self, source: tuple[str, str], port: str) -> Outlet:
-        """A stream that leaves this process."""
+        """The outlet of a stream that this process publishes."""
         key = self.keys.port(*source, port)
         if key in self._outlets:
             return self._outlets[key]
@@ -77,7 +77,7 @@ class Switchboard:
         return outlet
 
     def connect(self) -> None:
-        """Lead every inlet to its stream: a neighbour's by reference, all others over the bus."""
+        """Connect every inlet to its stream: by reference within the process, otherwise over the bus."""
         for key, inlets in self._inlets.items():
             if key in self._outlets:
                 self._outlets[key].readers = inlets
@@ -85,7 +85,7 @@ class Switchboard:
                 self.bus.subscribe(key, self._receive, most_of(self._kinds[key]))
 
     def fetch(self, source: tuple[str, str]) -> None:
-        """Ask an instance that came up for the last messages of what it keeps."""
+        """Query an instance that came up for the last messages of its retained streams."""
         role, _ = source
         for port in (PARAMETERS, *(port for _, port in retained_ports(role, self.catalogue))):
             key = self.keys.port(*source, port)
@@ -93,7 +93,7 @@ class Switchboard:
                 self._fetch(key)
 
     def _fetch(self, key: str) -> None:
-        """Ask for one stream's last message; while others ask too much, again and again for a moment."""
+        """Query one stream's last message; retry a few times if there is no answer or there are too many queries."""
         for pause in (*[PAUSE] * TRIES, 0.0):
             asked_ns, answers = time.monotonic_ns(), list(self.bus.ask(key))
             for answer in answers:
@@ -104,7 +104,7 @@ class Switchboard:
             time.sleep(pause)
 
     def inlets(self) -> Iterable[tuple[str, list[Inlet]]]:
-        """Every stream read here, with its readers."""
+        """Every stream that this process reads, with its readers."""
         return self._inlets.items()
 
     def _receive(self, key: str, data: bytes | None, label: str, asked_ns: int = 0) -> None:

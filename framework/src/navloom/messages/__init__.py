@@ -1,4 +1,4 @@
-"""What flows: frozen dataclasses in SI units and radians, x forward, y left, angles counter-clockwise."""
+"""Messages: frozen dataclasses in SI units and radians, x forward, y left, angles counter-clockwise."""
 
 from navloom.messages.behaviour import (
     Avoidance,

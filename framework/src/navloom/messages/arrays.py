@@ -13,19 +13,19 @@ from navloom.messages.kinds import DTYPES, MAX_ARRAYS, MessageError, brief
 __all__ = ["Memory", "memory_of", "views"]
 
 Memory = bytes | NDArray[np.uint8]
-"""What arrays are made on: on a view they would have its owner for their base, and not tell who can write."""
+"""Memory that arrays are views of: bytes, or an array over another buffer, whose flags show if it can be written."""
 
 
 def memory_of(data: bytes | memoryview) -> Memory:
-    """The bytes of a message as arrays are made on them."""
+    """The bytes of a message as memory for arrays."""
     return data if data.__class__ is bytes else np.frombuffer(data, np.uint8)
 
 
 def views(table: Any, memory: Memory, start: int) -> list[NDArray[Any]]:
-    """Views of the arrays that a header lists, each checked to lie inside the bytes, at a multiple of 64.
+    """Views of the arrays that a header lists, each checked to be inside the bytes, at a multiple of 64.
 
     Raises:
-        MessageError: The table is none, or an array lies elsewhere.
+        MessageError: The table is malformed, or an array is outside the bytes or not aligned.
     """
     if not isinstance(table, list) or len(table) > MAX_ARRAYS:
         raise MessageError(f"arrays is {type(table).__name__}, expected a list of at most {MAX_ARRAYS}")
@@ -40,7 +40,7 @@ def views(table: Any, memory: Memory, start: int) -> list[NDArray[Any]]:
                 f"array {number} is {brief(entry)}, expected it to lie at a multiple of {ALIGNMENT} "
                 f"within the {len(memory)} bytes given"
             ) from None
-        if not array.flags.aligned:  # compiled code is made for aligned arrays, and would be compiled anew
+        if not array.flags.aligned:  # numba kernels would be compiled again for unaligned arrays
             array = array.copy()
             array.flags.writeable = False
         arrays.append(array)
@@ -48,7 +48,7 @@ def views(table: Any, memory: Memory, start: int) -> list[NDArray[Any]]:
 
 
 def _view(entry: Any, memory: Memory, start: int) -> NDArray[Any]:
-    """The array of an entry. Raises TypeError or KeyError for what is none, ValueError where it lies elsewhere."""
+    """The array of an entry. Raises TypeError or KeyError if it is malformed, ValueError if it is out of place."""
     name, shape, offset = entry
     dtype = DTYPES[name]
     count = 1

@@ -1,4 +1,4 @@
-"""What avoiders and recoveries say, and who drives."""
+"""Messages of avoiders and recoveries, and the hand-over between controller and avoider."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Floats = NDArray[np.float64]
 
 @message()
 class AvoiderDiagnostics(Message):
-    """Why an avoider chose what it chose. A method fills what it has and leaves the rest empty.
+    """Why an avoider chose its answer. A method fills the fields that it has and leaves the others empty.
 
     Attributes:
-        window: (rows, cols) certainty values round the robot; (0, 0) where there is no grid.
+        window: (rows, cols) certainty values around the robot; (0, 0) for a method without a grid.
         window_resolution: Edge of a cell, m; 0 without a grid.
         window_x, window_y: Lower left corner of the window, m, map frame.
         histogram: (sectors,) obstacle density by direction, sector 0 at the map's x axis, counter-clockwise.
         threshold: Density above which a sector is blocked.
         slots: (k, 2) first and last direction of each free slot, rad, map frame.
-        chosen: Direction steered to, rad, map frame, or None.
-        why: One phrase for people.
+        chosen: Chosen direction, rad, map frame, or None.
+        why: Explanation in one phrase.
     """
 
     window: Annotated[NDArray[np.uint8], Array("uint8", ("rows", "cols"))]
@@ -46,10 +46,10 @@ class Avoidance(Message):
     """An avoider's answer.
 
     Attributes:
-        twist: Velocity asked for, base frame; the gate limits it to what the robot can do.
-        status: clear: nothing is in the way; steering: it drives round something; trapped: there is no way on, which
-            asks for a recovery.
-        diagnostics: Why; None where it is left out, see `Avoider.is_to_explain`.
+        twist: Requested velocity, base frame; the gate limits it to what the robot can do.
+        status: clear: nothing is in the way; steering: it drives around something; trapped: there is no way ahead,
+            which requests a recovery.
+        diagnostics: Why it chose this; None if left out, see `Avoider.is_to_explain`.
     """
 
     twist: Twist2D
@@ -59,11 +59,11 @@ class Avoidance(Message):
 
 @message()
 class AvoiderStatus(Message):
-    """How things stand, published beside the command.
+    """Status of the avoider, published with the command.
 
     Attributes:
-        status: Of the avoider's answer.
-        diagnostics: Why; None in most ticks.
+        status: Status in the avoider's answer.
+        diagnostics: Why it chose its answer; None in most ticks.
     """
 
     status: Literal["clear", "steering", "trapped"]
@@ -72,11 +72,11 @@ class AvoiderStatus(Message):
 
 @message()
 class HandOver(Message):
-    """Whether the avoider drives instead of the controller, and since when the way is blocked.
+    """Whether the avoider drives instead of the controller, and how far the nearest obstacle in the way is.
 
     Attributes:
         engaged: The avoider drives.
-        nearest: Distance to the nearest thing sensed in the corridor, m; infinite where it is free.
+        nearest: Distance to the nearest echo in the corridor, m; infinite if it is free.
     """
 
     engaged: bool
@@ -85,11 +85,11 @@ class HandOver(Message):
 
 @message()
 class RecoveryRequest(Message):
-    """Asks the recovery for help.
+    """Starts or ends a recovery.
 
     Attributes:
-        active: False ends it.
-        attempt: 1 for the first attempt at this goal.
+        active: True starts the recovery, False ends it.
+        attempt: Number of the attempt for this goal, from 1.
         reason: Why the goal is stuck.
     """
 
@@ -104,7 +104,7 @@ class RecoveryStep(Message):
 
     Attributes:
         twist: Velocity for this tick, base frame.
-        state: running: it goes on; done: the goal may plan again; failed: the next attempt begins, if there is one.
+        state: running: it continues; done: the goal may plan again; failed: the next attempt begins, if there is one.
         clear_map: The map should be cleared before the next plan.
     """
 

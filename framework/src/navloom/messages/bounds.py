@@ -1,6 +1,6 @@
-"""How large a message can be on the wire, from its declaration alone: what is larger is refused before it is looked at.
+"""Largest size of a message on the wire, from its declaration alone: larger ones are refused before they are read.
 
-Arrays lie behind the header, so that a header holds names, numbers, short texts and rows of small messages.
+Arrays come after the header, so a header holds only names, numbers, short texts and lists of small messages.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ __all__ = ["ALIGNMENT", "LARGEST_HEADER", "LATER_FIELDS", "header_limit", "size_
 ALIGNMENT = 64
 """Every array begins at a multiple of this, bytes."""
 LARGEST_HEADER = 1 << 18
-"""Bytes of a header at most, whatever its class declares."""
+"""Largest header, whatever its class declares, bytes."""
 LATER = 256
-"""Bytes left in a header for fields that a later version adds."""
+"""Reserve in a header for fields that a later version adds, bytes."""
 LATER_FIELDS = 32
-"""Number of such fields, in any map of a header."""
+"""Most such fields in any map of a header."""
 KEY = 255
-"""Bytes of a stream's key."""
+"""Largest key of a stream, bytes."""
 _LENGTH, _NUMBER, _WHOLE_MAP, _NAMES, _DTYPE = 4, 9, 1, ("envelope", "fields", "arrays"), 4
 
 
@@ -30,7 +30,7 @@ _LIMITS: dict[type[Message], int] = {}
 
 
 def header_limit(cls: type[Message]) -> int:
-    """Bytes of the header of a message of this class at most."""
+    """Largest header of a message of this class, bytes."""
     limit = _LIMITS.get(cls)
     if limit is None:
         limit = _LIMITS[cls] = _header_limit(cls)
@@ -45,7 +45,7 @@ def _header_limit(cls: type[Message]) -> int:
 
 
 def size_limit(cls: type[Message]) -> int | None:
-    """Bytes of a whole message of this class at most; None where an array of it may have any size."""
+    """Largest message of this class, bytes; None if one of its arrays may have any size."""
     size = _aligned(_LENGTH + header_limit(cls))
     for array in _arrays(cls):
         shape = [edge for edge in array.shape if isinstance(edge, int)]
@@ -72,12 +72,12 @@ def _value(kind: Kind) -> int:
 
 
 def _text(size: int) -> int:
-    """Bytes of a text of this many bytes, with what MessagePack puts before it."""
+    """Size of a text of `size` bytes in MessagePack, bytes."""
     return size + (1 if size < 32 else 2 if size < 256 else 3 if size < 65536 else 5)
 
 
 def _entry(dimensions: int) -> int:
-    """Bytes of an entry of the table of arrays: element type, shape, offset."""
+    """Size of an entry of the table of arrays (element type, shape, offset), bytes."""
     return 1 + _DTYPE + 1 + dimensions * _NUMBER + _NUMBER
 
 
@@ -86,7 +86,7 @@ def _aligned(size: int) -> int:
 
 
 def _arrays(cls: type[Message]) -> Iterator[Array]:
-    """Every array that a message of this class can hold, MAX_ARRAYS of them at most where a row of messages has any."""
+    """Every array that a message of this class can hold; at most MAX_ARRAYS for a tuple field."""
     for kind in cls.kinds.values():
         yield from _arrays_of(kind)
 

@@ -1,7 +1,7 @@
-"""The checks of message fields: each takes a value, and gives it back as the message will hold it.
+"""Checks of message fields: each takes a value and returns it as the message will hold it.
 
-The constructor made in `schema` passes what already fits without a call, so that most of these see only arrays, tuples
-and values that need converting.
+The constructor generated in `schema` accepts values that already fit without a call, so most of these checks see only
+arrays, tuples and values that need conversion.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from navloom.messages.kinds import Array, Kind, MessageError, brief
 __all__ = ["Check", "checker", "contents_check"]
 
 Check = Callable[[str, Any, dict[str, int]], Any]
-"""Name of the field, value given, sizes seen so far in the message -> value to hold."""
+"""(name of the field, given value, sizes found so far in the message) -> value to hold."""
 
 
 def checker(cls: str, kind: Kind) -> Check:
-    """The function that checks and normalises a value of this kind; `cls` is for the error texts."""
+    """The function that checks and normalises a value of this kind; `cls` is the class name for errors."""
     check = _CHECKERS[kind.form](cls, kind)
     if not kind.optional:
         return check
@@ -63,7 +63,7 @@ def _int_checker(cls: str, kind: Kind) -> Check:
 
 
 def _heading(place: str, angle: float) -> float:
-    """A heading in [-π, π]; what rounding put just beyond is wrapped."""
+    """A heading in [-π, π]; a value beyond it by rounding alone is wrapped."""
     if -math.pi <= angle <= math.pi:
         return angle
     if abs(angle) <= math.pi + _ROUNDING:
@@ -87,7 +87,7 @@ def _not_negative(place: str, number: float) -> float:
 
 
 _ROUNDING = 1e-9
-"""How far beyond ±π a heading may be by rounding alone, rad."""
+"""Largest excess over ±π that counts as rounding, rad."""
 
 _HELD_TO = {"heading": _heading, "positive": _positive, "not_negative": _not_negative}
 
@@ -122,7 +122,7 @@ def _str_checker(cls: str, kind: Kind) -> Check:
 
 
 _CUT = "…"
-"""Where a text for people ends that was too long."""
+"""End of a text that was cut."""
 
 
 def _message_checker(cls: str, kind: Kind) -> Check:
@@ -157,14 +157,14 @@ def _array_checker(cls: str, kind: Kind) -> Check:
     dtype = np.dtype(spec.dtype)
     named, dimensions = tuple(enumerate(spec.shape)), len(spec.shape)
     refuse = contents_check(spec)
-    # Two arrays that nobody can change are known by identity: a sensor's bearings are looked at once, not each tick.
+    # The last two immutable arrays are recognised by identity: a sensor's bearings are checked once, not in each tick.
     known: list[NDArray[Any] | None] = [None, None]
     first_size = spec.shape[0] if dimensions and isinstance(spec.shape[0], str) else ""
     is_sized_by_first = bool(first_size) and not any(isinstance(size, str) for size in spec.shape[1:])
 
     def check(name: str, value: Any, sizes: dict[str, int]) -> NDArray[Any]:
         if value is not None and (value is known[0] or value is known[1]):
-            # Its shape was compared when it came first: what is left is the size that it shares with other fields.
+            # Its shape was compared before; only sizes shared with other fields are left to check.
             if not is_sized_by_first or sizes.setdefault(first_size, len(value)) != len(value):
                 compare_sizes(name, value.shape, sizes)
             return value  # type: ignore[no-any-return]
@@ -195,7 +195,7 @@ def _array_checker(cls: str, kind: Kind) -> Check:
 
 
 def _is_frozen(value: NDArray[Any]) -> bool:
-    """Whether nobody can write to the elements, neither here nor through the array or bytes this is a view of."""
+    """Whether the elements are immutable, here and through every array or buffer that this is a view of."""
     flags = value.flags
     if flags.writeable or not flags.c_contiguous:
         return False
@@ -208,17 +208,17 @@ def _is_frozen(value: NDArray[Any]) -> bool:
 
 
 _BY_DOT = 4096
-"""Up to this many elements a dot product, one call, is the fastest look; beyond it BLAS may start threads."""
+"""Largest array, in elements, that is checked by a dot product, which is fastest; beyond it BLAS may start threads."""
 
 
 _BY_SUM = 64
-"""Up to this many elements a sum in Python is faster than any call of numpy."""
+"""Largest array, in elements, for which a sum in Python is faster than a call of numpy."""
 
 
 def contents_check(spec: Array) -> Callable[[str, str, NDArray[Any], Array], None] | None:
-    """What refuses an array of the declared type and shape, with an element at least, for what it holds.
+    """A function that checks the values of a non-empty array of the declared type and shape; None if all values fit.
 
-    It takes class, field, array and declaration, and raises MessageError; None where everything fits.
+    It takes class name, field, array and declaration, and raises MessageError.
     """
     if np.dtype(spec.dtype).kind == "f":
         return _refuse_bad_numbers
@@ -226,7 +226,7 @@ def contents_check(spec: Array) -> Callable[[str, str, NDArray[Any], Array], Non
 
 
 def _is_plainly_fine(numbers: list[float], spec: Array) -> bool:
-    """Whether a sum shows that there is no NaN and no infinity that is not allowed; False decides nothing."""
+    """Whether a sum proves that there is no NaN or forbidden infinity; False means that it is not decided."""
     total = sum(numbers)
     if spec.at_least is not None and not min(numbers) >= spec.at_least:
         return False
@@ -234,7 +234,7 @@ def _is_plainly_fine(numbers: list[float], spec: Array) -> bool:
 
 
 def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
-    """NaN always, infinity unless the field allows +inf, and what lies below the smallest allowed value."""
+    """Refuse NaN, infinity unless the field allows +inf, and values below the smallest allowed one."""
     flat = value.ravel()  # a view: arrays are contiguous here
     if flat.size <= _BY_SUM and _is_plainly_fine(flat.tolist(), spec):
         return
@@ -244,14 +244,14 @@ def _refuse_bad_numbers(cls: str, name: str, value: NDArray[Any], spec: Array) -
     if spec.infinite:
         if spec.at_least is None and not (flat > -math.inf).all():
             raise MessageError(f"{cls}.{name}: holds NaN or -inf, expected numbers or +inf")
-    elif flat.size > _BY_DOT or not math.isfinite(np.vdot(flat, flat)):  # squares may overflow: then look at each
+    elif flat.size > _BY_DOT or not math.isfinite(np.vdot(flat, flat)):  # squares may overflow: then check each
         finite = np.isfinite(flat)
         if not finite.all():
             raise MessageError(f"{cls}.{name}: holds {flat[~finite][0]}, expected finite numbers")
 
 
 def _refuse_beyond(cls: str, name: str, value: NDArray[Any], spec: Array) -> None:
-    """Whole numbers below the smallest or above the largest allowed value."""
+    """Refuse integers below the smallest or above the largest allowed value."""
     least = -math.inf if spec.at_least is None else spec.at_least
     most = math.inf if spec.at_most is None else spec.at_most
     for bad in (int(np.minimum.reduce(value, None)), int(np.maximum.reduce(value, None))):

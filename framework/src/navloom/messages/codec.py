@@ -1,10 +1,10 @@
-"""Messages as bytes: one MessagePack header, then each array's raw bytes at a multiple of 64.
+"""Encodes messages as bytes: one MessagePack header, then each array's raw bytes at a multiple of 64.
 
 Layout: `u32 length of the header (little endian) | header | padding to 64 | array | padding to 64 | array …`. The
 header is a map: `envelope` (key, sequence, tick, stamp_ns, cause_ns, epoch), `fields` by name, and `arrays`, a list of
-(dtype, shape, offset from the first array). In `fields` an array is its place in that list. Schema name and version
-travel beside the bytes. Nothing is executed in decoding, and nothing is allocated beyond the values that a header's
-class declares: a header longer than that class allows is refused unread, and arrays are read-only views of the bytes.
+(dtype, shape, offset from the first array). In `fields` an array is its index in that list. Schema name and version are
+sent separately from the bytes. Decoding executes nothing and allocates only the values that the message class declares:
+a header longer than the class allows is refused unread, and arrays are read-only views of the bytes.
 """
 
 from __future__ import annotations
@@ -32,34 +32,34 @@ __all__ = ["CodecError", "UnknownSchema", "add_blocks", "decode", "encode", "lea
 _LENGTH = struct.Struct("<I")
 _pack_length = _LENGTH.pack
 _ENVELOPE = b"\x83" + pack("envelope")
-"""Begin of a map of three, with its first key."""
+"""First bytes of a map of three, with its first key."""
 _SIX = b"\x96"
-"""Begin of a list of six."""
+"""First byte of a list of six."""
 
 Read = Callable[[Any, list[NDArray[Any]]], Any]
 
 
 class CodecError(ValueError):
-    """Bytes that are not the message they claim to be; the text names the place, the value and the expectation."""
+    """Bytes are not the message that they claim to be. The text names the place, the value and the expectation."""
 
 
 class UnknownSchema(CodecError):
-    """A message of a class, or of a version of it, that is not declared in this process."""
+    """A message's class, or its version of the class, is not declared in this process."""
 
 
 _WAYS: dict[str, tuple[type[Message], Typed, int]] = {}
-"""By label: the class, how what this version writes is read, and bytes of a header at most."""
+"""By label: the class, the fast reader of this version's headers, and the largest header, bytes."""
 _READERS: dict[type[Message], Read] = {}
-"""By class: how the values of a header are read, whichever version wrote them."""
+"""By class: the reader of a header's values that accepts any version."""
 
 
 def schema_label(cls: type[Message]) -> str:
-    """Name and version that travel beside the bytes, as `navloom.Odometry/1`."""
+    """Schema name and version that are sent with the bytes, as `navloom.Odometry/1`."""
     return f"{cls.schema_name}/{cls.schema_version}"
 
 
 def encode(message: Message, envelope: Envelope | tuple[str, int, int, int, int, int]) -> bytes:
-    """Bytes of a message in its envelope. The same contents, bit for bit, give the same bytes."""
+    """Bytes of a message in its envelope. Equal contents, bit for bit, give equal bytes."""
     cls = type(message)
     rest, arrays, pads, size = writer_of(cls)(message)
     if len(arrays) > MAX_ARRAYS:
@@ -79,12 +79,12 @@ def add_blocks(pieces: list[Any], end: int, arrays: Arrays, pads: Pads, size: in
     """Append the arrays of a message, each after its padding.
 
     Args:
-        pieces: Bytes, and arrays that stand for their memory.
-        end: Byte at which the header ends.
-        arrays, pads, size: As a writer gives them.
+        pieces: Bytes and arrays, to be joined.
+        end: Offset at which the header ends, bytes.
+        arrays, pads, size: As returned by a writer.
 
     Returns:
-        How many bytes were appended.
+        Number of bytes appended.
     """
     gap = -end % ALIGNMENT
     pieces.append(PAD[gap])
@@ -95,20 +95,20 @@ def add_blocks(pieces: list[Any], end: int, arrays: Arrays, pads: Pads, size: in
 
 
 def lead_of(key: str) -> bytes:
-    """Begin of the header of a message with sequence 0: what `pack_time` gives follows."""
+    """First part of the header of a message with sequence 0, to be followed by `pack_time`."""
     return _ENVELOPE + _SIX + pack(key) + pack(0)
 
 
 def pack_time(when: tuple[int, ...]) -> bytes:
-    """Tick, stamp, cause and epoch of an envelope, its end in the header."""
+    """Tick, stamp, cause and epoch of an envelope: its last part in the header."""
     return b"".join([pack(number) for number in when])
 
 
 def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     """Message and envelope from bytes, which must not change afterwards: arrays are views of them.
 
-    Unknown fields are passed over, and one with a default, as those added later have, may be missing. Only where the
-    bytes lie at an odd address are arrays copied.
+    Unknown fields are ignored, and a field with a default may be missing, as fields added later have one. Arrays are
+    copied only if the bytes are at an unaligned address.
 
     Raises:
         CodecError: Unknown schema, another version, or bytes that do not fit the schema.
@@ -130,7 +130,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
     if end <= SHORT:
         try:
             return read(data[4:end], memory, start)
-        except Exception:  # whatever it is, what comes next reads it or says what is wrong
+        except Exception:  # the general reader below either reads it or reports the error
             pass
     try:
         header = _header(data[4:end], cls)
@@ -142,7 +142,7 @@ def decode(data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
 
 
 def read_envelope(data: bytes | memoryview) -> Envelope:
-    """The envelope alone, whatever the message is. Raises CodecError."""
+    """Only the envelope, of a message of any class. Raises CodecError."""
     view = memoryview(data).cast("B")
     end = 4 + _LENGTH.unpack_from(view)[0] if len(view) >= 4 else 0
     if not 4 < end <= len(view):
@@ -156,7 +156,7 @@ def read_envelope(data: bytes | memoryview) -> Envelope:
 
 
 def _header(packed: bytes | memoryview, cls: type[Message] | None) -> dict[Any, Any]:
-    """The map that a header is: of a long one only what is declared, for None the envelope alone."""
+    """The header as a map: of a long one only the declared fields, and only the envelope if `cls` is None."""
     try:
         header = _built(packed, cls) if cls is not None and len(packed) <= SHORT else read_header(packed, cls)
     except MessageError:
@@ -169,7 +169,7 @@ def _header(packed: bytes | memoryview, cls: type[Message] | None) -> dict[Any, 
 
 
 def _built(packed: bytes | memoryview, cls: type[Message]) -> Any:
-    """A short header, built as a whole; one with a long list in it is read as a long header is."""
+    """A short header, unpacked at once; one that holds a long list is read like a long header."""
     try:
         return msgpack.unpackb(packed, max_array_len=SHORT_LIST)
     except ValueError:
@@ -205,7 +205,7 @@ def _envelope(value: Any) -> Envelope:
     if (
         type(key) is not str
         or not type(sequence) is type(tick) is type(stamp) is type(cause) is type(epoch) is int
-        or (sequence | tick | stamp | cause | epoch) >> 63  # one below 0 makes it negative
+        or (sequence | tick | stamp | cause | epoch) >> 63  # nonzero if one is negative
     ):
         raise CodecError(f"envelope is {brief(value)}, expected one string and five whole numbers >= 0")
     return Envelope(key, sequence, tick, stamp, cause, epoch)
@@ -251,7 +251,7 @@ def _make_reader(cls: type[Message]) -> Read:
 
 
 def _value_reader(kind: Kind) -> Read | None:
-    """How a value of this kind is read; None where the message's own check is enough."""
+    """The reader of a value of this kind; None if the message's own check is enough."""
     if kind.form == "array":
         return _read_array
     if kind.form == "message":

@@ -1,4 +1,4 @@
-"""What travels round a message, and what a step leaves behind."""
+"""The envelope of a message, and the record of a step."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ __all__ = ["Envelope", "StepRecord"]
 
 
 class Envelope(NamedTuple):
-    """What travels round every message.
+    """Origin and times of a message.
 
     Attributes:
         key: `<realm>/<robot>/<role>/<instance>/<port>`.
-        sequence: Rises by one with each message of the key.
+        sequence: Increases by one with each message of the key.
         tick: Tick of the step that made it.
         stamp_ns: Run clock of that tick.
-        cause_ns: Run clock of the newest Platform output it derives from.
-        epoch: Selection in force when it was made.
+        cause_ns: Run clock of the newest Platform output that it derives from.
+        epoch: Epoch of the selection when it was made.
     """
 
     key: str
@@ -28,20 +28,20 @@ class Envelope(NamedTuple):
 
 
 class StepRecord(NamedTuple):
-    """What one step of a node consumed, enough to feed it again.
+    """What one step of a node consumed, so that a replay can repeat it.
 
     Attributes:
-        role, instance: Whose step.
-        tick: When.
-        trigger: Port (or "tick") that made it step.
-        consumed: Input and the sequences read at it, see `InputRead`.
-        params_version: Rises with each change of the parameters.
+        role, instance: The node.
+        tick: Tick of the step.
+        trigger: Input (or "tick") that made it step.
+        consumed: Inputs with the sequence numbers read, see `InputRead`.
+        params_version: Increases with each change of the parameters.
         resets: How often the instance was reset.
-        duration_ns: Time the step took on this machine: never in a message or a trace.
+        duration_ns: Duration of the step on this machine; never in a message or a trace.
         stamp_ns: Run clock of the tick.
-        epoch: Selection in force.
-        fault: What the plugin raised, empty for nothing.
-        told: What the executor told the node beside its inputs, see `StepReport`.
+        epoch: Epoch of the selection.
+        fault: Exception that the plugin raised, as text; empty for none.
+        told: What the executor told the node in addition to its inputs, see `StepReport`.
     """
 
     role: str

@@ -1,4 +1,4 @@
-"""Messages whose class is not known here, as far as their header alone tells: envelope, fields and arrays."""
+"""Messages of an unknown class, decoded from their header alone: envelope, fields and arrays."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ __all__ = ["GenericMessage", "decode_generic"]
 MOST_NAMES = 256
 """Most entries of a map in such a header."""
 DEEPEST = 16
-"""Most lists and maps round a value in such a header."""
+"""Deepest nesting of lists and maps in such a header."""
 MOST_VALUES = 1 << 15
 """Most values in such a header, at all depths."""
 
 
 class GenericMessage(Message):
-    """A message of a class that is not known here. It holds what was sent, and nothing of it is checked.
+    """A message of a class that is unknown here. Its contents are as sent, and not checked.
 
     Attributes:
         label: Schema name and version, as `navloom_people.Tracks/1`.
-        fields: By name: numbers, texts, None, tuples and maps. A whole number may be the place of an array: only the
-            class tells which.
-        arrays: In the order of the header; read-only.
-        why: Why its class is not known here, and what helps.
+        fields: Values by name: numbers, texts, None, tuples and maps. An integer may be the index of an array: only the
+            class would tell.
+        arrays: Arrays in the order of the header; read-only.
+        why: Why its class is unknown here, and what helps.
     """
 
     __slots__ = ("arrays", "fields", "label", "why")
@@ -59,7 +59,7 @@ def decode_generic(data: bytes | memoryview, label: str, why: str = "") -> tuple
     """A message and its envelope from the header alone, which is bounded in length, items and depth.
 
     Raises:
-        CodecError: Bytes that are no message of whatever class.
+        CodecError: The bytes are no message of any class.
     """
     try:
         envelope = read_envelope(data)
@@ -81,7 +81,7 @@ def decode_generic(data: bytes | memoryview, label: str, why: str = "") -> tuple
 
 
 def _plain(value: Any, depth: int, left: list[int]) -> Any:
-    """A value of a header, with tuples for lists; `left` holds how many values it may have."""
+    """A value of a header, with tuples for lists; `left` holds the number of values that may follow."""
     left[0] -= 1
     if depth > DEEPEST or left[0] < 0:
         what = f"is nested deeper than {DEEPEST}" if depth > DEEPEST else f"holds more than {MOST_VALUES} values"

@@ -22,9 +22,9 @@ class Goal(Message):
     """Where to go.
 
     Attributes:
-        goal_id: Rises with each goal.
+        goal_id: Increases with each goal.
         x, y: Position, m, map frame.
-        heading: Heading to end with, rad, or None for any.
+        heading: Heading at the goal, rad, or None for any.
         via: Points to pass on the way, in order.
     """
 
@@ -37,13 +37,14 @@ class Goal(Message):
 
 @message()
 class OperatorRequest(Message):
-    """One thing an operator asks for, in either executor.
+    """A request of an operator, in either executor.
 
     Attributes:
-        do: What; "release" ends an operator's own driving, and "enter_unseen" lets it into space that no sensor saw.
+        do: The action; "release" ends the operator's driving, and "enter_unseen" lets the operator drive into space
+            that no sensor has seen.
         goal: For "goal".
-        role, instance: For "swap", the role and the instance to select; for "set", those whose parameters change.
-        values: For "set", TOML assignments `name = value`, one a string.
+        role, instance: For "swap", the role and its new active instance; for "set", whose parameters change.
+        values: For "set", TOML assignments `name = value`, one per string.
     """
 
     do: Literal["goal", "cancel", "swap", "set", "stop", "resume", "release", "enter_unseen"]
@@ -55,13 +56,13 @@ class OperatorRequest(Message):
 
 @message()
 class Drive(Message):
-    """Which trajectory may be driven: the goal's word, without which the reference publishes nothing.
+    """The goal's authorisation to follow a trajectory, without which the reference publishes nothing.
 
     Attributes:
-        goal_id: The goal it serves.
-        path_id: The plan to follow; 0 for none.
-        turn_to: Heading, rad, to turn to in place once the end of the plan is reached, or None.
-        stop_here: The end has been reached in position: turn only.
+        goal_id: Number of the goal.
+        path_id: Number of the plan to follow; 0 for none.
+        turn_to: Heading to turn to in place at the end of the plan, rad, or None.
+        stop_here: The end position has been reached: only turn.
     """
 
     goal_id: int
@@ -72,16 +73,17 @@ class Drive(Message):
 
 @message()
 class Feedback(Message):
-    """How a goal goes.
+    """Progress of a goal.
 
     Attributes:
-        goal_id: Which; 0 while there is none.
-        state: Where its state machine is; "waiting" for a platform that fell silent, "searching" for its place.
-        distance: Left along the trajectory, m.
-        time_left: Estimate, s.
-        cross_track: Distance from the trajectory, m, left positive.
-        recoveries: Attempts so far.
-        localizer: What the localizer says where it is not tracking: its state and why; else empty.
+        goal_id: Number of the goal; 0 for none.
+        state: State of its state machine; "waiting" for a silent platform, "searching" while the localizer is not
+            tracking.
+        distance: Remaining distance along the trajectory, m.
+        time_left: Estimated remaining time, s.
+        cross_track: Distance from the trajectory, m, positive to the left.
+        recoveries: Number of recoveries so far.
+        localizer: State and reason of a localizer that is not tracking; otherwise empty.
     """
 
     goal_id: int
@@ -100,8 +102,8 @@ class GoalResult(Message):
     Attributes:
         goal_id: Number of the goal.
         outcome: One of `OUTCOMES`.
-        reason: One phrase.
-        place: Where the robot was, map frame.
+        reason: The reason in one phrase.
+        place: Where the robot was, or where the planner failed, map frame.
     """
 
     goal_id: int

@@ -1,4 +1,4 @@
-"""A header, read no further than its class is declared: what is unknown is skipped, and none of it is built."""
+"""Reads long headers only as far as their class declares: unknown fields are skipped without being built."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from navloom.messages.kinds import MAX_ARRAYS, Kind, Message, MessageError
 __all__ = ["read_header"]
 
 _MAPS, _LISTS, _NIL = frozenset([*range(0x80, 0x90), 0xDE, 0xDF]), frozenset([*range(0x90, 0xA0), 0xDC, 0xDD]), 0xC0
-"""How a map, a list and None begin in MessagePack."""
+"""First bytes of a map, a list and None in MessagePack."""
 _ENVELOPE, _DIMENSIONS = 16, 8
-"""Items of an envelope, and dimensions of an array, at most."""
+"""Most items of an envelope, and most dimensions of an array."""
 
 Read = Callable[[], Any]
 
 
 def read_header(packed: bytes | memoryview, cls: type[Message] | None) -> Any:
-    """What a header holds, of what its class declares; for None its envelope alone.
+    """The declared part of a header; only its envelope if `cls` is None.
 
-    Every map and list is as long as its declaration allows at most, and nothing is nested deeper than it. What is not
-    built can be nested as deep as msgpack goes, 1024.
+    Maps and lists may be no longer, and values nested no deeper, than their declaration allows. Skipped values may be
+    nested up to msgpack's limit of 1024 levels.
 
     Raises:
-        MessageError: It is not of that form; ValueError, msgpack's own: it is no MessagePack.
+        MessageError: The header is malformed; ValueError: it is no MessagePack.
     """
     header = _Header(packed)
     parts: dict[str, Read] = {"envelope": lambda: header.items("envelope", _ENVELOPE, header.scalar)}
@@ -40,7 +40,7 @@ def read_header(packed: bytes | memoryview, cls: type[Message] | None) -> Any:
 
 
 class _Header:
-    """A place in a header, which moves on with everything that is read."""
+    """A cursor in a header."""
 
     def __init__(self, packed: bytes | memoryview) -> None:
         self._packed = packed
@@ -48,7 +48,7 @@ class _Header:
         self._unpacker.feed(packed)
 
     def fields(self, where: str, known: Mapping[str, Read]) -> Any:
-        """A map of these names; whatever else stands there is read as it is, for the check that refuses it."""
+        """A map with these names; any other value is returned as it is, for a later check to refuse."""
         if self._next() not in _MAPS:
             return self.scalar()
         count = self._unpacker.read_map_header()
@@ -68,7 +68,7 @@ class _Header:
         return self.fields("a map of fields", {name: self._reader(name, kind) for name, kind in kinds.items()})
 
     def items(self, where: str, most: int, read: Read) -> Any:
-        """A list; whatever else stands there is read as it is."""
+        """A list; any other value is returned as it is."""
         if self._next() not in _LISTS:
             return self.scalar()
         count = self._unpacker.read_array_header()
@@ -88,7 +88,7 @@ class _Header:
         return self._unpacker.unpack()
 
     def finish(self) -> None:
-        """Refuse what stands behind the end."""
+        """Refuse bytes after the end."""
         left = len(self._packed) - self._unpacker.tell()
         if left:
             raise MessageError(f"the header has {left} bytes behind its end")

@@ -1,4 +1,4 @@
-"""What a message field may hold, read from its annotation when the class is declared."""
+"""Kinds of message fields, read from their annotations when the class is declared."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["DTYPES", "MAX_ARRAYS", "MAX_ITEMS", "MAX_TEXT", "RULES", "Array", "H
            "holds_array", "kind_of"]  # fmt: skip
 
 DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")}
-"""Element types of arrays, by the name they have in the bytes."""
+"""Element types of arrays, by their name on the wire."""
 
 MAX_ARRAYS = 256
 """Most arrays of a message."""
@@ -28,7 +28,7 @@ MAX_TEXT = 1024
 
 
 class MessageError(ValueError):
-    """A field does not fit its declaration; the text names the field, what was given and what was expected."""
+    """A field does not fit its declaration. The text names the field, what was given and what was expected."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Array:
 
     Attributes:
         dtype: Element type by numpy name.
-        shape: Sizes; a name stands for any size, the same one for every field of the message that uses it.
-        infinite: `+inf` is a value (no echo). NaN and `-inf` never are.
+        shape: Sizes; a name means any size, but the same size in every field of the message that uses it.
+        infinite: `+inf` is allowed (no echo). NaN and `-inf` never are.
         at_least, at_most: Smallest and largest element allowed, or None.
-        may_be_empty: An array without elements is a value.
+        may_be_empty: An array without elements is allowed.
     """
 
     dtype: str
@@ -62,13 +62,13 @@ Name = Annotated[str, Most(255)]
 """A name: of a role, an instance, a port."""
 
 Words = Annotated[str, "words"]
-"""Text for people. What exceeds the bound is cut, since no explanation is worth losing its message for."""
+"""Text for people. A text beyond the bound is cut, so that its message is not lost."""
 
 Unbounded = Annotated[float, "infinite"]
 """A float that may be `+inf` (the clearance in an empty world); never NaN or `-inf`."""
 
 Heading = Annotated[float, "heading"]
-"""A direction, rad, in [-π, π]. What rounding puts up to 1e-9 beyond is wrapped; the rest is refused."""
+"""A direction, rad, in [-π, π]. A value up to 1e-9 beyond is wrapped; others are refused."""
 
 Positive = Annotated[float, "positive"]
 """A finite float above 0."""
@@ -80,24 +80,24 @@ Stamp = Annotated[int, "stamp"]
 """A time on the run clock, ns, of at least 0."""
 
 RULES = {"heading": float, "positive": float, "not_negative": float, "stamp": int}
-"""What a number field may be held to beside its type, and that type."""
+"""Rules for a number field in addition to its type, each with that type."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What one field holds, resolved from its annotation: exactly one of the forms below.
+    """What one field may hold, resolved from its annotation.
 
     Attributes:
         form: "float", "int", "bool", "str", "array", "message" or "tuple".
-        optional: None is a value.
+        optional: None is allowed.
         array: Declaration of an array field.
-        choices: Allowed strings of a Literal field; empty where any will do.
+        choices: Allowed strings of a Literal field; empty for any.
         item: Kind of a tuple's items.
         message: Class of a nested message.
         infinite: A float that may be infinite.
-        rule: One of RULES that a number is held to; empty for none.
-        most: Most items of a tuple, or bytes of a text.
-        is_cut: Text beyond that is cut; else it is refused.
+        rule: The rule for a number, one of RULES; empty for none.
+        most: Most items of a tuple, or most bytes of a text.
+        is_cut: A longer text is cut; otherwise it is refused.
     """
 
     form: str
@@ -113,7 +113,7 @@ class Kind:
 
 
 class Message:
-    """Base of everything that flows. Made with the `message` decorator only."""
+    """Base of all messages. Declare a message with the `message` decorator."""
 
     __slots__ = ()
     schema_name: ClassVar[str] = ""
@@ -122,15 +122,15 @@ class Message:
     read_fields: ClassVar[Callable[[Any], tuple[Any, ...]]]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Through the constructor, so that a copy from another process is checked and its arrays are read-only too.
+        # Through the constructor, so that an unpickled copy is checked and its arrays are read-only too.
         return type(self), self.read_fields()
 
 
 def kind_of(hint: Any) -> Kind:
-    """The kind an annotation stands for.
+    """The kind of an annotation.
 
     Raises:
-        TypeError: Not an annotation a field can have.
+        TypeError: A message field cannot have this annotation.
     """
     origin, args = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
@@ -183,7 +183,7 @@ _REPR.maxstring = _REPR.maxother = 80
 
 
 def brief(value: Any) -> str:
-    """A value for an error text: short, whatever was sent, and never an error of its own."""
+    """A short representation of any value for an error text; never raises."""
     try:
         return _REPR.repr(value)
     except (ValueError, RecursionError):  # a number of thousands of digits

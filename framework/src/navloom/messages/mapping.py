@@ -1,4 +1,4 @@
-"""Maps, plans and their failures."""
+"""Maps, plans, requests for them, and planning failures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class OccupancyGrid(Message):
     Attributes:
         cells: (rows, cols) int8: 0 free to 100 occupied, -1 unknown; row 0 has the lowest y, column 0 the lowest x.
         resolution: Edge of a cell, m.
-        origin: Lower left corner of cell (0, 0) in the map frame; its heading turns the raster.
+        origin: Lower left corner of cell (0, 0) in the map frame; its heading rotates the raster.
     """
 
     cells: Annotated[NDArray[np.int8], Array("int8", ("rows", "cols"), at_least=-1, at_most=100)]
@@ -45,13 +45,13 @@ class Count(Message):
 
 @message()
 class MapUpdate(Message):
-    """A mapper's map, whole each time.
+    """A mapper's complete map.
 
     Attributes:
         stamp_ns: Run clock of the newest data in it.
         grid: Raster map, map frame.
-        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has both ends alike.
-        counts: What became of the input points, by name; they sum to the points given.
+        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has two equal ends.
+        counts: Number of input points by outcome (used, or why not); the numbers sum to all input points.
     """
 
     stamp_ns: Stamp
@@ -62,17 +62,18 @@ class MapUpdate(Message):
 
 @message()
 class ClearRequest(Message):
-    """Asks the mapper to forget; `request_id` rises with each."""
+    """Asks the mapper to clear what it can observe again; `request_id` increases with each request."""
 
     request_id: int
 
 
 @message()
 class PlanRequest(Message):
-    """Asks the planner for a way.
+    """Asks the planner for a path.
 
     Attributes:
-        request_id: Rises with each; its answer carries it. Live, one without an answer is repeated under its number.
+        request_id: Increases with each request; the answer carries it. Live, a request without an answer is repeated
+            with the same number.
         start, goal: Poses of base in the map frame.
     """
 
@@ -86,9 +87,9 @@ class Path(Message):
     """A planner's answer.
 
     Attributes:
-        request_id: The request it answers.
+        request_id: Number of the request that it answers.
         points: (n, 2) from start to goal, m, map frame.
-        length: Length as planned, m, before any pruning.
+        length: Length as planned, before any pruning, m.
         traversable: 0 where the robot's centre may be, 100 where it may not; the framework prunes and smooths within
             it. None: only the points themselves are known to be free, and corners are rounded by a few centimetres.
     """
@@ -104,10 +105,11 @@ class PlanFailure(Message):
     """Why there is no path.
 
     Attributes:
-        request_id: The request it answers.
-        kind: What is wrong.
-        place: Where, map frame: the occupied start or goal, the point outside, or where the search came nearest.
-        detail: One sentence for people.
+        request_id: Number of the request that it answers.
+        kind: Kind of failure.
+        place: Place of the failure, map frame: the occupied start or goal, the point outside, or where the search came
+            nearest.
+        detail: Explanation in one sentence.
     """
 
     request_id: int

@@ -1,4 +1,4 @@
-"""Poses, velocities, and what the localizer, the reference, the controller and the gate say."""
+"""Poses, velocities, and the messages of localizer, reference, controller and gate."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Command", "Contact", "GateStatus", "Odometry", "Point2D", "Pose2D", 
 
 Floats = NDArray[np.float64]
 Instances = Annotated[tuple[Name, ...], Most(64)]
-"""One "role instance" of each role at most."""
+"""At most one "role instance" for each role."""
 
 
 @message()
@@ -52,7 +52,7 @@ class Odometry(Message):
     """Dead reckoning of the platform.
 
     Attributes:
-        stamp_ns: Run clock at which it holds.
+        stamp_ns: Run clock of the measurement.
         pose: Base in the odometry frame, which starts where the robot starts and drifts.
         twist: Measured velocity, base frame.
     """
@@ -64,7 +64,7 @@ class Odometry(Message):
 
 @message()
 class Contact(Message):
-    """A bumper; in simulation the true footprint.
+    """State of a bumper; in simulation, whether the true footprint touches something.
 
     Attributes:
         touching: The robot touches something.
@@ -81,7 +81,7 @@ class Truth(Message):
         pose: Base in the map frame.
         twist: True velocity, base frame.
         clearance: Gap between footprint and nearest obstacle, m; 0 in contact, infinite in an empty world.
-        nearest: Name of that obstacle, empty where there is none.
+        nearest: Name of that obstacle; empty for none.
         touching: The footprint touches it.
     """
 
@@ -94,15 +94,15 @@ class Truth(Message):
 
 @message()
 class PoseEstimate(Message):
-    """Where the robot is.
+    """A localizer's estimate of the robot's pose.
 
     Attributes:
-        stamp_ns: Run clock at which it holds.
+        stamp_ns: Run clock of the pose.
         pose: Base in the map frame.
         twist: Velocity, base frame.
         covariance: (3, 3) of x, y, heading; m², m rad, rad².
         state: How sure the localizer is: "searching" while it doubts the pose, "lost" when that lasts.
-        reason: Why it is not tracking, as one phrase; else empty.
+        reason: Why it is not tracking, in one phrase; otherwise empty.
     """
 
     stamp_ns: Stamp
@@ -118,7 +118,7 @@ class PoseTrack(Message):
     """Poses over time, for sensors whose data spans a movement.
 
     Attributes:
-        stamps_ns: (n,) run clock, rising.
+        stamps_ns: (n,) run clock, increasing.
         poses: (n, 3) x, y, m, heading, rad, of base in the map frame; headings wrapped to [-π, π).
     """
 
@@ -128,10 +128,10 @@ class PoseTrack(Message):
 
 @message()
 class Trajectory(Message):
-    """What the controller follows.
+    """The trajectory that the controller follows.
 
     Attributes:
-        path_id: Number of the plan it was made from.
+        path_id: Number of the plan that it was made from.
         samples: (n, 6) rows of arc length s, m; x, y, m; heading, rad; curvature, 1/m; speed, m/s; map frame.
     """
 
@@ -141,17 +141,17 @@ class Trajectory(Message):
 
 @message()
 class Reference(Message):
-    """The point of the trajectory the robot is at, re-projected each tick.
+    """The reference point: the robot's pose projected onto the trajectory in each tick.
 
     Attributes:
         path_id: Number of the trajectory.
-        progress: Arc length of the projection, m.
+        progress: Arc length of the reference point, m.
         remaining: Arc length to the end, m.
         pose: Reference pose, map frame.
         speed: v_r, m/s, > 0.
         turn_rate: ω_r = κ v_r, rad/s.
-        cross_track: Signed distance of the robot to the left of the trajectory, m.
-        target: Point of the trajectory one look-ahead distance further on, map frame.
+        cross_track: Distance of the robot from the trajectory, m, positive to the left.
+        target: Point of the trajectory one look-ahead distance farther along, map frame.
         way: (k, 2) the trajectory from the reference point to the target, m, map frame, in steps of about 0.2 m.
         corridor: Half width of the strip along `way` that must be free, m.
         turn_to: The end has been reached: turn in place to this heading, rad; None while driving.
@@ -172,7 +172,7 @@ class Reference(Message):
 
 @message()
 class Command(Message):
-    """A velocity asked for: what avoiders, recoveries, operators and the gate publish.
+    """A commanded velocity, as published by avoiders, recoveries, operators and the gate.
 
     Attributes:
         twist: The velocity, base frame.
@@ -186,7 +186,7 @@ class TrackingCommand(Message):
     """A controller's answer.
 
     Attributes:
-        twist: Velocity asked for, base frame.
+        twist: Requested velocity, base frame.
         e1, e2: Longitudinal and lateral error, m, in the base frame: eq. (4).
         e3: Heading error, rad in [-π, π).
     """
@@ -199,20 +199,20 @@ class TrackingCommand(Message):
 
 @message()
 class GateStatus(Message):
-    """Who drives, and why nobody does.
+    """Status of the gate: which source drives, or why none does.
 
     Attributes:
-        source: Role whose command went through, or "none".
-        instance: Its instance name, empty for none.
-        stopped: Zero is commanded.
+        source: Role whose command passed, or "none".
+        instance: Name of its instance; empty for none.
+        stopped: The gate commands zero.
         latched: The stop stays until `resume`.
-        reason: Empty while driving; else what stopped it (`operator`, `no_trajectory`, `stale: …`, …).
-        pending: "role instance" of swaps that wait for the instance to warm up, in order of role.
-        share: Of the command that goes through, where the monitor slows the robot; 1 where it does not.
-        limit: What the monitor slows or stops it for: an `obstacle`, or `unseen` space; empty for nothing;
-            `overridden` where an operator lets it enter unseen space.
-        place: Of that in the base frame, m.
-        distance: From the footprint to it, m.
+        reason: Why it is stopped (`operator`, `no_trajectory`, `stale: …`, …); empty while driving.
+        pending: "role instance" of swaps that wait for the instance to warm up, sorted by role.
+        share: Share of the command that passes when the monitor slows the robot; 1 for all of it.
+        limit: Why the monitor slows or stops the robot: an `obstacle`, or `unseen` space; empty for no reason;
+            `overridden` if an operator lets it enter unseen space.
+        place: Place of the obstacle or unseen space in the base frame, m.
+        distance: Distance from the footprint to it, m.
     """
 
     source: Literal["none", "controller", "avoider", "recovery", "operator"]
@@ -232,9 +232,9 @@ class Selection(Message):
     """Which instance of each role is active.
 
     Attributes:
-        epoch: Rises with each swap; commands of an older epoch are refused.
-        from_tick: First tick in which it holds.
-        instances: "role instance" in order of role.
+        epoch: Increases with each swap; commands of an older epoch are refused.
+        from_tick: First tick in which it applies.
+        instances: "role instance" of each active instance, sorted by role.
     """
 
     epoch: int

@@ -1,7 +1,7 @@
-"""Messages as MessagePack, by writers that are generated for each class: the bytes msgpack gives for a map of fields.
+"""Writes messages as MessagePack with a generated writer for each class; the bytes equal msgpack's for the fields.
 
-A header's `fields` and `arrays` are mostly constant: names, map sizes, marks of doubles. A generated writer packs each
-run of constants, floats and bools with one `struct`; ints, free text and tuples go through `msgspec`.
+A header's `fields` and `arrays` are mostly constant: names, map sizes, type bytes of doubles. A generated writer packs
+each run of constants, floats and bools with one `struct`; ints, free text and tuples are packed by `msgspec`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ __all__ = ["PAD", "Arrays", "Pads", "Write", "pack", "writer_of"]
 Arrays = Sequence[NDArray[Any]]
 Pads = Sequence[bytes | None]
 Write = Callable[[Any], tuple[bytes, Arrays, Pads, int]]
-"""Message -> rest of its header after the envelope; arrays; padding before each, None if empty; bytes of them all."""
+"""Message -> header after the envelope; arrays; padding before each, None if empty; size of all blocks, bytes."""
 _WRITERS: dict[type[Message], Write] = {}
 _Table = tuple[bytes, Pads, int]
 _Tables = dict[tuple[Any, ...], _Table]
 _MOST_TABLES = 256
-"""Tables of arrays that are kept for each class; a run has few shapes."""
+"""Most cached tables of arrays for each class; a run has few shapes."""
 PAD = [bytes(n) for n in range(ALIGNMENT)]
 _NIL, _FALSE, _TRUE, _DOUBLE = 0xC0, 0xC2, 0xC3, b"\xcb"
 _Token = tuple[str, Any]
@@ -35,7 +35,7 @@ _Token = tuple[str, Any]
 
 
 pack = Encoder().encode
-"""A value as MessagePack; of a message the map of its fields. The same bytes as msgpack's, and faster with messages."""
+"""Packs a value as MessagePack, a message as the map of its fields: msgpack's bytes, but faster for messages."""
 _KEY = "tuple([(array.dtype, array.shape) for array in arrays])"
 _LAY = ["    table, pads, size = tables.get(key) or new_table(tables, key, arrays)"]
 
@@ -49,7 +49,7 @@ def writer_of(cls: type[Message]) -> Write:
 
 
 def _new_table(tables: _Tables, key: tuple[Any, ...], arrays: Arrays) -> _Table:
-    """Table of (dtype, shape, offset) as MessagePack, padding and size of the blocks; kept for the next message."""
+    """Table of (dtype, shape, offset) as MessagePack, padding and size of the blocks; cached for the next message."""
     table, pads, end = [], [], 0
     for array in arrays:
         pad, size = -end % ALIGNMENT, array.nbytes
@@ -63,7 +63,7 @@ def _new_table(tables: _Tables, key: tuple[Any, ...], arrays: Arrays) -> _Table:
 
 
 class _Writer:
-    """Source of one writer, made of the class's declaration alone; nothing that was sent or configured gets into it."""
+    """Generates one writer's source from the class's declaration alone, without any received or configured text."""
 
     def __init__(self, cls: type[Message]) -> None:
         self.cls = cls
@@ -77,7 +77,7 @@ class _Writer:
             "__builtins__": {"len": len, "tuple": tuple},
         }
         self.arrays: list[str] = []
-        # The number of an array is known beforehand unless an array may be missing, or a tuple holds any.
+        # The index of an array is constant unless an array may be missing, or a tuple holds arrays.
         self.is_fixed = all(_always_holds_its_arrays(kind) for kind in cls.kinds.values())
 
     def compiled(self) -> Write:
@@ -131,7 +131,7 @@ class _Writer:
         return [("bytes", f"pack({plain_source(kind, value, 0)})")]
 
     def joined(self, tokens: list[_Token]) -> str:
-        """Expression for the bytes of all tokens, one after the other."""
+        """Expression for the joined bytes of all tokens."""
         pieces: list[str] = []
         run: list[_Token] = []
         for token in [*tokens, ("bytes", "")]:
@@ -180,7 +180,7 @@ def _always_holds_its_arrays(kind: Kind) -> bool:
 
 
 def plain_source(kind: Kind, value: str, depth: int) -> str:
-    """Expression that turns a value of this kind into what `pack` takes; arrays go to the list `arrays`."""
+    """Expression that turns a value of this kind into a value for `pack`; arrays are appended to the list `arrays`."""
     if not holds_array(kind):
         return value
     if kind.form == "array":

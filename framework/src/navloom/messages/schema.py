@@ -1,4 +1,4 @@
-"""How a message is declared: a frozen dataclass whose fields are checked once, at construction."""
+"""Declares messages: frozen dataclasses whose fields are checked once, at construction."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def message(version: int = 1) -> Callable[[type[M]], type[M]]: ...
 def message(version: Any = 1) -> Any:
     """Declare a message, as `@message` or `@message(version=2)`: the class becomes a frozen dataclass with slots.
 
-    Its schema name begins with the top-level package of its module, as `navloom_people.Tracks`: two distributions may
-    have messages of one name. A script's package is the name that the script would be imported by.
+    Its schema name begins with the top-level package of its module, as `navloom_people.Tracks`, so that two
+    distributions may have messages of the same name. For a script, it is the name by which it would be imported.
 
-    Float fields take any real number and hold a finite float; array fields are copied unless nobody can write to them
-    any more, checked for element type, shape and NaN, and held read-only. Classes with array fields compare by
-    identity, the others by value.
+    Float fields accept any real number and hold a finite float. Arrays are checked for element type, shape and NaN and
+    held read-only; an array that could still be written is copied. Classes with array fields compare by identity, the
+    others by value.
 
     Raises:
-        TypeError: A field that is not one of the kinds, a version below 1, or a name that another message has.
+        TypeError: A field of no known kind, a version below 1, or a name that another message has.
     """
     if isinstance(version, type):
         return message()(version)
@@ -94,7 +94,7 @@ def _package_of(module: str) -> str:
 
 
 def _file_of(cls: type[Message]) -> str:
-    """File that declares a message: a script may be imported as well, by another name."""
+    """File that declares a message: a script may also be imported, under another name."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None) or cls.__module__
 
 
@@ -121,7 +121,7 @@ _FITS = {
     "message": "{0}.__class__ is _class_{0}",
     "tuple": "{0}.__class__ is tuple and not {0}",
 }
-"""What a value must be to be held as it is, without a call of its check."""
+"""Conditions under which a value is accepted without calling its check."""
 
 _FITS_RULE = {
     "heading": "{0}.__class__ is float and -_pi <= {0} <= _pi",
@@ -129,13 +129,13 @@ _FITS_RULE = {
     "not_negative": "{0}.__class__ is float and 0.0 <= {0} < _inf",
     "stamp": "{0}.__class__ is int and 0 <= {0} <= 0x7fffffffffffffff",
 }
-"""The same for a number that is held to a rule."""
+"""The same for a number with a rule."""
 
 
 def _constructor(cls: type[Message], kinds: dict[str, Kind]) -> Callable[..., None]:
-    """`__init__` that checks each field in line, as Python source: three times faster than calls of the checks.
+    """A generated `__init__` that checks each field inline: three times faster than calling the checks.
 
-    The source is made of the declaration alone; nothing that was sent or configured gets into it.
+    The source is made from the declaration alone, without any received or configured text.
     """
     given: list[str] = []
     lines = []
@@ -170,7 +170,7 @@ def _constructor(cls: type[Message], kinds: dict[str, Kind]) -> Callable[..., No
 
 
 def _unless_it_fits(name: str, kind: Kind) -> str:
-    """The condition, as source, under which the check of a field must be called; empty for always."""
+    """Source of the condition under which the check of a field must be called; empty for always."""
     if kind.form == "array":
         return f"if {name} is not None: " if kind.optional else ""
     fits = (_FITS_RULE[kind.rule] if kind.rule else _FITS[kind.form]).format(name, most=kind.most)

@@ -1,4 +1,4 @@
-"""What range sensors give."""
+"""Messages of range sensors."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class RangeScan(Message):
 
     Attributes:
         stamp_ns: Run clock of the scan.
-        origins: (n, 2) where each beam starts, m, base frame.
+        origins: (n, 2) origin of each beam, m, base frame.
         bearings: (n,) direction of each beam's axis, rad, base frame.
-        half_angles: (n,) half the opening of each beam, rad; 0 for a laser.
-        time_offsets: (n,) when each beam was taken, s after the stamp.
+        half_angles: (n,) half the opening angle of each beam, rad; 0 for a laser.
+        time_offsets: (n,) time of each beam, s after the stamp.
         ranges: (n,) distance along the beam, m; +inf means no echo.
-        range_min, range_max: Limits of the sensor, m. A reading at range_min may be of something nearer.
+        range_min, range_max: Limits of the sensor, m. An object nearer than range_min may read as range_min.
     """
 
     stamp_ns: Stamp
@@ -40,11 +40,11 @@ class RangeScan(Message):
 
 @message()
 class Sweep(Message):
-    """One up or down movement of a pitched planar laser: a 3D image.
+    """One up or down movement of a pitching planar laser: a 3D image.
 
     Attributes:
         stamp_ns: Run clock at which the sweep began.
-        request_id: Number of the request it answers; 0 for continuous sweeps.
+        request_id: Number of the request that it answers; 0 for continuous sweeps.
         ranges: (frames, beams) distance along the beam, m; +inf means no return.
         pitches: (frames,) α, rad, up positive.
         frame_times: (frames,) s after the stamp.
@@ -73,8 +73,8 @@ class SweepRequest(Message):
     """Asks the platform for one stop-and-scan sweep.
 
     Attributes:
-        request_id: Above 0, rises with each. Live, a request is repeated under its number where no map has come of it:
-            it is made again then, but where it is under way, which goes on.
+        request_id: Above 0; increases with each request. Live, a request that has led to no map is repeated with the
+            same number: a sweep that is already running continues; otherwise a new one starts.
     """
 
     request_id: int

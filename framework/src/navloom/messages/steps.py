@@ -1,4 +1,4 @@
-"""What a node says of each of its steps, for those who wait for it, watch over it, or replay it."""
+"""Reports of a node's steps, for nodes that wait for it, for supervision and for replay."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ __all__ = ["InputRead", "Parameters", "PortMark", "StepReport"]
 
 @message()
 class InputRead(Message):
-    """What a step read at one input.
+    """What a step read from one input.
 
     Attributes:
-        input: What the node calls it.
-        sequences: Numbers of the messages: all new ones of a trigger, the last one of a sample; of a track the first
-            and the last number of each run without a gap.
+        input: Name of the input in the node.
+        sequences: Sequence numbers of the messages: all new ones of a queue, or the newest one; of a track, the first
+            and the last of each run without a gap.
     """
 
     input: Name
@@ -25,7 +25,7 @@ class InputRead(Message):
 
 @message()
 class PortMark(Message):
-    """High-water mark of a port: sequence of the last message published there, 0 for none yet."""
+    """High-water mark of a port: sequence number of the last message published on it; 0 for none yet."""
 
     port: Name
     sequence: int
@@ -33,20 +33,20 @@ class PortMark(Message):
 
 @message()
 class StepReport(Message):
-    """One tick of a node; sent in silent ones too, so that a missing one means something.
+    """Report of one tick of a node; also sent if the node publishes nothing, so that a missing report is noticed.
 
     Attributes:
-        trigger: Input (or "tick") that made it step; "check" for a gate that stopped between two ticks; empty where
-            it did not step.
-        read: What it consumed.
+        trigger: Input (or "tick") that made it step; "check" for a gate that stopped between two ticks; empty if it
+            did not step.
+        read: The messages that it consumed.
         published: Every port with its mark after this tick.
-        enabled: It steps when triggered; an alternative that waits, or a plugin that broke in lockstep, does not.
-        params_version: Rises with each change of the parameters.
+        enabled: It steps when triggered; a waiting alternative, or a plugin that failed in lockstep, does not.
+        params_version: Increases with each change of the parameters.
         resets: How often the instance was reset.
-        duration_ns: Time the step took on its machine.
-        fault: What the plugin raised in this tick, empty for nothing.
-        told: What the executor told the node beside its inputs, as a JSON object; empty for nothing. See
-            `engine.own_nodes`.
+        duration_ns: Duration of the step on its machine.
+        fault: Exception that the plugin raised in this tick, as text; empty for none.
+        told: What the executor told the node in addition to its inputs, as a JSON object; empty for nothing. See
+            `engine.told`.
     """
 
     trigger: Name
@@ -62,11 +62,11 @@ class StepReport(Message):
 
 @message()
 class Parameters(Message):
-    """Parameters of an instance that were changed while it ran.
+    """Parameters of an instance that were changed during the run.
 
     Attributes:
-        version: Counts the changes.
-        values: TOML assignments `name = value`, one a string.
+        version: Number of changes so far.
+        values: TOML assignments `name = value`, one per string.
     """
 
     version: int

@@ -1,9 +1,9 @@
-"""Headers read by compiled code: what a writer of this version writes becomes a message without calls of its checks.
+"""Fast reader: turns headers written by this version into messages without calling the field checks.
 
-`msgspec` reads a header into structs that are made of the class's declaration, ranges included. They take the declared
-fields and nothing else, so that what they hold fits, and a generated function sets it into the message. What the table
-of arrays says is checked once for each table; what they hold is checked each time. Everything else raises, whatever it
-is: the reader in `codec` then reads it, as an earlier or later version may have written it, or says what is wrong.
+`msgspec` reads a header into structs generated from the class's declaration, including value ranges. They accept only
+the declared fields, so their values fit, and a generated function sets them in the message. Each distinct table of
+arrays is checked once, the arrays' values each time. Anything else raises an exception: the general reader in `codec`
+then reads the header, which another version may have written, or reports the error.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from navloom.messages.kinds import Kind, Message, holds_array
 __all__ = ["SHORT", "SHORT_LIST", "Typed", "typed_reader"]
 
 SHORT, SHORT_LIST = 4096, 256
-"""Bytes of a header, and items of each list in it, up to which it is built as a whole: the fastest, 3 MB at most."""
+"""Largest header, bytes, and longest list in it that are unpacked at once, which is fastest and takes at most 3 MB."""
 
 Typed = Callable[[bytes | memoryview, Memory, int], tuple[Message, Envelope]]
-"""Header, all bytes and where the arrays begin -> message and envelope; it raises for what it does not take."""
+"""(header, all bytes, offset of the arrays) -> message and envelope; raises for anything that it does not accept."""
 
 _Places = list[tuple[list[int], int]]
 """Shape and offset of each array."""
 _MOST_TABLES = 256
-"""Tables of arrays that are kept for each class; a run has few shapes."""
+"""Most cached tables of arrays for each class; a run has few shapes."""
 _MOST, _MOST_INT = sys.float_info.max, 2**63 - 1
 _RANGES = {
     "heading": Meta(ge=-math.pi, le=math.pi),
@@ -47,7 +47,7 @@ _RANGES = {
     "int": Meta(ge=-_MOST_INT - 1, le=_MOST_INT),
 }
 _UTF8 = 4
-"""Bytes that a character takes at most."""
+"""Most bytes of a character."""
 _READ = """
 def read(packed, memory, start):
     header = decode(packed)
@@ -68,7 +68,7 @@ _TYPED: dict[type[Message], Typed] = {}
 
 
 def typed_reader(cls: type[Message]) -> Typed:
-    """The reader of a class, made when it is first needed."""
+    """The fast reader of a class, made on first use."""
     found = _TYPED.get(cls)
     if found is None:
         found = _TYPED[cls] = _Reader(cls).compiled()
@@ -76,12 +76,12 @@ def typed_reader(cls: type[Message]) -> Typed:
 
 
 class _Reader:
-    """Source of one reader, made of the class's declaration alone; nothing that was sent gets into it.
+    """Generates the source of one reader from the class's declaration alone, without any received text.
 
     Attributes:
-        arrays: What holds each array, its field, and its check.
-        tables: Where the arrays lie, by the bytes of a table that was found right.
-        names: What the source calls.
+        arrays: For each array, the variable of the message that holds it, its field, and its check.
+        tables: Places of the arrays, by the bytes of a table that passed the checks.
+        names: Names that the source uses.
     """
 
     def __init__(self, cls: type[Message]) -> None:
@@ -114,7 +114,7 @@ class _Reader:
         return name
 
     def struct(self, cls: type[Message], value: str, made: str, lines: list[str]) -> Any:
-        """The type of a map of exactly these fields; appends lines that make a message of a value of it."""
+        """The type of a map with exactly these fields; appends lines that build a message from a value of this type."""
         lines.append(f"{made} = new({self.named(cls)})")
         parts: list[tuple[str, Any]] = []
         for name, kind in cls.kinds.items():
@@ -137,7 +137,7 @@ class _Reader:
         return defstruct(cls.__name__, parts, forbid_unknown_fields=True, gc=False)
 
     def plain(self, kind: Kind, value: str) -> tuple[Any, str]:
-        """The type of a value, and the expression for what a message holds; what may hold arrays must hold none."""
+        """The type of a value, and the expression for it in a message. What may hold arrays must be None or empty."""
         if kind.optional:
             if holds_array(kind):
                 return None, "None"
@@ -158,7 +158,7 @@ class _Reader:
         return _scalar(kind), value
 
     def learn(self, table: bytes, memory: Memory, start: int) -> _Places:
-        """Where the arrays of a table lie, each of the type and shape declared. Raises ValueError."""
+        """Places of the arrays of a table, after a check of type and shape. Raises ValueError."""
         entries = msgpack.unpackb(table)
         sizes: dict[str, dict[str, int]] = {}
         for (made, name, check), array in zip(self.arrays, views(entries, memory, start), strict=True):

@@ -1,1 +1,1 @@
-"""What the framework itself decides, as pure functions and small state machines: no I/O, no clock."""
+"""The framework's own decisions, as pure functions and small state machines: no I/O, no clock."""

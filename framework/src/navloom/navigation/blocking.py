@@ -1,4 +1,4 @@
-"""Whether a map leaves a trajectory free: what a robot that maps while it drives replans by."""
+"""Checks a trajectory against a map, for replanning while the robot drives and maps."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ __all__ = ["OCCUPIED_FROM", "first_blocked", "warm_up"]
 Floats = NDArray[np.float64]
 
 OCCUPIED_FROM = 50
-"""Cells of at least this, percent, are obstacles; the unknown is none."""
+"""Smallest occupancy of an obstacle cell, percent; unknown cells are free."""
 
 
 def first_blocked(samples: Floats, progress: float, radius: float, grid: OccupancyGrid) -> float:
-    """Arc length, m, of the first sample from `progress` on that is nearer than `radius` to an occupied cell's centre.
+    """Arc length, m, of the first sample at or after `progress` within `radius` of an occupied cell's centre.
 
-    Infinite where there is none. What lies outside of the grid is free.
+    Infinite if there is none. Space outside the grid is free.
 
     Args:
         samples: (n, 6) of `trajectory.SmoothPath`, map frame.
-        progress: Arc length the robot is at, m.
-        radius: Of the disc that must be free, m.
+        progress: Arc length of the robot's reference point, m.
+        radius: Radius of the disc that must be free, m.
         grid: The map.
     """
     if not grid.cells.size:
@@ -39,7 +39,7 @@ def first_blocked(samples: Floats, progress: float, radius: float, grid: Occupan
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _first_blocked(lengths, places, progress, radius, cells, occupied_from):  # type: ignore[no-untyped-def]
-    """Places and radius in cells, (0, 0) being the corner of the grid."""
+    """As `first_blocked`; places and radius in cells, with (0, 0) at the corner of the grid."""
     rows, columns = cells.shape
     for k in range(places.shape[0]):
         if lengths[k] < progress:
@@ -56,7 +56,7 @@ def _first_blocked(lengths, places, progress, radius, cells, occupied_from):  # 
 
 
 def warm_up() -> None:
-    """Compile the kernel for the types messages have."""
+    """Compile the kernel for the array types of messages."""
     cells, samples = np.zeros((1, 1), np.int8), np.zeros((1, 6))
     for is_writeable in (True, False):
         cells.flags.writeable = samples.flags.writeable = is_writeable

@@ -1,4 +1,4 @@
-"""The default localizer: the odometry, placed where the robot starts."""
+"""The default localizer: the odometry, beginning at the start pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ UNKNOWN.flags.writeable = False
 
 
 class OdometryLocalizer(Localizer[Params]):
-    """Takes the odometry frame to stand at the start pose; its drift is not corrected and its covariance is zero."""
+    """Places the odometry frame at the start pose. Drift is not corrected, and the covariance is zero."""
 
     name = "odometry"
     claims = {Claim.TRANSLATION, Claim.ROTATION}
@@ -30,7 +30,7 @@ class OdometryLocalizer(Localizer[Params]):
         self.place(context.start)
 
     def place(self, pose: Pose2D) -> None:
-        """The odometry frame then stands where its newest pose becomes this one."""
+        """Move the odometry frame so that its newest pose becomes this pose in the map."""
         seen, turn = self._seen, math.remainder(pose.heading - self._seen.heading, math.tau)
         cos, sin = math.cos(turn), math.sin(turn)
         x, y = pose.x - cos * seen.x + sin * seen.y, pose.y - sin * seen.x - cos * seen.y

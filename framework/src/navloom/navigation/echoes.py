@@ -1,4 +1,4 @@
-"""A short memory of echoes in the map frame, and what of it lies in the robot's way."""
+"""A short memory of echoes in the map frame, and the nearest one in the robot's way."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ __all__ = ["EchoMemory", "warm_up"]
 Floats = NDArray[np.float64]
 
 _THIN = 0.02
-"""Half angle below which a beam is a laser's, rad."""
+"""Half angle below which a beam counts as a laser's, rad."""
 _AGREEMENT = 0.1
-"""Readings of a laser that differ by no more are of one surface, m."""
+"""Largest difference between laser readings of one surface, m."""
 _BESIDE = 3
-"""Readings to each side of a laser's that are averaged with it."""
+"""Number of neighbours on each side that are averaged with a laser's reading."""
 _A_LITTLE_MORE = 1.0 + 1e-9
-"""So that rounding of a square loses no point that counts."""
+"""Factor on a squared distance, so that rounding loses no point."""
 
 
 class EchoMemory:
-    """Points where recent echoes may have come from, oldest overwritten first.
+    """Points where recent echoes may have come from, in a ring buffer.
 
     Args:
         keep: How long an echo counts, s.
         spread: Share of a beam's half-angle to count: a sonar's echo comes from somewhere on an arc. 0 takes the
             beam's axis alone, 1 the whole arc.
-        capacity: Points kept at most.
+        capacity: Most points.
     """
 
     def __init__(self, keep: float, spread: float, capacity: int = 16384) -> None:
@@ -40,7 +40,7 @@ class EchoMemory:
         self._cursor = np.zeros(2, dtype=np.int64)
 
     def clear(self) -> None:
-        """Forget all."""
+        """Forget all echoes."""
         self._cursor[:] = 0
 
     def add(self, scan: RangeScan, base: Pose2D, time: float) -> None:
@@ -49,13 +49,13 @@ class EchoMemory:
              scan.range_max, base.x, base.y, base.heading, self.spread, time)  # fmt: skip
 
     def nearest(self, base: Pose2D, way: Floats, half_width: float, time: float) -> float:
-        """Distance from base, m, of the nearest echo within the strip along a way; infinite where it is free.
+        """Distance from base, m, of the nearest echo within the strip along a way; infinite if it is free.
 
         Args:
-            base: Robot in the map.
-            way: (k, 2) points, m, map frame. What lies behind the line across its first point is not in the way.
-            half_width: Of the strip, m; it goes on past the last point by as much.
-            time: Run time, s; echoes heard since `time - keep` count. Scans must have been added in order of time.
+            base: Pose of the robot, map frame.
+            way: (k, 2) points, m, map frame. Echoes behind the line across its first point are not in the way.
+            half_width: Half width of the strip, m; the strip extends past the last point by as much.
+            time: Run time, s; echoes since `time - keep` count. Scans must have been added in order of time.
         """
         return float(_nearest(self._points, self._cursor, base.x, base.y, way, half_width, time - self.keep))
 
@@ -65,7 +65,7 @@ def _add(
     points: Floats, cursor: NDArray[np.int64], origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats,
     range_max: float, x: float, y: float, heading: float, spread: float, time: float,
 ) -> None:  # fmt: skip
-    """Store each echo's axis point and, for open beams, both ends of the counted arc."""
+    """Store each echo's point on the axis and, for beams with an opening angle, both ends of the counted arc."""
     cos, sin = math.cos(heading), math.sin(heading)
     capacity = points.shape[0]
     for beam in range(ranges.shape[0]):
@@ -91,7 +91,7 @@ def _add(
 
 @njit(cache=True, nogil=True)
 def _smoothed(ranges: Floats, beam: int) -> float:
-    """A laser's reading, m, less most of its noise: the mean of it and of those beside it that agree with it."""
+    """A laser's reading with less noise, m: the mean of it and of its neighbours that agree with it."""
     total, count = 0.0, 0
     for k in range(max(0, beam - _BESIDE), min(ranges.shape[0], beam + _BESIDE + 1)):
         if abs(ranges[k] - ranges[beam]) <= _AGREEMENT:
@@ -119,7 +119,7 @@ def _nearest(
         if points[row, 2] < since:
             break
         px, py = points[row, 0], points[row, 1]
-        # Most echoes are told from the few that count by what costs little.
+        # Cheap tests exclude most echoes.
         if px < low_x or px > high_x or py < low_y or py > high_y:
             continue
         if (px - x) * (px - x) + (py - y) * (py - y) > near:
@@ -148,7 +148,7 @@ def _is_within(x: float, y: float, way: Floats, half_width: float) -> bool:
 
 
 def warm_up() -> None:
-    """Compile the kernels for the types messages have."""
+    """Compile the kernels for the array types of messages."""
     two, one = np.zeros((1, 2)), np.ones(1)
     for array in (two, one):
         array.flags.writeable = False

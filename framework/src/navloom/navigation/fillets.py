@@ -1,12 +1,12 @@
-"""Corners of a polyline rounded with continuous curvature: clothoid, arc, clothoid.
+"""Rounds the corners of a polyline with continuous curvature: clothoid, arc, clothoid.
 
 Along a fillet that turns by φ with smallest radius R, the curvature rises linearly from 0 to 1/R, stays there and falls
 linearly to 0. `share` is the part of φ that the two clothoids turn: 1 is a pair of clothoids without arc, 0 would be a
 plain arc, whose curvature (and so the turn rate of the robot) jumps. Its arc length is R φ (1 + share).
 
-Only the smallest radius is searched for: a fillet must fit between its neighbours and touch free cells only. Where
-the one a robot can take at its slowest speed does not fit, the corner itself is moved outwards, since a chain pulled
-tight around an obstacle has its free space there.
+Only the radius is searched for: a fillet must fit between its neighbours and touch only free cells. If the fillet that
+a robot can take at its slowest speed does not fit, the corner itself is moved outwards: a chain pulled tight around an
+obstacle has free space there.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ __all__ = ["fillet_point", "fillet_shape", "fit_fillets", "move_corners", "stati
 Floats = NDArray[np.float64]
 
 _SHARES = (1.0, 0.6, 0.3)
-"""Tried in this order: a smaller share needs less room for the same radius, and changes its curvature faster."""
+"""Shares, tried in this order: a smaller one needs less room for the same radius but changes curvature faster."""
 _SHRINK = 0.88
 _SMALLEST = 1e-4
-"""Radius, m, at which the search for a free fillet gives up."""
+"""Radius at which the search for a free fillet gives up, m."""
 _BLOCKED = 0.01
-"""How far a corner is cut, m, that lies in blocked cells itself: the planner vouches for it, the grid does not."""
+"""How far a corner in blocked cells is cut, m: the planner allowed it, although the grid does not."""
 _STRAIGHT = 1e-7
-"""Turns up to this, rad, are none."""
+"""Largest turn that counts as straight, rad."""
 _SHORTEST = 0.30
-"""A fillet is given this length, m, where there is room for it: a slight turn becomes no curvature spike."""
+"""Length of a fillet if there is room for it, m, so that a slight turn does not become a curvature spike."""
 _STEP = 0.03
-"""Longest chord of a fillet when it is checked against the grid, m; see `_chords` for short ones."""
+"""Longest chord of a fillet when it is checked against the grid, m; each half has at least four chords."""
 _SHIFTS = 12
 _FARTHEST = 0.6
-"""Corners are moved by up to this, m, in this many steps."""
+"""Largest shift of a corner, m, reached in _SHIFTS steps."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -110,13 +110,13 @@ def _length(corners, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _wanted_radius(turn, share, fast):  # type: ignore[no-untyped-def]
-    """Radius for full speed, and more for a slight turn."""
+    """Radius for full speed, m; larger for a slight turn."""
     return max(fast, _SHORTEST / (turn * (1.0 + share)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _wanted_room(corners, i, fast):  # type: ignore[no-untyped-def]
-    """How far the fillet of corner i would like to reach along its segments, m."""
+    """How far the ideal fillet of corner i reaches along its segments, m."""
     turn = abs(turn_at(corners, i))
     if turn <= _STRAIGHT:
         return 0.0
@@ -126,7 +126,7 @@ def _wanted_room(corners, i, fast):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _room(corners, i, fast):  # type: ignore[no-untyped-def]
-    """What corner i may use of both its segments, m: shared with its neighbours as the wishes are."""
+    """Length that corner i may use of each segment, m: shared with its neighbours in proportion to their needs."""
     own = _wanted_room(corners, i, fast)
     before = own / (own + _wanted_room(corners, i - 1, fast)) * _length(corners, i - 1)
     after = own / (own + _wanted_room(corners, i + 1, fast)) * _length(corners, i)
@@ -135,7 +135,7 @@ def _room(corners, i, fast):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _is_fillet_free(corners, i, turn, share, radius, cells, frame):  # type: ignore[no-untyped-def]
-    """Whether all chords of a fillet touch free cells only, from both its ends to its middle."""
+    """Whether all chords of a fillet, from both its ends to its middle, touch only free cells."""
     reach = radius * fillet_shape(abs(turn), share)[0]
     half = 0.5 * abs(turn) * (1.0 + share)
     chords = int(min(64.0, max(4.0, math.ceil(half * radius / _STEP))))
@@ -157,7 +157,7 @@ def _is_fillet_free(corners, i, turn, share, radius, cells, frame):  # type: ign
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(corners, i, cells, frame, slow, fast, beside):  # type: ignore[no-untyped-def]
-    """Largest radius of corner i and its share: the smoothest share with the radius `slow`, else what there is."""
+    """Largest radius of corner i and its share: the smoothest share that reaches `slow`, else that with the most."""
     turn = turn_at(corners, i)
     best, best_share = 0.0, 1.0
     if abs(turn) <= _STRAIGHT or math.pi - abs(turn) <= _STRAIGHT:
@@ -190,10 +190,10 @@ def fit_fillets(corners, cells, frame, slow, fast, beside):  # type: ignore[no-u
         cells: (rows, cols) bool, True where the robot's centre may be; shape (0, 0): no grid, all is free.
         frame: (3,) resolution, and x, y of the lower left corner of cell (0, 0), m.
         slow, fast: Radii at which the robot can drive its lowest and its highest speed, m.
-        beside: How far from its corner the middle of a fillet may be, m; infinite with a grid.
+        beside: Largest distance of a fillet's middle from its corner, m; infinite with a grid.
 
-    Returns:
-        (n,) smallest radius, m, infinite where there is no turn, 0 where the path reverses; (n,) share.
+        Returns:
+            (n,) smallest radius, m, infinite for no turn, 0 where the path reverses; (n,) share.
     """
     count = corners.shape[0]
     radii, shares = np.full(count, np.inf), np.ones(count)
@@ -204,7 +204,7 @@ def fit_fillets(corners, cells, frame, slow, fast, beside):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _move_out(corners, i, cells, frame, slow, fast):  # type: ignore[no-untyped-def]
-    """Moves corner i outwards to where its fillet reaches the radius `slow`, or is largest; both segments stay free."""
+    """Move corner i outwards until its fillet reaches the radius `slow` or is largest; both segments stay free."""
     x, y = corners[i, 0], corners[i, 1]
     before, after = _length(corners, i - 1), _length(corners, i)
     ux = (x - corners[i - 1, 0]) / before - (corners[i + 1, 0] - x) / after
@@ -230,7 +230,7 @@ def _move_out(corners, i, cells, frame, slow, fast):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _are_arms_free(corners, i, cells, frame):  # type: ignore[no-untyped-def]
-    """Whether both segments of corner i touch free cells only."""
+    """Whether both segments of corner i touch only free cells."""
     for j in (i - 1, i):
         x0, y0, x1, y1 = corners[j, 0], corners[j, 1], corners[j + 1, 0], corners[j + 1, 1]
         if not is_segment_free(cells, frame[0], frame[1], frame[2], x0, y0, x1, y1):
@@ -240,7 +240,7 @@ def _are_arms_free(corners, i, cells, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def move_corners(corners, cells, frame, slow, fast, sweeps):  # type: ignore[no-untyped-def]
-    """A polyline whose corners leave more room for fillets; arguments as in `fit_fillets`, the ends stay."""
+    """A polyline whose corners leave more room for fillets; its ends stay. Arguments as in `fit_fillets`."""
     moved = corners.copy()
     for _ in range(sweeps):
         for i in range(1, moved.shape[0] - 1):
@@ -251,7 +251,7 @@ def move_corners(corners, cells, frame, slow, fast, sweeps):  # type: ignore[no-
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def stations(corners, radii, shares):  # type: ignore[no-untyped-def]
-    """(m, 3) of each corner: arc length at which its fillet begins and ends, m, and its reach along the segments, m."""
+    """(m, 3) for each corner: arc length where its fillet begins and ends, m, and its reach along the segments, m."""
     places = np.zeros((corners.shape[0], 3))
     for i in range(1, corners.shape[0]):
         turn = abs(turn_at(corners, i))

@@ -1,4 +1,4 @@
-"""The command gate: the last word before the wheels. Pure: it is told the time and what arrived."""
+"""The command gate: the last decision before the wheels. Pure: time and messages are handed in."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ __all__ = ["ENDING", "HIDING", "LEFT", "OBSTACLE", "STOPPED", "WAITING", "Comman
 
 STOPPED = Twist2D(0.0, 0.0, 0.0)
 OBSTACLE = "obstacle"
-"""Reason of a stop because of what the sensors see ahead."""
+"""Reason of a stop for an obstacle ahead."""
 ENDING = "ending"
-"""Reason of the last stop of a gate that ends in order."""
+"""Reason of the last stop of a gate that shuts down normally."""
 LEFT = "stale: operator"
-"""How the reason begins while an operator who drove is not heard: nobody else drives until `resume`."""
+"""Beginning of the reason while a driving operator is silent: no other source drives until `resume`."""
 WAITING = "waits: "
-"""How the reason begins while a node of the chain waits for the first message of an input."""
+"""Beginning of the reason while a node of the chain waits for the first message of an input."""
 HIDING = ("silent: platform", "silent: sensor")
-"""How reasons begin that are told in place of an operator who is not heard."""
+"""Beginnings of reasons that take precedence over a silent operator."""
 
 
 def is_at_rest(reason: str) -> bool:
-    """Whether a gate that is stopped for a reason stops nothing: there is nothing to drive yet, or any more."""
+    """Whether a stop for this reason interrupts no drive: there is nothing to drive yet, or no longer."""
     return reason in ("no_trajectory", ENDING) or reason.startswith(WAITING)
 
 
 @dataclass(frozen=True)
 class GateLimits:
-    """What the wheels may be asked for and when they must stand.
+    """Limits of commands, and the deadlines after which the robot must stop.
 
     Attributes:
-        linear, angular: m/s and rad/s.
+        linear, angular: Largest speed, m/s, and turn rate, rad/s.
         acceleration, deceleration: m/s².
-        turn_acceleration: rad/s², of speeding up and slowing down; infinite for none.
+        turn_acceleration: For turning faster and slower, rad/s²; infinite for no limit.
         period: Control tick, s.
-        stop_deadline_ns: A command may derive from a Platform output this much older than the newest one.
-        sensor_timeout_ns: A required sensor may be silent this long.
+        stop_deadline_ns: Largest age of the Platform output that a command derives from, against the newest one.
+        sensor_timeout_ns: Longest silence of a required sensor.
     """
 
     linear: float
@@ -55,7 +55,7 @@ class GateLimits:
 
 
 class Offer(NamedTuple):
-    """A command on offer: by whom, what, the Platform stamp it derives from, and the selection it was made under."""
+    """A command of one source: instance, velocity, the Platform stamp it derives from, and its selection epoch."""
 
     instance: str
     twist: Twist2D
@@ -67,12 +67,12 @@ class Sensed(NamedTuple):
     """What the gate knows of the robot.
 
     Attributes:
-        platform_ns: Newest stamp of the platform; live, what its clock shows by now.
-        touching: It touches something.
+        platform_ns: Newest stamp of the platform; live, what its clock shows now.
+        touching: The robot touches something.
         sensors_ns: Newest stamp of each required sensor.
-        is_silent: Nothing came from the platform for as long as the stop deadline.
-        gone: Required node that is not there any more, empty where all are; an operator may drive without.
-        waiting: Node that does not step yet, and the stream it waits for; empty where none does.
+        is_silent: No message from the platform for as long as the stop deadline.
+        gone: A required node that is missing; empty for none. An operator may drive without it.
+        waiting: A node that does not step yet, and the stream it waits for; empty for none.
     """
 
     platform_ns: int
@@ -84,14 +84,14 @@ class Sensed(NamedTuple):
 
 
 class CommandGate:
-    """Chooses who drives: stop > operator > recovery > avoider when handed over > controller.
+    """Decides which source drives: stop > operator > recovery > avoider when handed over > controller.
 
     Args:
-        limits: Of the robot.
-        monitor: Looks where the robot is going before a command passes; None for a gate that does not look.
+        limits: Limits of the robot.
+        monitor: Checks each command for collisions before it passes; None for no check.
 
     Attributes:
-        enters_unseen: An operator who drives may enter space that no sensor saw.
+        enters_unseen: An operator who drives may enter space that no sensor has seen.
     """
 
     def __init__(self, limits: GateLimits, monitor: CollisionMonitor | None = None) -> None:
@@ -104,7 +104,7 @@ class CommandGate:
         self._last: tuple[tuple[Any, ...], GateStatus] | None = None
 
     def request(self, do: str) -> None:
-        """An operator's `stop` latches until `resume`, and so does a contact; `enter_unseen` holds until `release`."""
+        """Take a request. `stop` and contacts latch until `resume`, `enter_unseen` until the next request."""
         self.enters_unseen = do == "enter_unseen"
         if do not in ("stop", "resume"):
             return
@@ -113,7 +113,7 @@ class CommandGate:
             self._contact = False
 
     def fault(self, sensed: Sensed) -> str:
-        """Why nobody may drive, whoever it is; empty where somebody may."""
+        """Why no source is allowed to drive; empty if one is."""
         self._contact = self._contact or sensed.touching
         if self._operator_stop:
             return "operator"
@@ -128,27 +128,27 @@ class CommandGate:
 
     @property
     def has_contact(self) -> bool:
-        """A contact is latched."""
+        """Whether a contact is latched."""
         return self._contact
 
     def latch_contact(self) -> None:
-        """Take up a contact that was seen between two steps."""
+        """Latch a contact that was seen between two steps."""
         self._contact = True
 
     @property
     def is_latched(self) -> bool:
-        """It stays stopped until `resume`."""
+        """Whether the gate stays stopped until `resume`."""
         return self._operator_stop or self._contact
 
     def latch(self, reason: str) -> None:
-        """Take up the stop of a gate before this one. Of an operator who drove then nothing more is known."""
+        """Take over the stop of an earlier gate. A stop for a silent operator becomes an operator's stop."""
         self._operator_stop = reason == "operator" or reason.startswith(LEFT)
         self._contact = reason == "contact"
 
     def choose(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int
     ) -> tuple[str, Offer | None, str]:
-        """Whose command counts, that command, and why it is refused; empty where it is not. See `decide`."""
+        """The source that drives, its command, and why it is refused; empty if it is not. See `decide`."""
         source, offer = "none", None
         for role in ("operator", "recovery", "avoider" if engaged else "controller"):
             found = offers.get(role)
@@ -161,14 +161,14 @@ class CommandGate:
     def decide(
         self, sensed: Sensed, offers: Mapping[str, Offer | None], engaged: bool, epoch: int, pending: Sequence[str]
     ) -> tuple[Twist2D, int, GateStatus]:
-        """Command for this tick, the Platform stamp it derives from, and who drives or why nobody does.
+        """The command for this tick, the Platform stamp it derives from, and the status.
 
         Args:
             sensed: State of the platform.
-            offers: By role, what is on offer: operator, recovery, avoider and controller.
-            engaged: The avoider is handed over to.
-            epoch: Selection in force; offers of an older one are refused.
-            pending: Swaps that wait.
+            offers: By role, the commands of operator, recovery, avoider and controller.
+            engaged: The avoider drives instead of the controller.
+            epoch: Epoch of the current selection; offers of an older one are refused.
+            pending: Pending swaps.
         """
         source, offer, reason = self.choose(sensed, offers, engaged, epoch)
         if reason or offer is None:
@@ -183,7 +183,7 @@ class CommandGate:
         return verdict.twist, offer.cause_ns, self._status(source, offer.instance, verdict, pending)
 
     def look_again(self, status: GateStatus, time: float) -> tuple[Twist2D, GateStatus] | None:
-        """Slow down or stop for what was seen after the last command, s of run time; None where that is still free."""
+        """Slow down or stop for scans after the last command; None if it is still free. `time` is run time, s."""
         if self.monitor is None or status.stopped:
             return None
         verdict = self.monitor.judge(Twist2D(self.speed, 0.0, self.turn), self.speed, time)
@@ -193,7 +193,7 @@ class CommandGate:
         return verdict.twist, self._status(status.source, status.instance, verdict, status.pending)
 
     def _status(self, source: Any, instance: str, verdict: Verdict, pending: Sequence[str]) -> GateStatus:
-        """Who drives, and what the monitor makes of it, rounded so that noise alone is no news."""
+        """The status of a driving source with the monitor's verdict, rounded so that noise alone does not change it."""
         is_overridden = self.monitor is not None and self.monitor.ignores_unseen
         if not verdict.kind and verdict.share == 1.0 and not is_overridden:
             return self._free(source, instance, pending)
@@ -204,12 +204,12 @@ class CommandGate:
         return self._said((source, instance, is_stopped, tuple(pending), share, limit, where, gap))
 
     def _free(self, source: str, instance: str, pending: Sequence[str]) -> GateStatus:
-        """Who drives, where nothing limits the command."""
+        """The status of a driving source whose command is not limited."""
         return self._said((source, instance, False, tuple(pending), 1.0, "", None, None))
 
     def _said(self, key: tuple[Any, ...]) -> GateStatus:
-        """The status of source, instance, whether it is stopped, pending, share, limit, place and distance."""
-        if self._last is None or self._last[0] != key:  # most ticks say what the one before said
+        """The status of (source, instance, whether it is stopped, pending, share, limit, place, distance)."""
+        if self._last is None or self._last[0] != key:  # in most ticks it is the same as before
             source, instance, is_stopped, pending, share, limit, where, gap = key
             reason, point = OBSTACLE if is_stopped else "", None if where is None else Point2D(*where)
             status = GateStatus(source, instance, is_stopped, False, reason, pending, share, limit, point, gap)
@@ -217,14 +217,14 @@ class CommandGate:
         return self._last[1]
 
     def stop(self, reason: str, pending: Sequence[str]) -> GateStatus:
-        """Nobody drives."""
+        """Forget the speed, and return a status in which no source drives."""
         self.speed, self.turn = 0.0, 0.0
         return GateStatus("none", "", True, self.is_latched, reason, tuple(pending))
 
     def _refusal(
         self, source: str, offer: Offer | None, offers: Mapping[str, Offer | None], sensed: Sensed, epoch: int
     ) -> str:
-        """Why this offer is not driven: nothing to drive, a stale part of the chain, or an older selection."""
+        """Why an offer is refused: nothing to drive, a stale or missing part of the chain, or an older selection."""
         if offer is None:
             return f"{WAITING}{sensed.waiting}" if sensed.waiting else "no_trajectory"
         if sensed.gone and source != "operator":

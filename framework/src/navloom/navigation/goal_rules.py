@@ -1,4 +1,4 @@
-"""What the goal's state machine decides by, and what it sees in a tick."""
+"""The rules of the goal's state machine, and its view of one tick."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ __all__ = ["GoalRules", "GoalView"]
 
 @dataclass(frozen=True)
 class GoalRules:
-    """What the goal decides by.
+    """Tolerances, timeouts and limits of goals.
 
     Attributes:
-        tolerance: m from the goal.
-        heading_tolerance: rad, where the goal has a heading.
-        stuck_after: s without progress before a recovery.
-        max_recoveries: Attempts for one goal.
-        map_timeout, plan_timeout: s to wait.
-        deadline: Run time at which a goal times out, s; live, time it may take.
-        is_live: The run has no end of its own, and what is sent can be lost.
-        replan: While driving.
-        scans_on_request: The mapper lives on stop-and-scan sweeps, so one has to be asked for.
-        feedback_ticks: Ticks between two feedbacks.
+        tolerance: Largest distance from the goal at arrival, m.
+        heading_tolerance: Largest heading error at arrival, rad, if the goal has a heading.
+        stuck_after: Time without progress before a recovery, s.
+        max_recoveries: Most recoveries for one goal.
+        map_timeout, plan_timeout: How long to wait for a map or a plan, s.
+        deadline: Run time at which a goal times out, s; live, how long a goal may take, s.
+        is_live: The run has no end of its own, and messages can be lost.
+        replan: Rules for replanning while driving.
+        scans_on_request: The mapper depends on stop-and-scan sweeps, which must be requested.
+        feedback_ticks: Ticks between two feedback messages.
     """
 
     tolerance: float
@@ -53,7 +53,7 @@ class GoalRules:
 
 @dataclass(slots=True)
 class GoalView:
-    """What the goal sees in a tick; each the newest of its kind, or None."""
+    """What the goal sees in a tick: the newest message of each kind, or None."""
 
     tick: int
     time: float

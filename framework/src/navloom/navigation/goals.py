@@ -1,4 +1,4 @@
-"""The goal's state machine: from a request to a typed result. Pure: told what happened, it says what to ask for."""
+"""The goal's state machine: from a request to a typed result. Pure: each step takes a view and returns messages."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ __all__ = ["GoalMachine"]
 
 NO_DRIVE = Drive(0, 0, None, False)
 LOST = 30.0
-"""s a goal waits for a platform that fell silent."""
+"""How long a goal waits for a silent platform before it ends with an error, s."""
 UNSURE = 5.0
-"""How long a goal waits for a localizer that is not tracking, s; then it ends lost."""
+"""How long a goal waits for a localizer that is not tracking before it ends lost, s."""
 BLOCKED = 2.0
-"""How long the gate may hold the robot before an obstacle until the goal recovers, s."""
+"""How long the gate may stop the robot for an obstacle before the goal starts a recovery, s."""
 SILENT_RECOVERY = 10.0
-"""s a recovery may say nothing."""
+"""Longest silence of a recovery, s."""
 UNFOLLOWED = 2.0
-"""s a new path may not be followed: then it was lost on its way."""
+"""How long a path may stay without a reference before it counts as lost on the network, s."""
 MISSED = 1.0
-"""Time at the end of a trajectory, but not at the goal, after which another path is asked for, s."""
+"""How long the robot may be at the end of a trajectory, but not at the goal, before another path is requested, s."""
 END = 0.01
-"""What is left of a trajectory, m, at whose end the robot is."""
+"""Remaining length of a trajectory at which the robot counts as being at its end, m."""
 MISSES = 3
-"""How often a goal, or a point on the way to it, may be missed like this before it counts as no progress."""
+"""How often a goal or via point may be missed like this before it counts as no progress."""
 ASKS = 3
-"""How often a map or a plan is asked for, live, within the time it may take: request and answer can be lost."""
+"""How often a map or a plan is requested within its timeout, live, where request and answer can be lost."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
 
 
 @dataclass
 class _Active:
-    """One goal on its way."""
+    """The active goal."""
 
     goal: Goal
     legs: list[Point2D]
@@ -63,27 +63,27 @@ class _Active:
     followed_at: float = 0.0
     free_at: float = 0.0
     first_path: int = 0
-    """First path of this drive: what is left of an older one says nothing of it."""
+    """Number of the first path of this drive; references of older paths are ignored."""
     ended_at: float | None = None
-    """When the robot came to the end of its trajectory; None before."""
+    """When the robot reached the end of its trajectory, s; None before."""
     misses: int = 0
     asked_ns: int = 0
     plan_id: int = 0
     asked: tuple[str, Message] | None = None
-    """Port and request that has no answer yet."""
+    """Port and message of the newest request."""
     asked_at: float = 0.0
     heard: float = -math.inf
     why: str = ""
     avoider: AvoiderStatus | None = None
-    """What the avoider said last before the newest recovery: it says nothing of the drive after it."""
+    """Avoider status at the newest recovery: it is outdated for the drive after that."""
     has_driven: bool = False
 
 
 class GoalMachine:
-    """Drives one goal at a time; a new one pre-empts the old.
+    """Runs one goal at a time; a new goal pre-empts the old one.
 
-    `step` gives what is to be published as pairs of port and message: `sweep`, `clear`, `plan`, `recovery`, `drive`,
-    `feedback`, `result`.
+    `step` returns the messages to publish as pairs of port and message. The ports are `sweep`, `clear`, `plan`,
+    `recovery`, `drive`, `feedback` and `result`.
     """
 
     def __init__(self, rules: GoalRules) -> None:
@@ -102,16 +102,16 @@ class GoalMachine:
 
     @property
     def is_idle(self) -> bool:
-        """No goal is on its way."""
+        """Whether no goal is active."""
         return self._active is None
 
     @property
     def goal_id(self) -> int:
-        """Number of the goal on its way; 0 for none."""
+        """Number of the active goal; 0 for none."""
         return 0 if self._active is None else self._active.goal.goal_id
 
     def submit(self, goal: Goal, seen: GoalView) -> None:
-        """Take a goal; one on its way is cancelled, but its trajectory is driven until the new plan is there."""
+        """Accept a goal. An active goal is cancelled, but its trajectory is driven until the new plan arrives."""
         keeps = self._drive if self._active is not None and self.state in ("driving", "planning") else NO_DRIVE
         if self._active is not None:
             self._finish("cancelled", f"pre-empted by goal {goal.goal_id}", seen)
@@ -123,24 +123,24 @@ class GoalMachine:
         self._need_map(seen)
 
     def cancel(self, seen: GoalView) -> None:
-        """End the goal on its way."""
+        """Cancel the active goal."""
         if self._active is not None:
             self._finish("cancelled", "by the operator", seen)
 
     def fail(self, reason: str, seen: GoalView) -> None:
-        """End the goal on its way because a node broke."""
+        """End the active goal because a node failed."""
         if self._active is not None:
             self._finish("error", reason, seen)
 
     def begin(self, tick: int, unfinished: int) -> None:
-        """Take up after another goal node: requests are numbered on, and the goal it left unfinished has ended.
+        """Continue after an earlier goal node: keep request numbers increasing, and end its unfinished goal.
 
         Args:
-            tick: Now; more than all requests of the node before.
-            unfinished: Goal it was at; 0 for none.
+            tick: The current tick, which is larger than all request numbers of the earlier node.
+            unfinished: Number of its unfinished goal; 0 for none.
         """
         self._requests = tick
-        self._said = (unfinished, "", "")  # so that the next report says what holds now
+        self._said = (unfinished, "", "")  # so that the next report gives the current state
         self._out.append(("drive", NO_DRIVE))
         self._out.append(("recovery", RecoveryRequest(False, 0, "")))
         if unfinished:
@@ -148,17 +148,17 @@ class GoalMachine:
             self._out.append(("result", GoalResult(unfinished, "error", "restarted: the goal node began anew", place)))
 
     def hold(self, seen: GoalView) -> None:
-        """The platform is not heard: nobody drives on, and the goal waits for it."""
+        """The platform is silent: stop the drive and wait for it."""
         if self._active is not None and self.state != "waiting":
             self._pause(self._active, "waiting", seen)
 
     def go_on(self, seen: GoalView) -> None:
-        """The platform is heard again: plan anew from where it is."""
+        """The platform is no longer silent: plan again from the robot's current pose."""
         if self._active is not None and self.state == "waiting":
             self._need_map(seen)
 
     def restart_of(self, role: str, seen: GoalView) -> None:
-        """A mapper that came back has no map, a planner that came back no request."""
+        """Repeat the request to a restarted instance: a restarted mapper has no map, a restarted planner no request."""
         active = self._active
         if role == "mapper":
             self._has_scanned = False
@@ -170,7 +170,7 @@ class GoalMachine:
             self._ask_plan(active, seen)
 
     def step(self, seen: GoalView) -> list[tuple[str, Message]]:
-        """One tick: follow the state of the goal on its way."""
+        """Advance the active goal by one tick, and return the messages to publish."""
         active = self._active
         if active is not None and seen.estimate is not None:
             if seen.gate is not None and seen.gate.reason == "contact":
@@ -197,7 +197,7 @@ class GoalMachine:
         if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
         elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
-            self._ask_plan(active, seen)  # a mapper that has nothing else to say after it was cleared
+            self._ask_plan(active, seen)  # the mapper has nothing new after it was cleared
         elif seen.time - active.since > self.rules.map_timeout:
             self._finish("error", f"no map within {self.rules.map_timeout:g} s", seen)
         else:
@@ -246,7 +246,7 @@ class GoalMachine:
         step = seen.recovery
         if step is None or seen.time == active.since:
             if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
-                self._recover(active, active.why, seen)  # it died, or its last word was lost
+                self._recover(active, active.why, seen)  # the recovery died, or its last message was lost
             return
         active.heard = seen.time
         if step.state == "done":
@@ -264,7 +264,7 @@ class GoalMachine:
             self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
     def _while_searching(self, active: _Active, seen: GoalView) -> None:
-        """The robot does not know where it is: it stands until it does, and plans from there."""
+        """The localizer is not tracking: the robot stays stopped until it is, and then plans from there."""
         estimate = seen.estimate
         assert estimate is not None
         if estimate.state == "tracking":
@@ -274,7 +274,7 @@ class GoalMachine:
             self._finish("lost", why.removesuffix(": "), seen)
 
     def _replan(self, active: _Active, seen: GoalView) -> None:
-        """Ask for another path while driving on, and take it where it is better."""
+        """Request another path without stopping, and take it if it is better."""
         watch = self._replanning
         watch.look(seen.map, seen.trajectory, seen.reference)
         if active.plan_id == self._drive.path_id:
@@ -308,9 +308,9 @@ class GoalMachine:
         self.state = state
 
     def _need_map(self, seen: GoalView, is_cleared: bool = False) -> None:
-        """Scan first where the mapper lives on requested sweeps and has had none; plan at once where there is a map.
+        """Request a sweep if the mapper depends on requested sweeps and has had none; else plan if there is a map.
 
-        Where it was asked to forget, what it says next is waited for.
+        After a request to clear the map, wait for the mapper's next map.
         """
         active = self._active
         assert active is not None
@@ -319,7 +319,7 @@ class GoalMachine:
             self._has_scanned = True
             self._requests += 1
             self._scan = SweepRequest(self._requests), seen.time_ns
-        if self._scan is not None:  # of this goal, or of one before that got no map
+        if self._scan is not None:  # of this goal, or of an earlier one that received no map
             self._set_drive(NO_DRIVE)
             request, active.asked_ns = self._scan
             self._ask(active, "sweep", request, seen)
@@ -337,7 +337,7 @@ class GoalMachine:
         self.state = "planning"
 
     def _fail_plan(self, active: _Active, failure: PlanFailure, seen: GoalView) -> None:
-        """End the goal, but for a robot that has driven: what is in its way now may be gone from a cleared map."""
+        """End the goal; but recover if the robot has driven, since the obstacle may be gone from a cleared map."""
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", seen)
             return
@@ -360,7 +360,7 @@ class GoalMachine:
         self._out.append((port, request))
 
     def _ask_again(self, active: _Active, patience: float, seen: GoalView) -> None:
-        """Repeat a request, under its own number, that may have been lost on the network, or its answer."""
+        """Repeat a request under the same number: it or its answer may have been lost on the network."""
         if self.rules.is_live and active.asked is not None and seen.time - active.asked_at > patience / ASKS:
             self._ask(active, *active.asked, seen)
 
@@ -381,15 +381,15 @@ class GoalMachine:
             self._finish("stuck", "the heading asked for was not reached", seen)
 
     def _is_unfollowed(self, active: _Active, seen: GoalView) -> bool:
-        """On a network that was cut a path may not reach who is to follow it."""
+        """Whether the reference node has not followed the path for too long: the network may have lost the path."""
         if seen.reference is not None and seen.reference.path_id == self._drive.path_id:
             active.followed_at = seen.time
         return seen.time - active.followed_at > UNFOLLOWED
 
     def _has_missed(self, active: _Active, seen: GoalView) -> bool:
-        """The robot came to the end of its trajectory beside the goal: off it by more than the tolerance.
+        """Whether the robot stays at the end of its trajectory without being within the tolerance of the goal.
 
-        An avoider that drove until shortly before leaves it there. Nothing on this trajectory can bring it nearer.
+        This happens if an avoider drove until shortly before the end. This trajectory cannot bring the robot nearer.
         """
         reference = seen.reference
         held = seen.gate is not None and seen.gate.latched
@@ -400,7 +400,7 @@ class GoalMachine:
         return active.ended_at is not None and seen.time - active.ended_at >= MISSED and active.misses < MISSES
 
     def _is_blocked(self, active: _Active, seen: GoalView) -> bool:
-        """The gate has been holding the robot for a while because of what the sensors see ahead."""
+        """Whether the gate has stopped the robot for an obstacle for too long."""
         if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
             active.free_at = seen.time
         return seen.time - active.free_at > BLOCKED
@@ -411,7 +411,7 @@ class GoalMachine:
         if held or reference is None:
             active.moved_at = seen.time
         elif reference.path_id == self._drive.path_id and reference.remaining < active.best - 0.05:
-            if math.isfinite(active.best):  # the first look at a path is no progress on it
+            if math.isfinite(active.best):  # the first reference of a path is no progress
                 active.moved_at = seen.time
             active.best = reference.remaining
         return seen.time - active.moved_at > self.rules.stuck_after
@@ -428,7 +428,7 @@ class GoalMachine:
         self.state = "recovering"
 
     def _react_to_swaps(self, active: _Active, seen: GoalView) -> None:
-        """A swapped-in mapper or planner means a new plan; one that waits is given what it needs to warm up."""
+        """Plan again after a swap of mapper or planner, and give a pending instance the input that warms it up."""
         pending = seen.gate.pending if seen.gate is not None else ()
         selected = self._selected
         self._selected = seen.selected
@@ -476,7 +476,7 @@ class GoalMachine:
         self._said = now
         reference = seen.reference if self.state == "driving" else None
         if reference is not None and active is not None and reference.path_id < active.first_path:
-            reference = None  # the new path is not followed yet
+            reference = None  # the new path has no reference yet
         left = reference.remaining if reference is not None else 0.0
         feedback = Feedback(
             goal_id=now[0],

@@ -1,4 +1,4 @@
-"""Who drives, controller or avoider: the same rule for every avoider, or comparing them would be confounded."""
+"""The hand-over from controller to avoider: one rule for every avoider, so that a comparison is not confounded."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ Floats = NDArray[np.float64]
 
 NOWHERE = np.empty((0, 2))
 HORIZON = 1.0
-"""How far ahead in time the robot's own way is looked along, s."""
+"""How far ahead the robot's own way is checked, s."""
 OWN_STEP = 0.1
 """Distance between two points of that way, m."""
 MOST_TURN = 0.5 * math.pi
-"""A command is not kept for longer than it takes to turn this far, rad."""
+"""Largest turn along the robot's own way, rad."""
 
 
 def own_way(base: Pose2D, twist: Twist2D, reach: float) -> Floats:
-    """The way a robot takes if it keeps a velocity: an arc.
+    """The way of a robot that keeps a velocity: an arc.
 
     Args:
-        base: Robot in the map.
-        twist: Velocity asked for.
+        base: Pose of the robot, map frame.
+        twist: Commanded velocity.
         reach: Longest way, m.
 
     Returns:
-        (k, 2) m, map frame, from the robot on; k = 0 where it does not drive forward.
+        (k, 2) points, m, map frame, beginning at the robot; k = 0 if it does not drive forward.
     """
     if twist.vx <= 0.0:
         return NOWHERE
@@ -67,21 +67,21 @@ def _sinc(turns):  # type: ignore[no-untyped-def]
 
 
 def warm_up() -> None:
-    """Compile the kernels, those of the echoes' memory too."""
+    """Compile the kernels, also those of the echo memory."""
     echoes.warm_up()
     own_way(Pose2D(0.0, 0.0, 0.0), Twist2D(0.5, 0.0, 0.1), 1.0)
 
 
 class HandOverRule:
-    """Engages the avoider when something sensed lies on the way to the look-ahead point; releases with delay.
+    """Engages the avoider when an obstacle lies on the way to the look-ahead point, and releases it with a delay.
 
     Args:
-        mode: "when_blocked", or "always"/"never" to fix it.
+        mode: "when_blocked", or "always" or "never" for a fixed choice.
         release: How long the corridor must be free before the controller drives again, s.
-        keep: How long an echo counts, s, since a ring of sonars does not see everything in each tick.
-        spread: Share of a sonar's arc that counts, see `EchoMemory`.
-        margin: What of the strip's half width is room beside the robot, m. The robot's own way needs none: it is
-            changed by the next command, and a robot that keeps to a narrow trajectory swings a little beside it.
+        keep: How long an echo counts, s: a ring of sonars does not see everything in each tick.
+        spread: Share of a sonar's arc that counts; see `EchoMemory`.
+        margin: Part of the strip's half width that is room beside the robot, m. The robot's own way is checked
+            without it: the next command changes that way, and a robot on a narrow trajectory swings a little.
     """
 
     def __init__(
@@ -107,17 +107,17 @@ class HandOverRule:
     ) -> HandOver:
         """Whether the avoider drives in this tick.
 
-        It engages when the strip along the trajectory is blocked, or the one along the way that the robot itself takes
-        next, which differ where the robot is beside the trajectory. It releases when both and the straight strip to
-        the target have been free for a while.
+        It engages when the strip along the trajectory or the strip along the robot's own way is blocked; the two differ
+        when the robot is beside the trajectory. It releases when both strips and the straight strip to the target
+        have been free for `release`.
 
         Args:
             time: Run time, s.
-            scans: Of this tick.
-            base: Robot in the map.
+            scans: Scans of this tick.
+            base: Pose of the robot, map frame.
             way: (k, 2) the trajectory from the reference point to the target, m, map frame.
             width: Half width of the strip, m.
-            own: (k, 2) the way that the robot itself takes next, m, map frame; k = 0 for none.
+            own: (k, 2) the robot's own way (see `own_way`), m, map frame; k = 0 for none.
         """
         for scan in scans:
             self._memory.add(scan, base, time)

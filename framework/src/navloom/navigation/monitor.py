@@ -1,9 +1,9 @@
-"""The gate's monitor: the last look at where the robot is going before a command reaches the wheels.
+"""The gate's collision monitor: the last check of a command before it reaches the wheels.
 
-It knows no map and no pose: only range scans, odometry, and the commands it let pass. A command is scaled down, forward
-and turn speed together, to the largest share after which the robot can still come to a standstill without touching
-anything (`monitor_rollout`). Where no share of it is free, the robot brakes along the curvature it drives, which the
-look before found free.
+It uses no map and no pose, only range scans, odometry and the commands that it let pass. It scales forward and turn
+speed of a command down together, to the largest share after which the robot can still stop without touching anything
+(`monitor_rollout`). If no share is free, the robot brakes along its current curvature, which the previous check found
+free.
 """
 
 from __future__ import annotations
@@ -27,42 +27,42 @@ __all__ = ["CollisionMonitor", "MonitorLimits", "Verdict", "warm_up"]
 Floats = NDArray[np.float64]
 Kind = Literal["", "obstacle", "unseen"]
 Touch = tuple[Kind, Point2D, float]
-"""What would be touched: what it is, where in the base frame, m, and how far from the footprint, m."""
+"""What the robot would touch: kind, place in the base frame, m, and distance from the footprint, m."""
 
 KEEP = 0.5
-"""How long an echo counts, s; of each sensor the last two scans always do."""
+"""How long an echo counts, s; the last two scans of each sensor always count."""
 UNSEEN_MEMORY = 5.0
-"""Space that was seen or stood in counts as known for this long a way, m."""
+"""Travelled distance for which space that was seen or occupied by the robot counts as known, m."""
 JUMP, FASTEST = 0.3, 5.0
-"""Odometry that moves further than this, m and m/s, is that of a platform that started again."""
+"""Odometry that jumps farther than JUMP, m, plus FASTEST, m/s, times the elapsed time: the platform restarted."""
 SILENT = 1.0
-"""... so is odometry that comes after this time without any, s: where the robot was moved meanwhile is not known."""
+"""A longer gap in the odometry, s, also counts as a restart: the robot may have been moved meanwhile."""
 BACK = 1.0
-"""... and so is one whose clock goes back by more than this, s."""
+"""An odometry stamp that goes back by more than this, s, also counts as a restart."""
 HALVINGS = 5
-"""Steps of the search for the largest share."""
+"""Bisection steps of the search for the largest share."""
 LEAST_SHARE = 0.05
-"""A smaller share of a command is no motion worth making: the robot stops."""
+"""Smallest share of a command that is driven; below it the robot stops, unless it drives at CREEPING or faster."""
 CREEPING = 0.02
-"""... unless it is this fast, m/s."""
+"""Speed that is driven even if the share is below LEAST_SHARE, m/s."""
 DOUBT = 0.1
-"""Further distance from the footprint that counts as touching, s: m for each m/s of its fastest point, up to sigma."""
+"""Additional margin of the footprint per speed, s: m for each m/s of forward speed, at most sigma."""
 HELD = 1.5
-"""How far away an echo of a laser is kept while no beam points there, m."""
+"""Largest distance at which a laser's echo is kept while no beam points at it, m."""
 NO_POINTS = np.empty((0, 2))
 
 
 @dataclass(frozen=True)
 class MonitorLimits:
-    """What the monitor may count on.
+    """The robot and sensor model of the monitor.
 
     Attributes:
         footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
         period: Control tick, s.
-        deceleration: m/s², of the commands while braking.
-        turn_deceleration: rad/s²; infinite where turning has no limit.
+        deceleration: Deceleration of the commands while braking, m/s².
+        turn_deceleration: The same for turning, rad/s²; infinite for no limit.
         lag: Time constant of the motors, s.
-        dead_time: From a command to the wheels, s.
+        dead_time: Time from a command until it acts on the wheels, s.
         sigma: Standard deviation of a range, m.
         margin: Distance from the footprint that counts as touching, m.
     """
@@ -78,14 +78,14 @@ class MonitorLimits:
 
 
 class Verdict(NamedTuple):
-    """What becomes of a command.
+    """The monitor's decision on a command.
 
     Attributes:
-        twist: What may be driven.
-        share: Of the command, 1 where it passes as it is.
-        kind: What limits it: nothing, an obstacle, or space that no sensor saw.
-        place: Of that in the base frame, m; None where nothing limits.
-        distance: From the footprint to it, m.
+        twist: The velocity that may be driven.
+        share: Its share of the command; 1 if the command passes unchanged.
+        kind: What limits it: nothing, an obstacle, or space that no sensor has seen.
+        place: Place of the obstacle or unseen space in the base frame, m; None for nothing.
+        distance: Distance from the footprint to it, m.
     """
 
     twist: Twist2D
@@ -96,13 +96,13 @@ class Verdict(NamedTuple):
 
     @property
     def is_stopped(self) -> bool:
-        """Something is in the way and the command is zero."""
+        """Whether the robot is stopped because something is in the way."""
         return bool(self.kind) and self.twist.vx == 0.0 and self.twist.wz == 0.0
 
 
 @dataclass
 class _Sensor:
-    """Echoes of one sensor: stamps, s, and points (n, 2) of each scan that counts, newest first."""
+    """Echoes of one sensor: stamp, s, and points (n, 2), m, odometry frame, of each scan that counts, newest first."""
 
     scans: deque[tuple[float, Floats]] = field(default_factory=deque)
     ranges: Floats | None = None
@@ -110,13 +110,13 @@ class _Sensor:
 
 
 class CollisionMonitor:
-    """Looks ahead by scans and odometry.
+    """Checks commands against scans and odometry.
 
     Args:
-        limits: The robot.
+        limits: The robot and sensor model.
 
     Attributes:
-        ignores_unseen: An operator lets the robot enter space that no sensor saw.
+        ignores_unseen: An operator lets the robot enter space that no sensor has seen.
     """
 
     def __init__(self, limits: MonitorLimits) -> None:
@@ -131,7 +131,7 @@ class CollisionMonitor:
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing of where the robot is, as after a platform that started again."""
+        """Forget all scans, odometry and commands, as after a restart of the platform."""
         self._seen = SeenSpace(self._outline, UNSEEN_MEMORY, KEEP)
         self._sensors: dict[str, _Sensor] = {}
         self._stamps: list[float] = []
@@ -143,7 +143,7 @@ class CollisionMonitor:
         self._is_free = True
 
     def move(self, odometry: Odometry) -> None:
-        """Take up where the robot is by its odometry."""
+        """Take the newest odometry."""
         pose, time = odometry.pose, odometry.stamp_ns * 1e-9
         if self._stamps and self._begins_again(pose, time):
             self.forget()
@@ -160,21 +160,21 @@ class CollisionMonitor:
         self._twist[:] = odometry.twist.vx, odometry.twist.wz
         if len(self._stamps) > 512:
             del self._stamps[:256], self._poses[:256], self._ways[:256]
-        if self._is_free:  # else a robot that is held slides on bit by bit, and each bit would be known
+        if self._is_free:  # else a robot stopped for unseen space would mark it as known bit by bit while it slides
             self._seen.stand(np.array(self._poses[-1]), way)
         waiting, self._waiting = self._waiting, []
         for name, scan in waiting:
             self.look(name, scan)
 
     def _begins_again(self, pose: Pose2D, time: float) -> bool:
-        """The odometry was silent, jumps, or its clock goes back by more than a late message: it started again."""
+        """Whether the platform restarted: the odometry was silent, jumps, or its clock went back by more than BACK."""
         x, y, _ = self._poses[-1]
         passed = time - self._stamps[-1]
         jumps = math.hypot(pose.x - x, pose.y - y) > JUMP + FASTEST * abs(passed)
         return passed < -BACK or passed > max(SILENT, 5.0 * self.limits.period) or (passed > 0.0 and jumps)
 
     def look(self, name: str, scan: RangeScan) -> bool:
-        """Take up a scan of a sensor, once the odometry of its time is there; False for one that is known."""
+        """Take a scan; False if it is old, or must wait for the odometry of its time."""
         time, sensor = scan.stamp_ns * 1e-9, self._sensors.setdefault(name, _Sensor())
         if sensor.scans and time <= sensor.scans[0][0]:
             return False
@@ -230,7 +230,7 @@ class CollisionMonitor:
             sensor.scans.pop()
 
     def _poses_at(self, times: Floats) -> Floats:
-        """(n, 3) base in the odometry frame at times, s; beyond the newest odometry by its twist."""
+        """(n, 3) poses of the base, odometry frame, at times, s; extrapolated by twist after the newest odometry."""
         newest = self._stamps[-1]
         if len(times) and times.min() == times.max() and times[0] in self._stamps[-4:]:
             pose = self._poses[len(self._stamps) - 1 - self._stamps[::-1].index(times[0])]
@@ -246,7 +246,7 @@ class CollisionMonitor:
         return found
 
     def give(self, time: float, twist: Twist2D) -> None:
-        """Keep a command that went to the wheels at a run time, s."""
+        """Record a command that went to the wheels at a run time, s."""
         self._given.append((time, twist.vx, twist.wz))
         while len(self._given) > 1 and self._given[1][0] < time - self.limits.dead_time - KEEP:
             self._given.popleft()
@@ -256,7 +256,7 @@ class CollisionMonitor:
 
         Args:
             twist: The command, within the robot's limits.
-            speed: Forward speed of the command before, m/s: it falls by no more than the deceleration allows.
+            speed: Forward speed of the previous command, m/s: it falls by no more than the deceleration allows.
             time: Run time, s.
         """
         verdict = self._judge(twist, speed, time)
@@ -290,7 +290,7 @@ class CollisionMonitor:
         return Verdict(Twist2D(low * twist.vx, 0.0, low * twist.wz), low, *touched)
 
     def _brake(self, speed: float, in_flight: Floats, age: float, points: Floats, touched: Touch) -> Verdict:
-        """Brake along the curvature driven, or where that touches too, as hard as the wheels can."""
+        """Brake along the current curvature; if that touches something too, command zero at once."""
         if speed != 0.0 and self._given and self._given[-1][1] != 0.0:
             _, v, w = self._given[-1]
             slower = math.copysign(max(0.0, abs(speed) - self.limits.deceleration * self.limits.period), speed)
@@ -300,7 +300,7 @@ class CollisionMonitor:
         return Verdict(Twist2D(0.0, 0.0, 0.0), 0.0, *touched)
 
     def _touch(self, v: float, w: float, in_flight: Floats, age: float, points: Floats) -> Touch | None:
-        """What the robot would touch first if it took a command now and braked after it."""
+        """What the robot would touch first if it followed a command for one period and then braked."""
         count = stopping_way(self._twist, in_flight, age, np.array([v, w]), self._motor, self._radius, self._rolled)
         margin = self.limits.margin + min(self.limits.sigma, DOUBT * abs(v))
         hit = first_touch(self._rolled, count, self._outline, points, margin)
@@ -316,7 +316,7 @@ class CollisionMonitor:
         return None
 
     def _near(self, twist: Twist2D, age: float) -> Floats:
-        """Obstacles in reach, m, base frame of the newest odometry."""
+        """(k, 2) obstacle points in reach, m, base frame of the newest odometry."""
         limits = self.limits
         v = max(abs(twist.vx), abs(float(self._twist[0])), *(abs(v) for _, v, _ in self._given), 0.0)
         time = age + limits.dead_time + limits.period + 5.0 * limits.lag + 0.5 * v / limits.deceleration + 0.1
@@ -333,12 +333,13 @@ class CollisionMonitor:
 
 
 def _out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floats, bins: int) -> Floats:
-    """Echoes that a laser does not look at any more, the nearest in each direction: they count until it looks again.
+    """Nearest echo in each direction that no beam covers now: it counts until a beam points there again.
 
     Args:
-        points: (k, 2) of the scan before, m, odometry frame.
+        points: (k, 2) obstacle points after the previous scan, m, odometry frame.
         eye: x, y, m, of the laser and heading, rad, of the base, odometry frame.
-        bearings: (n,) rad, of the beams. bins: Directions of a full turn.
+        bearings: (n,) of the beams, rad.
+        bins: Number of directions in a full turn.
     """
     is_covered = np.zeros(bins, dtype=bool)
     looked = np.floor(bearings * (bins / math.tau)).astype(np.int64)
@@ -355,7 +356,7 @@ def _out_of_view(points: Floats, eye: tuple[float, float, float], bearings: Floa
 
 
 def _directions(bearings: Floats) -> int:
-    """Directions of a full turn, one for each beam, 180 to 1440 of them."""
+    """Number of directions in a full turn, about one for each beam, from 180 to 1440."""
     if len(bearings) < 2:
         return 360
     step = float(np.median(np.abs(np.diff(bearings))))
@@ -363,7 +364,7 @@ def _directions(bearings: Floats) -> int:
 
 
 def warm_up() -> None:
-    """Compile the kernels for the types messages have."""
+    """Compile the kernels for the array types of messages."""
     two, one, wide = np.zeros((2, 2)), np.ones(2), np.full(2, 0.1)
     for array in (two, one, wide):
         array.flags.writeable = False

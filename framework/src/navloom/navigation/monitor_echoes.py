@@ -1,8 +1,8 @@
-"""What the gate's monitor takes for obstacles: readings of range sensors that another reading confirms.
+"""Obstacles of the gate's monitor: readings of range sensors that another reading confirms.
 
-All places are in the odometry frame. A laser's readings become surfaces: in each direction the nearest two or more
-that agree, and their mean. A sonar's reading becomes points on its arc, less those another beam of the ring reads
-through.
+All places are in the odometry frame. A laser's readings become surfaces: in each direction, the mean of the nearest
+readings of which at least two agree. A sonar's reading becomes points on its arc, without those that another beam of
+the ring reads through.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["arc_points", "nearest_surfaces", "to_odometry"]
 Floats = NDArray[np.float64]
 
 DEPTH = 12
-"""Readings kept per direction; older ones are left out."""
+"""Most readings per direction; older ones are left out."""
 ARC_STEP = 0.05
 """Largest distance between two points of a sonar's arc, m."""
 
@@ -28,10 +28,10 @@ def to_odometry(poses, origins, bearings, ranges, range_max, points):  # type: i
     """Places of the echoes of a scan.
 
     Args:
-        poses: (n, 3) base in the odometry frame when each beam was taken: x, y, m, heading, rad.
+        poses: (n, 3) poses of the base, odometry frame, at the time of each beam: x, y, m, heading, rad.
         origins, bearings, ranges: Of the n beams, as in `RangeScan`.
-        range_max: Readings from here on are no echo, m.
-        points: (n, 2) filled: m; NaN where there is no echo.
+        range_max: Smallest reading that is no echo, m.
+        points: (n, 2) output, m, odometry frame; NaN for no echo.
     """
     for i in range(ranges.shape[0]):
         if not ranges[i] < range_max:
@@ -46,21 +46,21 @@ def to_odometry(poses, origins, bearings, ranges, range_max, points):  # type: i
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def nearest_surfaces(points, x, y, bins, agreement, found):  # type: ignore[no-untyped-def]
-    """The nearest surface in each direction that at least two readings agree on.
+    """The nearest surface in each direction on which at least two readings agree.
 
-    Readings of a direction and of its two neighbours agree where their distances differ by no more than `agreement`.
-    The surface is the mean of those that lie that near to the nearest agreeing one: averaging takes most of the noise
-    out, and the window keeps what is behind out of it.
+    Readings of a direction and of its two neighbours agree if their distances differ by no more than `agreement`.
+    The surface is the mean of the nearest agreeing reading and all within `agreement` behind it: averaging removes
+    most of the noise, and the window excludes what is farther behind.
 
     Args:
-        points: (n, 2) echoes of the scans that count, newest first, m; NaN where there is none.
-        x, y: Where the sensor is by now, m.
-        bins: Directions of a full turn.
-        agreement: m.
-        found: (bins, 2) filled: m.
+        points: (n, 2) echoes of the scans that count, newest first, m; NaN for no echo.
+        x, y: Current position of the sensor, m.
+        bins: Number of directions in a full turn.
+        agreement: Largest difference of agreeing distances, m.
+        found: (bins, 2) output, m.
 
     Returns:
-        How many rows of `found` are filled.
+        Number of filled rows of `found`.
     """
     counts = np.zeros(bins, np.int64)
     distances, held = np.empty((bins, DEPTH)), np.empty((bins, DEPTH), np.int64)
@@ -111,21 +111,21 @@ def _angle_between(first, second):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def arc_points(base, origins, bearings, half_angles, ranges, before, moved, limits, found):  # type: ignore[no-untyped-def]
-    """Points on the arcs of a ring of sonars where something may be.
+    """Points on the arcs of a ring of sonars where an obstacle may be.
 
-    A reading counts where the one before of the same sonar, or one of a neighbour whose cone it meets, agrees with
-    it. A point of an arc is left out where another sonar's cone covers it and reads further.
+    A reading counts if the sonar's previous reading, or the reading of a neighbour with an overlapping cone, agrees
+    with it. A point of an arc is left out if another sonar's cone covers it and its reading is farther.
 
     Args:
         base: (3,) x, y, m, heading, rad, of the base in the odometry frame.
         origins, bearings, half_angles, ranges: Of the n beams, as in `RangeScan`.
-        before: (n,) ranges of the scan before, m; NaN where there was none.
-        moved: How far a point of the robot moved since then at most, m.
+        before: (n,) ranges of the previous scan, m; NaN for none.
+        moved: Upper bound of the motion of any point of the robot since then, m.
         limits: (2,) range_max and agreement, m.
-        found: (k, 2) filled as far as it goes: m, odometry frame.
+        found: (k, 2) output, m, odometry frame; points beyond k are dropped.
 
     Returns:
-        How many rows of `found` are filled.
+        Number of filled rows of `found`.
     """
     count, total = ranges.shape[0], 0
     range_max, agreement = limits[0], limits[1]
@@ -156,7 +156,7 @@ def arc_points(base, origins, bearings, half_angles, ranges, before, moved, limi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _is_read_through(own, px, py, origins, bearings, half_angles, ranges, agreement):  # type: ignore[no-untyped-def]
-    """Whether the cone of another beam covers a point of the base frame and its reading is of something further."""
+    """Whether another beam's cone covers a point, base frame, and its reading is farther than the point."""
     for j in range(ranges.shape[0]):
         if j == own:
             continue

@@ -1,7 +1,7 @@
-"""Where a robot comes to a standstill if it takes a command now and brakes after it, and what it touches on the way.
+"""Roll-out of a robot that follows a command for one period and then brakes to standstill, and what it touches.
 
-The robot is a first-order lag behind a dead time: a command acts `dead_time` after it was given, and linear and turn
-speed then approach it with the time constant `lag`.
+The robot is modelled as dead time plus first-order lag: a command acts `dead_time` after it was given, and linear and
+turn speed then approach it with the time constant `lag`.
 """
 
 from __future__ import annotations
@@ -17,38 +17,38 @@ __all__ = ["MOST_POSES", "distance_to_outline", "first_touch", "stopping_way"]
 Floats = NDArray[np.float64]
 
 MOST_POSES = 512
-"""Places of a roll-out at most."""
+"""Most poses of a roll-out."""
 STEP = 0.01
 """Step of the roll-out, s."""
 LONGEST = 12.0
-"""Roll-outs end here, s: a robot that has not stopped by then has no deceleration to speak of."""
+"""Longest roll-out, s: a robot that has not stopped by then has almost no deceleration."""
 FINE = 0.02
-"""Largest way of any point of the footprint between two places of a roll-out, m."""
+"""Largest motion of any point of the footprint between two poses of a roll-out, m."""
 NEARER = 1e-5
-"""A footprint that gets this much nearer to a point, m, moves into it; less is rounding."""
+"""Smallest approach to a point that counts as moving into it, m; less is rounding."""
 STANDSTILL = 1e-3
 """Speed of a robot that counts as stopped, m/s or rad/s."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type: ignore[no-untyped-def]
-    """Poses from the last odometry to standstill: commands in flight, then a command for one period, then braking.
+    """Poses from the last odometry to standstill: commands in flight, then the command for one period, then braking.
 
     Braking keeps the curvature of the command.
 
     Args:
         twist: (2,) measured forward speed, m/s, and turn rate, rad/s.
         in_flight: (k, 3) commands given before this one, oldest first: time given, s after the odometry (mostly
-            negative); m/s; rad/s. The first one holds from before the roll-out begins.
-        age: Of the odometry when the command is given, s.
+            negative); m/s; rad/s. The first one acts from the beginning of the roll-out.
+        age: Age of the odometry when the command is given, s.
         command: (2,) m/s and rad/s.
         motor: (5,) period of the commands, s; deceleration, m/s²; turn deceleration, rad/s²; lag, s; dead time, s.
         radius: Largest distance of a point of the footprint from the base, m.
-        poses: (MOST_POSES, 3) filled: x, y, m, heading, rad, in the base frame of the odometry; the first is where
-            the robot is then.
+        poses: (MOST_POSES, 3) output: x, y, m, heading, rad, in the base frame of the odometry; the first pose is the
+            robot's at that time.
 
-    Returns:
-        How many rows of `poses` are filled.
+        Returns:
+            Number of filled rows of `poses`.
     """
     period, deceleration, turn_deceleration, lag, dead_time = motor[0], motor[1], motor[2], motor[3], motor[4]
     blend = 1.0 - math.exp(-STEP / lag) if lag > 0.0 else 1.0
@@ -82,7 +82,7 @@ def stopping_way(twist, in_flight, age, command, motor, radius, poses):  # type:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _slowed(command, time, deceleration, turn_deceleration):  # type: ignore[no-untyped-def]
-    """A command after braking for a time, s: forward and turn speed shrink together."""
+    """A command after braking for a time, s: forward and turn speed decrease in proportion."""
     if command[0] != 0.0:
         share = max(0.0, 1.0 - deceleration * time / abs(command[0]))
     elif command[1] != 0.0:
@@ -94,9 +94,9 @@ def _slowed(command, time, deceleration, turn_deceleration):  # type: ignore[no-
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def distance_to_outline(px, py, outline):  # type: ignore[no-untyped-def]
-    """Distance of a point from a convex polygon (n, 2), m, counter-clockwise: negative within.
+    """Distance of a point from a convex polygon (n, 2), m, counter-clockwise; negative inside.
 
-    Beside a corner it is the distance from the nearer edge's line, which is less than that from the corner.
+    Near a corner it is the distance from an edge's line, which is less than the distance from the corner.
     """
     best = -math.inf
     for k in range(outline.shape[0]):
@@ -109,12 +109,12 @@ def distance_to_outline(px, py, outline):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def first_touch(poses, count, outline, points, margin):  # type: ignore[no-untyped-def]
-    """The first point that a footprint moves into on its way; -1 where it touches none.
+    """Index of the first point that a footprint touches on its way; -1 for none.
 
-    A point that is too near from the beginning counts only where the footprint comes nearer to it.
+    A point that is too near from the beginning counts only if the footprint comes nearer to it.
 
     Args:
-        poses: (count or more, 3) of the base: x, y, m, heading, rad, in the frame of the points.
+        poses: (count or more, 3) poses of the base: x, y, m, heading, rad, in the frame of the points.
         outline: (n, 2) footprint, m, base frame.
         points: (k, 2) m.
         margin: Distance from the footprint that counts as touching, m.

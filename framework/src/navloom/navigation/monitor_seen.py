@@ -1,7 +1,7 @@
-"""Which space round a robot is known: where it was within the last metres, and what its sensors saw free there.
+"""Known space around a robot: where it was within the last metres, and what its sensors saw as free there.
 
-A grid in the odometry frame that is used over and over: a cell stands for every place a whole number of grids away.
-What is written reaches less far than the grid, and is forgotten before the robot can come round to it.
+A periodic grid in the odometry frame: a cell represents every place that is a whole number of grid sizes away. Entries
+reach less far than the grid, and expire before the robot can reach the next place of the same cell.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ __all__ = ["SeenSpace"]
 Floats = NDArray[np.float64]
 
 SIZE = 256
-"""Cells a side."""
+"""Cells per side."""
 CELL = 0.05
 """Edge of a cell, m."""
 REACH = 3.0
-"""How far from the sensor space is written down, m."""
+"""How far from the sensor free space is entered, m."""
 SLACK = 0.1
-"""Space this near to space that was seen counts as seen, m: between two cones of a ring nothing is."""
+"""Distance from seen space within which space counts as seen, m: the gaps between the cones of a ring are free."""
 FURTHER = 1e-4
-"""Motion into unknown space that is no more than rounding, m."""
+"""Motion into unknown space that counts as rounding, m."""
 NEVER = -1e9
 BESIDE = 2
-"""Cells at a sonar that are not taken for what it hears nearer than it measures: the robot's edge runs through them."""
+"""Cells next to a sonar that an echo below its minimum range does not affect: the robot's edge is there."""
 TAKEN = NEVER + 1.0
-"""When a cell was looked at that a sonar says nothing of but that something is near."""
+"""`looked` entry of a cell that became unknown because a sonar reported an echo nearer than its minimum range."""
 
 
 class SeenSpace:
@@ -38,7 +38,7 @@ class SeenSpace:
 
     Args:
         footprint: (n, 2) corners, m, base frame.
-        memory: What was known this long a way ago counts, m.
+        memory: Travelled distance for which space stays known, m.
         fresh: A cell that a sensor looked at within this time is left to the echoes, s.
     """
 
@@ -53,8 +53,8 @@ class SeenSpace:
         self._has_begun = False
 
     def stand(self, pose: Floats, way: float) -> None:
-        """The footprint is at a pose (3,), m and rad, after a way, m. Where it starts it has room to turn, for all
-        that its sensors do not say.
+        """Mark the footprint at a pose (3,), m and rad, after a way, m. At the start, the room to turn is assumed to be
+        free until a sensor says otherwise.
         """
         if not self._has_begun:
             self._has_begun = True
@@ -65,10 +65,10 @@ class SeenSpace:
         _stand(self._stood, self._assumed, self.rim, pose, way)
 
     def look(self, poses: Floats, beams: tuple[Floats, Floats, Floats, Floats], limits: Floats, at: Floats) -> None:
-        """Take up a scan.
+        """Enter a scan.
 
         Args:
-            poses: (n, 3) base when each beam was taken.
+            poses: (n, 3) poses of the base, m and rad, odometry frame, at the time of each beam.
             beams: Origins (n, 2), bearings, half angles and ranges, as in `RangeScan`.
             limits: (2,) range_min and range_max, m.
             at: (2,) time, s, and way, m.
@@ -77,14 +77,16 @@ class SeenSpace:
         _look(*known, poses, *beams, limits, np.array([*at, at[1] - self.memory]))
 
     def first_unseen(self, poses: Floats, count: int, base: Floats, time: float, way: float) -> int:
-        """Which pose of a roll-out is the first to enter unknown space; -1 for none.
+        """Index of the first pose of a roll-out that enters unknown space; -1 for none.
 
-        Where the footprint reaches into it already, only what takes it further in counts.
+        Where the footprint is already in unknown space, only motion farther into it counts.
 
         Args:
-            poses: (count or more, 3) in the base frame of `base`.
-            base: (3,) in the odometry frame.
-            time: s; way: m.
+            poses: (count or more, 3) in the frame of `base`, m and rad.
+            count: Number of poses.
+            base: (3,) pose of the base in the odometry frame, m and rad.
+            time: Run time, s.
+            way: Distance travelled so far, m.
         """
         since = (way - self.memory, time - self.fresh)
         known = (self._free, self._stood, self._looked)
@@ -108,7 +110,7 @@ def _cell(value):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _assume(stood, assumed, points, way):  # type: ignore[no-untyped-def]
-    """Take the robot to have stood where it only might have."""
+    """Mark cells as occupied by the robot before, by assumption."""
     for i in range(points.shape[0]):
         row, column = _cell(points[i, 1]), _cell(points[i, 0])
         stood[row, column], assumed[row, column] = way, True
@@ -116,7 +118,7 @@ def _assume(stood, assumed, points, way):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _stand(stood, assumed, rim, pose, way):  # type: ignore[no-untyped-def]
-    """Mark the cells under the outline; those within it were under it before."""
+    """Mark the cells under the outline; the outline covered the inner cells earlier."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(rim.shape[0]):
         x = pose[0] + cos * rim[i, 0] - sin * rim[i, 1]
@@ -126,10 +128,10 @@ def _stand(stood, assumed, rim, pose, way):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look(free, stood, looked, assumed, poses, origins, bearings, half_angles, ranges, limits, at):  # type: ignore[no-untyped-def]
-    """Write down what each beam read through.
+    """Enter the cells that each beam read through as free.
 
-    Of what is nearer than a sonar measures, where it hears something, only that is known which a beam read through
-    before: `at` is time, way, and the way since which that counts.
+    If a sonar reports an echo nearer than its minimum range, its cells up to there become unknown, except those that a
+    beam read through recently. `at` is time, s, way, m, and the way from which on entries still count, m.
     """
     for i in range(ranges.shape[0]):
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])

@@ -1,4 +1,4 @@
-"""Where on its trajectory a robot is: the reference point that every controller tracks."""
+"""Projects a robot's pose onto its trajectory: the reference point that every controller tracks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Projection", "point_at", "project", "warm_up", "way_ahead"]
 Floats = NDArray[np.float64]
 
 _HEADING_WEIGHT = 0.5
-"""How far, m, a part of the trajectory that runs the other way than the robot faces seems to be away (times sqrt 2)."""
+"""Penalty distance of a part of the trajectory that runs against the robot's heading, m (times sqrt 2)."""
 
 
 class Projection(NamedTuple):
@@ -26,8 +26,8 @@ class Projection(NamedTuple):
         curvature: κ, 1/m.
         speed: v_r, m/s.
         turn_rate: ω_r = κ v_r, rad/s.
-        cross_track: Distance of the robot to the left of the trajectory, m.
-        target_x, target_y: Point one look-ahead further on, m.
+        cross_track: Distance of the robot from the trajectory, m, positive to the left.
+        target_x, target_y: Point one look-ahead farther along, m.
     """
 
     progress: float
@@ -52,32 +52,32 @@ def project(
     back: float = 0.5,
     ahead: float = 1.0,
 ) -> Projection:
-    """The point of a trajectory nearest to a pose, not far from the previous one.
+    """The point of a trajectory nearest to a pose, near the previous reference point.
 
-    Within the window, each place where the distance has a local minimum is a candidate. Taken is the nearest, where a
-    part that the robot does not face seems farther off: so a hairpin's other leg is not taken for this one. The foot
-    is where the robot is exactly abeam (e1 of eq. (4) of Hoang et al. 2013 is 0) and moves continuously with it.
+    Within the window, each local minimum of the distance is a candidate. The nearest candidate wins, where a part whose
+    heading differs from the robot's counts as farther away: this avoids the other leg of a hairpin. At the foot point
+    the robot is exactly abeam (e1 of eq. (4) of Hoang et al. 2013 is 0); it moves continuously with the robot.
 
     Args:
         samples: (n, 6) of `trajectory.SmoothPath`, n >= 1, equal steps of arc length.
         x, y, heading: Pose, m, rad, in the frame of the samples.
         progress: Previous progress, m; 0 for a new trajectory.
-        look_ahead: Arc length from the reference point to the target, m; the target stays at the end.
+        look_ahead: Arc length from the reference point to the target, m; the target does not pass the end.
         back, ahead: How much smaller or larger than the previous progress the new one may be, m.
     """
     return Projection(*_project(samples, x, y, heading, progress, look_ahead, back, ahead))
 
 
 def point_at(samples: Floats, progress: float) -> tuple[float, float]:
-    """x, y, m, of a trajectory (n, 6) at an arc length, m, held at its ends."""
+    """x, y, m, of a trajectory (n, 6) at an arc length, m; clamped to its ends."""
     point: tuple[float, float] = _point_at(samples, progress)
     return point
 
 
 def way_ahead(samples: Floats, progress: float, length: float, step: float = 0.2) -> Floats:
-    """(k, 2) points, m, of a trajectory (n, 6) from an arc length on: about `step` apart, the last `length` further.
+    """(k, 2) points, m, of a trajectory (n, 6) from an arc length to `length` farther, about `step` apart, m.
 
-    Read-only. At the end of the trajectory fewer are left, but always one.
+    Read-only. Near the end of the trajectory there are fewer points, but always at least one.
     """
     points: Floats = _way_ahead(samples, progress, length, step)
     points.setflags(write=False)
@@ -118,7 +118,7 @@ def _point_at(samples, progress):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _nearest(samples, x, y, heading, first, last):  # type: ignore[no-untyped-def]
-    """Index of the best candidate among samples first..last."""
+    """Index of the best candidate among samples `first` to `last`."""
     best, index = np.inf, first
     square_before = np.inf
     square = (samples[first, 1] - x) ** 2 + (samples[first, 2] - y) ** 2
@@ -142,7 +142,7 @@ def _abeam(samples, k, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _foot(samples, k, x, y):  # type: ignore[no-untyped-def]
-    """Place, in samples, where the point is abeam: between k and a neighbour, linear between both."""
+    """Place, in samples, where the point is abeam: between k and a neighbour, by linear interpolation."""
     front = _abeam(samples, k, x, y)
     if front >= 0.0:
         if k == samples.shape[0] - 1:
@@ -170,7 +170,7 @@ def _project(samples, x, y, heading, progress, look_ahead, back, ahead):  # type
     speed = samples[k, 5] + share * (samples[after, 5] - samples[k, 5])
     most = max(abs(samples[k, 4] * samples[k, 5]), abs(samples[after, 4] * samples[after, 5]))
     if abs(bend) * speed > most:
-        speed = most / abs(bend)  # interpolated apart, both may ask for more turn rate than the samples allow
+        speed = most / abs(bend)  # interpolated separately, both may require more turn rate than the samples allow
     cross = math.cos(heading_ref) * (y - y_ref) - math.sin(heading_ref) * (x - x_ref)
     x_target, y_target = _point_at(samples, place * step + look_ahead)
     return place * step, x_ref, y_ref, heading_ref, bend, speed, bend * speed, cross, x_target, y_target

@@ -1,4 +1,4 @@
-"""Planning anew while the robot drives: because the map now blocks its trajectory, or at a rate."""
+"""Replanning while the robot drives: when the map blocks its trajectory, or periodically."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ __all__ = ["ReplanRules", "Replanning"]
 
 @dataclass(frozen=True)
 class ReplanRules:
-    """When another path is asked for, and when it is taken.
+    """When another path is requested, and when it is taken.
 
     Attributes:
-        when_blocked: A new map blocks the trajectory.
-        period: s between two requests at a rate; 0 for none.
-        gain: Share by which a path must be shorter than what is left of a free trajectory.
-        radius: Of the disc that must fit on the trajectory, m: what no heading of the robot can do without.
+        when_blocked: Request a path when a new map blocks the trajectory.
+        period: Time between periodic requests, s; 0 for none.
+        gain: Share by which a path must be shorter than the rest of a free trajectory.
+        radius: Radius of the disc that must fit on the trajectory, m: the area that the robot needs at any heading.
     """
 
     when_blocked: bool = True
@@ -29,23 +29,23 @@ class ReplanRules:
 
 
 class Replanning:
-    """Watches the trajectory that is driven."""
+    """Watches the driven trajectory, and decides when to replan."""
 
     def __init__(self, rules: ReplanRules) -> None:
         self.rules = rules
         self.blocked_at = math.inf
-        """Arc length from which on the newest map blocks it, m; infinite where it is free."""
+        """Arc length at which the newest map blocks the trajectory, m; infinite if it is free."""
         self._seen: tuple[MapUpdate | None, Trajectory | None] = (None, None)
         self._answered: MapUpdate | None = None
         self._asked = -math.inf
 
     @property
     def is_blocked(self) -> bool:
-        """The newest map blocks what is driven."""
+        """Whether the newest map blocks the driven trajectory."""
         return math.isfinite(self.blocked_at)
 
     def look(self, given: MapUpdate | None, trajectory: Trajectory | None, reference: Reference | None) -> None:
-        """Compare a new map, or a new trajectory, with the other."""
+        """Check the trajectory against the map if either is new."""
         if not self.rules.when_blocked or given is None or trajectory is None or reference is None:
             return
         if (given is self._seen[0] and trajectory is self._seen[1]) or reference.path_id != trajectory.path_id:
@@ -54,8 +54,8 @@ class Replanning:
         self.blocked_at = first_blocked(trajectory.samples, reference.progress, self.rules.radius, given.grid)
 
     def asks(self, time: float) -> bool:
-        """Whether a path is to be asked for at a run time, s; where it is, it counts as asked for."""
-        blocked_anew = self.is_blocked and self._answered is not self._seen[0]  # one map is asked about once
+        """Whether to request a path at a run time, s; if so, the request counts as made."""
+        blocked_anew = self.is_blocked and self._answered is not self._seen[0]  # one request for each map
         if blocked_anew:
             self._answered = self._seen[0]
         elif not 0.0 < self.rules.period <= time - self._asked + 1e-9:
@@ -64,7 +64,7 @@ class Replanning:
         return True
 
     def takes(self, path: Path, reference: Reference | None) -> bool:
-        """Whether a path is better than what is left of the trajectory."""
+        """Whether a path is better than the rest of the trajectory."""
         if self.is_blocked or reference is None:
             return True
         return path.length < (1.0 - self.rules.gain) * reference.remaining

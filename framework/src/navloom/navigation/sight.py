@@ -1,7 +1,7 @@
 """Line of sight on a grid, and the pruning of a planner's path with it.
 
-A segment is free when every cell that it so much as touches is free (closed supercover): a segment through the shared
-corner of two cells touches all four, so corners are never cut. Outside of the grid nothing is free.
+A segment is free if every cell that it touches is free (closed supercover). A segment through a grid corner touches all
+four cells around it, so corners are never cut. Outside the grid nothing is free.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
 _TOUCH = 1e-6
-"""A segment this near to a cell, in cells, touches it: the answer must not hang on rounding."""
+"""A segment this near to a cell, in cells, touches it, so that rounding does not change the answer."""
 _REPEAT = 1e-6
-"""Points nearer than this, m, are one point."""
+"""Points nearer to each other than this, m, are one point."""
 _DENSE = 400
-"""Up to this many points, all are candidates for corners; of longer paths the turning points and about 250 more."""
+"""Largest path, in points, whose points are all candidates; of longer ones, the turning points and about 250 more."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def is_segment_free(cells, resolution, x_low, y_low, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
-    """Whether all cells a segment touches are traversable.
+    """Whether all cells that a segment touches are traversable.
 
     Args:
         cells: (rows, cols) bool, True where the robot's centre may be; row 0 has the lowest y, column 0 the lowest x.
@@ -60,12 +60,12 @@ def is_segment_free(cells, resolution, x_low, y_low, x0, y0, x1, y1):  # type: i
 def prune(
     points: Floats, traversable: Cells, resolution: float, origin: tuple[float, float], corner_cost: float = 0.05
 ) -> Floats:
-    """The cheapest chain of free segments over a subset of the points of a path: length plus a cost a corner.
+    """The cheapest chain of free segments over a subset of a path's points; the cost is length plus a cost per corner.
 
-    Exact over its candidates by dynamic programming (all points of a path of up to 400 points). Consecutive points
-    always see each other, whatever the grid says of them: they are the planner's responsibility. The corner cost
-    keeps a chain around a round obstacle from following every cell of it; it makes the result at most that much
-    longer a corner saved.
+    Dynamic programming, exact over its candidates (all points of a path of up to 400 points). The segment between
+    consecutive points always counts as free, whatever the grid says: it is the planner's responsibility. The corner
+    cost keeps a chain around a round obstacle from following every cell; the result is longer by at most this cost
+    for each corner saved.
 
     Args:
         points: (n, 2) path, m, in the frame of the grid.
@@ -86,7 +86,7 @@ def prune(
 
 
 def simplify(points: Floats, tolerance: float) -> Floats:
-    """A path with fewer points, nowhere more than `tolerance` beside the old one (Ramer 1972, Douglas & Peucker 1973).
+    """A path with fewer points, nowhere farther than `tolerance` from the old one (Ramer 1972, Douglas & Peucker 1973).
 
     For paths without a grid.
 
@@ -105,7 +105,7 @@ def simplify(points: Floats, tolerance: float) -> Floats:
 
 
 def without_repeats(points: Floats) -> Floats:
-    """A path (n, 2), m, without points that are nearer than 1 µm to the one before; the last one always stays."""
+    """A path (n, 2), m, without points nearer than 1 µm to the previous one; the last point always stays."""
     path = np.ascontiguousarray(points, dtype=np.float64)
     steps = np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1]))
     kept: Floats = path[np.concatenate([[True], steps > _REPEAT])].copy()
@@ -115,7 +115,7 @@ def without_repeats(points: Floats) -> Floats:
 
 
 def _candidates(path: Floats) -> NDArray[np.int64]:
-    """Indices of the points of a path that may become corners."""
+    """Indices of the path's points that may become corners."""
     count = len(path)
     if count <= _DENSE:
         return np.arange(count)
@@ -130,7 +130,7 @@ def _candidates(path: Floats) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cheapest_chain(points, cells, resolution, x_low, y_low, corner_cost):  # type: ignore[no-untyped-def]
-    """Indices of the points of the cheapest chain; of equal ones that with the longest last segments."""
+    """Indices of the points of the cheapest chain; of equally cheap ones, the one with the longest last segments."""
     count = points.shape[0]
     cost, parent = np.zeros(count), np.zeros(count, np.int64)
     for j in range(1, count):
@@ -156,7 +156,7 @@ def _cheapest_chain(points, cells, resolution, x_low, y_low, corner_cost):  # ty
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _far_points(points, tolerance):  # type: ignore[no-untyped-def]
-    """Mask of the points kept: the farthest from each chord, while it is farther than the tolerance."""
+    """Mask of the kept points: recursively, the point farthest from each chord if it is beyond the tolerance."""
     kept = np.zeros(points.shape[0], np.bool_)
     kept[0] = kept[-1] = True
     chords = [(0, points.shape[0] - 1)]

@@ -1,8 +1,8 @@
-"""From a planner's path to what controllers follow: pruned, rounded, sampled by arc length, with a speed.
+"""Turns a planner's path into the trajectory that controllers follow: pruned, rounded, sampled, with a speed profile.
 
-The direction the robot faces at the start plays no part in it: turning onto the first segment is the controller's job.
-The speed never goes down to zero, since tracking laws such as eq. (6) of Hoang et al. 2013 need a moving reference:
-it ends at the lowest speed, and the goal checker stops the robot.
+The robot's heading at the start is ignored: turning onto the first segment is the controller's job. The speed never
+falls to zero, since tracking laws such as eq. (6) of Hoang et al. 2013 need a moving reference: it ends at the lowest
+speed, and the goal checker stops the robot.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Cells = NDArray[np.bool_]
 
 _FINEST = 0.005
 _PER_FILLET = 8.0
-"""Samples of the shortest fillet, as far as steps of `_FINEST`, m, allow."""
+"""Samples on the shortest fillet, as far as steps of at least `_FINEST`, m, allow."""
 
 
 @dataclass(frozen=True)
 class SpeedLimits:
-    """What the reference may do.
+    """Limits of the reference.
 
     Attributes:
-        slowest, fastest: Speed, m/s. Below `slowest` it goes only where a tight corner and `turn_rate` ask for it.
+        slowest, fastest: Speed, m/s. It is below `slowest` only where a tight corner and `turn_rate` require it.
         turn_rate: Largest |ω_r|, rad/s.
         lateral: Largest lateral acceleration v² |κ|, m/s².
         acceleration, deceleration: m/s², > 0.
@@ -46,20 +46,20 @@ class SpeedLimits:
     deceleration: float = 0.5
 
     def radius_at(self, speed: float) -> float:
-        """Smallest radius, m, at which a speed, m/s, keeps turn rate and lateral acceleration."""
+        """Smallest radius, m, at which a speed, m/s, keeps the limits of turn rate and lateral acceleration."""
         return max(speed / self.turn_rate, speed * speed / self.lateral)
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPath:
-    """A trajectory and where it had to give way.
+    """A trajectory, and the places where it must be slow.
 
     Attributes:
         samples: (n, 6) rows of arc length s, m, from 0 in equal steps; x, y, m; heading, rad in [-π, π); curvature,
             1/m, positive to the left; speed, m/s. Read-only, in the frame of the points.
         corners: (m, 2) the polyline that was rounded, m.
-        radii: (m,) smallest radius of each corner's fillet, m; infinite where there is no turn.
-        slow_places: (k, 2) corners, m, so tight that the speed there is below `SpeedLimits.slowest`.
+        radii: (m,) smallest radius of each corner's fillet, m; infinite for no turn.
+        slow_places: (k, 2) corners that are so tight that the speed there is below `SpeedLimits.slowest`, m.
     """
 
     samples: Floats
@@ -81,10 +81,10 @@ def make_trajectory(
     """The trajectory of a path.
 
     With a grid, corners are pruned by line of sight and every fillet stays within free cells: it is shrunk, or its
-    corner moved outwards, until it does. Where the free space does not hold the radius of the lowest speed (0.458 m at
-    0.2 m/s and 25°/s), the corner gets the largest that is free and the speed there goes below the lowest one, so that
-    the turn rate stays within its limit; `slow_places` lists such corners. It is above 0.05 m/s down to a radius of
-    0.115 m. Without a grid, the result is within 2 `rounding` of the path.
+    corner moved outwards, until it does. If the radius of the lowest speed (0.458 m at 0.2 m/s and 25°/s) does not fit
+    into the free space, the corner gets the largest radius that does, and the speed there falls below the lowest one,
+    so that the turn rate stays within its limit; `slow_places` lists such corners. The speed is above 0.05 m/s down to
+    a radius of 0.115 m. Without a grid, the result is within 2 `rounding` of the path.
 
     Args:
         points: (n, 2) path, m, n >= 1, in the frame of the grid.
@@ -92,12 +92,12 @@ def make_trajectory(
         traversable: (rows, cols) bool, True where the robot's centre may be; row 0 has the lowest y. None: unknown.
         resolution: Edge of a cell, m.
         origin: x, y of the lower left corner of cell (0, 0), m; its axes are parallel to those of the points.
-        spacing: Largest arc length between samples, m. It is lowered to 0.005 m where a tight fillet needs it.
+        spacing: Largest arc length between samples, m; a tight fillet lowers it to as little as 0.005 m.
         rounding: Without a grid: how far corners may be cut, m.
-        heading: Of the only sample of a path without length, rad; otherwise without effect.
+        heading: Heading of the only sample of a path without length, rad; otherwise without effect.
 
-    Raises:
-        ValueError: Points are not (n, 2), none, or not finite.
+        Raises:
+            ValueError: `points` is not (n, 2), empty or not finite.
     """
     path = np.ascontiguousarray(points, dtype=np.float64)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.isfinite(path).all():
@@ -121,15 +121,15 @@ def make_trajectory(
 
 
 def speed_profile(step: float, curvature: Floats, limits: SpeedLimits, start: float | None = None) -> Floats:
-    """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then within the accelerations.
+    """v_r(s) = clip(min(v_max, ω_lim/|κ|, sqrt(a_lat/|κ|)), v_min, v_max), then limited by the accelerations.
 
-    The clip at v_min gives way to ω_lim: in a corner too tight for both, v is ω_lim/|κ|.
+    ω_lim takes precedence over v_min: in a corner too tight for both, v is ω_lim/|κ|.
 
     Args:
         step: Arc length between samples, m.
         curvature: (n,) 1/m.
         limits: Speeds and accelerations.
-        start: Speed of the first sample, m/s; None is the lowest.
+        start: Speed of the first sample, m/s; None for the lowest.
 
     Returns:
         (n,) speed, m/s, > 0; the last one is at most the lowest speed of the limits.
@@ -159,7 +159,7 @@ def sample_path(corners: Floats, radii: Floats, shares: Floats, spacing: float) 
 
 
 def free_samples(samples: Floats, traversable: Cells, resolution: float, origin: tuple[float, float]) -> bool:
-    """Whether all chords between samples (n, 6) touch free cells only: to check a trajectory against a newer grid."""
+    """Whether all chords between samples (n, 6) touch only free cells: checks a trajectory against a newer grid."""
     cells = np.ascontiguousarray(traversable, np.bool_)
     where = (cells, resolution, *origin)
     return all(sight.is_segment_free(*where, a[1], a[2], b[1], b[2]) for a, b in pairwise(samples))
@@ -172,14 +172,14 @@ def _read_only(samples: Floats, corners: Floats, radii: Floats, slow_places: Flo
 
 
 def _spacing(corners: Floats, radii: Floats, shares: Floats, spacing: float) -> float:
-    """The step that gives the shortest fillet its samples, m."""
+    """Step that gives the shortest fillet enough samples, m."""
     lengths = np.diff(fillets.stations(corners, radii, shares)[:, :2], axis=1)
     shortest = lengths[lengths > 0.0].min(initial=math.inf)
     return float(min(spacing, max(_FINEST, shortest / _PER_FILLET)))
 
 
 def _bend(samples: Floats) -> Floats:
-    """Curvature (n,), 1/m, where a fillet too small to be seen by the samples counts as the turn between them."""
+    """Curvature (n,), 1/m, in which a fillet too small for the samples counts as the turn between two of them."""
     turns = (np.diff(samples[:, 3]) + math.pi) % (2.0 * math.pi) - math.pi
     between = np.abs(turns) / samples[1, 0]
     bend = np.abs(samples[:, 4])
@@ -191,7 +191,7 @@ def _bend(samples: Floats) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _limit_acceleration(speed, gain, loss):  # type: ignore[no-untyped-def]
-    """Forward and backward pass: v² rises by at most `gain` and falls by at most `loss` a step, in place."""
+    """Forward and backward pass, in place: v² rises by at most `gain` and falls by at most `loss` per step."""
     for k in range(1, speed.shape[0]):
         speed[k] = min(speed[k], math.sqrt(speed[k - 1] ** 2 + gain))
     for k in range(speed.shape[0] - 2, -1, -1):
@@ -216,7 +216,7 @@ def _sample(corners, radii, shares, spacing):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _place(corners, radii, shares, stations, i, s, sample):  # type: ignore[no-untyped-def]
-    """Fills x, y, heading and curvature at arc length s, before or on the fillet of corner i."""
+    """Fill x, y, heading and curvature at arc length s, before or on the fillet of corner i."""
     back = s > 0.5 * (stations[i, 0] + stations[i, 1]) and stations[i, 2] > 0.0
     other = i + 1 if back else i - 1
     ux, uy = corners[i, 0] - corners[other, 0], corners[i, 1] - corners[other, 1]
@@ -237,7 +237,7 @@ def _place(corners, radii, shares, stations, i, s, sample):  # type: ignore[no-u
 
 
 def warm_up() -> None:
-    """Compile all kernels on the way from path to trajectory."""
+    """Compile all kernels that turn a path into a trajectory."""
     sight.warm_up()
     fillets.warm_up()
     path, cells = np.array([[0.5, 0.5], [2.5, 0.5], [2.5, 2.5]]), np.ones((3, 3), np.bool_)

@@ -1,4 +1,4 @@
-"""The default recovery: stand still for a while, for what moves to move on, then plan on a fresh map."""
+"""The default recovery: stay stopped for a while so that moving obstacles can leave, then plan on a fresh map."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class WaitParams(Params):
 
 
 class WaitAndReplan(Recovery[WaitParams]):
-    """Stands still: without sensors behind it, a robot that backs up drives blind."""
+    """Stays stopped: a robot without sensors at the back would drive blind if it backed up."""
 
     name = "wait_and_replan"
     accepts = ()

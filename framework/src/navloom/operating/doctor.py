@@ -53,16 +53,16 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "gate": ("platform",),
 }
 """Roles that step with the platform, whether there is a goal or not, with those that each of them waits for."""
-AGAIN = "look again in a moment"
+AGAIN = "run this again in a moment"
 ADVICE = {
-    NO_PATH: f"{AGAIN}; where it stays, `navloom cancel` it and send the goal again",
-    "silent: platform": "`navloom hz platform/odometry` shows whether it comes; see the log of its process",
-    "silent: sensor": "`navloom hz platform/{who}` shows whether it comes; see its cable and the platform's log",
-    "silent": "`navloom hz {who}/command` shows whether it comes; see the log of its process",
+    NO_PATH: f"{AGAIN}; if it persists, `navloom cancel` it and send the goal again",
+    "silent: platform": "`navloom hz platform/odometry` shows whether it arrives; see the log of its process",
+    "silent: sensor": "`navloom hz platform/{who}` shows whether it arrives; see its cable and the platform's log",
+    "silent": "`navloom hz {who}/command` shows whether it arrives; see the log of its process",
     "gone": f"{AGAIN}: it has just gone, and `navloom up` restarts it",
     "stale": "no node is slow now: `navloom hz '*/command'` shows how old commands are; end other programs on its "
     "host, or make gate.stop_deadline longer",
-    "old_selection": f"{AGAIN}; where it stays, restart the process of {{who}}",
+    "old_selection": f"{AGAIN}; if it persists, restart the process of {{who}}",
 }
 """What to do about a stop where no finding names its cause, by how its reason begins: the first that fits."""
 ADVANCE = 2.0
@@ -176,7 +176,7 @@ def _first_step(text: str) -> Finding:
 
 def _no_way(text: str) -> Finding:
     """Its network cannot be joined."""
-    if "nobody listens" in text:
+    if "nothing listens" in text:
         remedy = "start the robot (`navloom up CONFIG`) or its router (`navloom router ENDPOINT`), or correct --connect"
     elif "no host is called" in text:
         remedy = "correct --connect, or live.router: give a name that this host knows, or an address"
@@ -198,8 +198,8 @@ def _expiring(text: str) -> Finding:
 def _nobody(client: Client) -> Finding:
     others = neighbours_names(client)
     known = f"; there are {', '.join(others)}: choose with --robot" if others else ""
-    remedy = "`navloom up` starts its processes; a certificate that is revoked, or another robot's, sees nobody either"
-    return Finding("problem", f"the network is there, but no node of robot {client.keys.prefix} is{known}", remedy)
+    remedy = "`navloom up` starts its processes; a certificate that is revoked, or another robot's, sees no node either"
+    return Finding("problem", f"the network is up, but no node of robot {client.keys.prefix} is{known}", remedy)
 
 
 # --- who is there ---------------------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ def _absent(gone: Sequence[Missing], folder: RobotFolder | None, config: str) ->
             fate, remedy = fate_in_words(folder, process, fates[process])
             what += f": {fate}"
         elif host:
-            remedy = f"`navloom up {config} --host {host}` there; where it is up, see whether it reaches the router"
+            remedy = f"`navloom up {config} --host {host}` there; if it is up, check whether it reaches the router"
         else:
             remedy = f"`navloom node {config} {process}` starts it"
         found.append(Finding("problem", what, remedy))
@@ -233,7 +233,7 @@ def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None) -> lis
     for process in dict.fromkeys(node["process"] for node in mute):
         names = ", ".join(named(node) for node in mute if node["process"] == process)
         what = f"{names}: announced, but not answering; of process {process or 'unknown'}"
-        remedy = "its process is stopped, overloaded, or just gone with its host: look again, then restart it"
+        remedy = "its process is suspended, overloaded, or gone with its host: run this again, or restart it"
         if folder is not None and process in fates:
             fate, remedy = fate_in_words(folder, process, fates[process])
             what += f": {fate}"
@@ -249,7 +249,7 @@ def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]
         Finding(
             "problem",
             f"the wall clock of {host} is {offset.seconds:+.2f} s (± {offset.uncertain:.3f} s) off this host's",
-            "the robot does not mind, its logs and recordings do: have a time service such as chrony set both",
+            "the robot is not affected, but logs and recordings are: set both with a time service such as chrony",
         )
         for host, offset in sorted(clock_offsets(client, nodes).items())
         if abs(offset.seconds) - offset.uncertain > CLOCKS
@@ -299,7 +299,7 @@ def _with_waiting(
 def _restart(node: Mapping[str, Any], folder: RobotFolder | None) -> str:
     log = f"see {folder.path / node['process']}.log" if folder is not None else "see the log of its process"
     hardware = "it may wait for its hardware; " if node["role"] == "platform" else ""
-    return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} has `navloom up` restart it"
+    return f"{hardware}{log}; `kill -KILL {node['pid']}` on {node['host']} makes `navloom up` restart it"
 
 
 def _unsure(feedback: Message | None) -> list[Finding]:

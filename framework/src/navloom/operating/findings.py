@@ -95,7 +95,7 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
             remedy = f"its plugin hangs or is too slow; live.hang_timeout ends its process; {_instead(node, nodes)}"
             found.append(Finding("problem", what, remedy))
         if is_slow(node):
-            what = f"{named(node)} takes {node['step_s'] * 1e3:.0f} ms a step, longer than its period"
+            what = f"{named(node)} takes {node['step_s'] * 1e3:.0f} ms per step, longer than its period"
             remedy = f"make it faster, or run.period longer; {_instead(node, nodes)}"
             if node["plugin"] is None:
                 remedy = "its host is overloaded: end other programs there, or make run.period longer"
@@ -139,7 +139,7 @@ class LoopRate:
 
     def __str__(self) -> str:
         took = f"a tick's commands take {self.median_s * 1e3:.1f} ms (99 %: {self.most_s * 1e3:.1f} ms)"
-        return f"{took}: these processes hold {self.holds_hz:.0f} Hz"
+        return f"{took}: these processes sustain up to {self.holds_hz:.0f} Hz"
 
 
 def loop_rate(nodes: Sequence[Node]) -> LoopRate | None:
@@ -173,9 +173,7 @@ def flowing(nodes: Sequence[Node]) -> list[Finding]:
         for stream, counts in node["streams"].items():
             if counts["malformed"]:
                 what = f"{named(node)}: {counts['malformed']} malformed messages on {stream}: {counts['complaint']}"
-                found.append(
-                    Finding("problem", what, "find who sends them; both ends need the same version of navloom")
-                )
+                found.append(Finding("problem", what, "find the sender; both ends need the same version of navloom"))
             if counts.get("misrouted"):
                 found.append(_misrouted(f"{named(node)}: {counts['misrouted']} messages on {stream}", counts))
             if not is_slow(node) and not counts["latest"] and counts["dropped"] > max(FEW, counts["received"] // 10):
@@ -191,8 +189,8 @@ def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
     if counts["misrouted"] <= FEW:
         remedy = "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"
         return Finding("note", what, remedy)
-    remedy = "find who publishes there, such as a replay or a second robot of this name; if nobody does, restart its "
-    return Finding("problem", what, remedy + "router, or the robot where it has none")
+    remedy = "find the publisher, such as a replay or a second robot of this name; if there is none, restart the "
+    return Finding("problem", what, remedy + "router, or the robot if it has no router")
 
 
 def differing(nodes: Sequence[Node]) -> list[Finding]:
@@ -201,12 +199,12 @@ def differing(nodes: Sequence[Node]) -> list[Finding]:
     for package in sorted({package for node in nodes for package in node["versions"]}):
         by_version = _grouped((node["versions"].get(package, "none"), where(node)) for node in nodes)
         if len(by_version) > 1:
-            what = f"{package} is not of one version: {_listed(by_version)}"
+            what = f"{package} has different versions: {_listed(by_version)}"
             found.append(Finding("problem", what, "install the same version on every host"))
     by_config = _grouped((node["config_sha256"][:8], where(node)) for node in nodes)
     if len(by_config) > 1:
         what = f"the processes have different configs: {_listed(by_config)}"
-        remedy = "start all of them with the same file, --set and --seed; `navloom config check --json` tells its hash"
+        remedy = "start all of them with the same file, --set and --seed; `navloom config check --json` prints its hash"
         found.append(Finding("problem", what, remedy))
     return found
 
@@ -246,7 +244,7 @@ def sharing(nodes: Sequence[Node]) -> list[Finding]:
             is_large = is_scan or (source.startswith("mapper/") and port == "map")
             if is_large and counts["received"] and hosts.get(source, node["host"]) != node["host"]:
                 what = f"{named(node)} on {node['host']} gets {stream} over the network, from {hosts[source]}"
-                remedy = "it takes less within a host: where its age is high (`navloom hz`), move it there"
+                remedy = "within one host it costs less: if its age is high (`navloom hz`), move the reader there"
                 found.append(Finding("note", what, remedy))
     return found
 

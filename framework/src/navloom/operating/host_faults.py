@@ -22,7 +22,9 @@ def left_behind() -> list[Finding]:
         if told is None:
             what = f"{path} cannot be read"
         elif folder.read() is None:
-            what = f"robot {realm}/{robot} died without an end: its process {told.pid} is gone, its folder is not"
+            what = (
+                f"robot {realm}/{robot} died without a shutdown: its process {told.pid} is gone, but its folder remains"
+            )
         else:
             continue
         found.append(Finding("note", what, f"`rm -r {path.parent}`; `navloom up` of that robot does it too"))
@@ -45,7 +47,7 @@ def left_running() -> list[Finding]:
     return [
         Finding(
             "problem",
-            f"{', '.join(map(str, left))}: left of robot {robot}, which is down",
+            f"{', '.join(map(str, left))}: still running, although robot {robot} is down",
             f"`navloom down --robot {robot}` ends them, and so does the next `navloom up` of that robot",
         )
         for robot, left in strays().items()
@@ -61,31 +63,31 @@ def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
             found.append(Finding("problem", f"process {name}: {what}", remedy))
         elif fate.restarts and fate.state == "running":
             times = "once" if fate.restarts == 1 else f"{fate.restarts} times"
-            what = f"process {name} was started again {times}: it {fate.why}"
+            what = f"process {name} was restarted {times}: it {fate.why}"
             found.append(Finding("note", what, f"see {folder.path / f'{name}.log'}"))
         if fate.cut:
-            what = f"process {name} writes so much that {fate.cut * 1e-6:.1f} MB of its log were not kept"
+            what = f"process {name} writes so much that {fate.cut * 1e-6:.1f} MB of its log were dropped"
             found.append(Finding("note", what, f"have its plugins print less; see {folder.path / f'{name}.log'}"))
     return found
 
 
 def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, str]:
-    """What has become of a process, and what to do about it."""
+    """The state of a process, and the remedy."""
     log = folder.path / f"{process}.log"
     if fate.state == "running":
         if fate.pid is not None and is_stopped(fate.pid):
-            return f"it is stopped (process {fate.pid})", f"`kill -CONT {fate.pid}` lets it go on"
-        again = f"`kill -KILL {fate.pid}` has `navloom up` start it anew"
-        return f"it runs (process {fate.pid}), but is not ready, or hangs", f"look again, see {log}; {again}"
+            return f"it is suspended (pid {fate.pid})", f"`kill -CONT {fate.pid}` continues it"
+        again = f"`kill -KILL {fate.pid}` makes `navloom up` restart it"
+        return f"it runs (pid {fate.pid}) but is not ready, or hangs", f"see {log}; {again}"
     said = folder.last_words(process)
-    what = f"it {fate.why}" + (f" and said last: {said}" if said else "")
+    what = f"it {fate.why}" + (f" and its last message was: {said}" if said else "")
     if fate.state == "failed":
-        return f"{what}; it is left down", "repair what it says, then `navloom down` and `navloom up`"
-    return what, f"`navloom up` starts it again by itself; what it says is in {log}"
+        return f"{what}; it stays down", "repair what it says, then `navloom down` and `navloom up`"
+    return what, f"`navloom up` restarts it; its log is {log}"
 
 
 def is_stopped(pid: int) -> bool:
-    """Somebody has stopped a process of this host, with Ctrl-Z or SIGSTOP."""
+    """A process of this host is suspended, by Ctrl-Z or SIGSTOP."""
     with contextlib.suppress(OSError, IndexError):
         return status_of(pid)[1] in ("T", "t")
     return False

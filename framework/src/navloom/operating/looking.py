@@ -51,14 +51,14 @@ NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
 NO_PATH = "no_trajectory"
 """Reason of a gate that has nothing to drive: no fault, where the robot has no goal."""
 WHERE_IT_IS = (
-    "move it to navigation.start, or set that to where it is, and restart it; where it sees little of the map, "
-    "`navloom teleop` takes it to where it sees more"
+    "move it to navigation.start, or set navigation.start to its pose, and restart it; if it sees little of the map, "
+    "drive it with `navloom teleop` to where it sees more"
 )
 """What helps a robot that does not know where it is."""
 _STOPS = {
     "operator": ("by an operator", "`navloom resume` lets it drive again"),
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
-    "ending": ("its gate has ended", "`navloom up` starts it again"),
+    "ending": ("its gate has ended", "`navloom up` restarts it"),
     "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
     "silent: platform": ("the platform is not heard", "`navloom doctor` looks for the cause"),
 }
@@ -238,7 +238,10 @@ def why_stopped(
 def waiting(node: str, streams: str) -> tuple[str, str]:
     """That a node waits for the first message of streams, and what to do."""
     first = streams.split(" and ")[0].replace(".", "/")
-    return f"{node} waits for {streams}", f"`navloom hz {first}` shows whether it comes, `navloom list` who is there"
+    return (
+        f"{node} waits for {streams}",
+        f"`navloom hz {first}` shows whether it arrives, `navloom list` shows which nodes are missing",
+    )
 
 
 def _without_path(feedback: Feedback | None, result: GoalResult | None) -> tuple[str, str]:

@@ -43,14 +43,14 @@ def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
 
 
 class GoalHandle:
-    """A goal on its way.
+    """A goal that was sent to a robot.
 
     Attributes:
         goal_id: Its number.
-        feedback: The newest, or None.
-        result: How it ended, or None.
-        gate: What the gate said last: who drives, or why nothing does.
-        speed: Forward speed that the platform measured last, m/s, or None.
+        feedback: Newest feedback, or None.
+        result: Its result, or None before its end.
+        gate: Newest status of the gate: who drives, or why the robot is stopped.
+        speed: Newest measured forward speed, m/s, or None.
     """
 
     def __init__(self, client: Client, mailbox: Mailbox, streams: Streams, goal_id: int) -> None:
@@ -107,7 +107,7 @@ class GoalHandle:
         return self.result
 
     def cancel(self) -> None:
-        """End it."""
+        """Cancel it."""
         self._client.call("goal", "main", "cancel", {})
 
     def _refuse_to_wait_for_nobody(self) -> None:
@@ -195,7 +195,7 @@ class Navigator:
     def go(
         self, x: float, y: float, heading: float | None = None, via: Sequence[tuple[float, float]] = ()
     ) -> GoalHandle:
-        """Send the robot to a place. A goal on its way is pre-empted.
+        """Send the robot to a place. This pre-empts the current goal.
 
         Args:
             x, y: m, map frame.
@@ -227,7 +227,7 @@ class Navigator:
         return handle.wait(timeout)
 
     def cancel(self) -> bool:
-        """End the goal on its way; False where there is none."""
+        """Cancel the current goal; False if there is none."""
         return bool(self.client.call("goal", "main", "cancel", {})["goal_id"])
 
     def stop(self) -> None:
@@ -239,10 +239,10 @@ class Navigator:
         self.client.call("gate", "main", "resume", {})
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """Tell every localizer where the robot is, m and rad, map frame. A recording does not hold that.
+        """Set the pose of every localizer, m and rad, map frame. A recording does not contain this.
 
         Raises:
-            Refused: The one in charge cannot be told; ClientError: none is there, or it does not answer.
+            Refused: The active one does not accept a pose; ClientError: there is none, or it does not answer.
         """
         there = [one for one in self.client.describe() if one["role"] == "localizer"]
         for one in sorted(there, key=lambda one: not one["active"]):

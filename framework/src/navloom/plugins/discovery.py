@@ -153,7 +153,7 @@ class Discovery:
         return self.role(role, name) if role in ROLES else self.node(name)
 
     def node(self, name: str) -> type[Role]:
-        """The class of a node that is no role's.
+        """The class of a node without a role.
 
         Raises:
             PluginError: No node of that name, named twice, or broken.

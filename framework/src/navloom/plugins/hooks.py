@@ -1,4 +1,4 @@
-"""What a plugin module may implement, and the marker it is written with."""
+"""Hooks that a plugin module may implement, and their marker."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ hookimpl = pluggy.HookimplMarker("navloom")
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What observers are told of a run.
+    """A run, as observers get it.
 
     Attributes:
         kind: "lockstep" for `navloom run`, "barrier" for `navloom up --barrier`, "live" for `navloom up`.
@@ -41,10 +41,10 @@ class RunInfo:
 
 
 class MessageObserver(Protocol):
-    """What `navloom_observe` may give: it is shown the messages of one run.
+    """What `navloom_observe` may return: an object that gets the messages of one run.
 
     Attributes:
-        wants: Pairs of role and port to be shown; None for every message.
+        wants: Pairs of role and port whose messages it gets; None for every message.
     """
 
     @property
@@ -67,8 +67,8 @@ class HookSpecs:
 
     `navloom_register` is called in each entry point, alone, when its name is first needed. The others are called in
     every entry point `observer.NAME`, one after the other, in each `navloom run` and `navloom up`. An implementation
-    takes those arguments that it names. One that raises is reported once, with its distribution, file and line, and
-    takes no further part in the run.
+    gets the arguments that it names. One that raises is reported once, with its distribution, file and line, and is
+    not called again in the run.
     """
 
     @hookspec

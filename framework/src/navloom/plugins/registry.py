@@ -1,4 +1,4 @@
-"""What plugins register into, and how their names are looked up."""
+"""The registry that plugins add to, and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from navloom.roles.base import RESERVED_KEYS
 __all__ = ["Named", "PluginError", "Registry", "close_to", "nearest"]
 
 NODE, NODE_API = "node", 1
-"""What nodes that are no role's have in the place of its name, and the version of them that this framework speaks."""
+"""Stands for the role of nodes without one; and the version of such nodes that this framework supports."""
 
 
 class Named(Protocol):
-    """Something registered under its own name. What a metric or panel is besides is known only above."""
+    """Something registered under its own name: a metric or a panel."""
 
     @property
     def name(self) -> str:
-        """By which it is asked for."""
+        """Its name in configs and commands."""
 
 
 class PluginError(NavloomError, ValueError):
@@ -45,7 +45,7 @@ def close_to(name: str, known: list[str]) -> str:
 
 
 class Registry:
-    """What one entry point gives: classes by role and name, and by name alone all that is no role's."""
+    """What one entry point registers: classes by role and name, everything else by name."""
 
     def __init__(self) -> None:
         self.roles: dict[tuple[str, str], type[Role]] = {}
@@ -82,13 +82,13 @@ class Registry:
         self.roles[key] = plugin
 
     def world(self, name: str, make: Callable[[], World]) -> None:
-        """Add a named world: a function without arguments makes it."""
+        """Add a named world, made by a function without arguments."""
         if name in self.worlds:
             raise PluginError(f"world {name!r} is registered twice: rename one of them")
         self.worlds[name] = make
 
     def world_scheme(self, scheme: str, load: Callable[[str, Path], World]) -> None:
-        """Add a scheme: `load` gets what follows `scheme:` and the folder relative paths start from."""
+        """Add a scheme: `load` gets the text after `scheme:` and the folder that relative paths start from."""
         if scheme in self.schemes:
             raise PluginError(f"world scheme {scheme!r} is registered twice: rename one of them")
         self.schemes[scheme] = load
@@ -134,7 +134,7 @@ class Registry:
             raise PluginError(f"message {cls.__name__!r} is registered twice: rename one of them")
 
     def command(self, name: str, command: Callable[..., Any]) -> None:
-        """Add `navloom NAME`: a function, of which typer makes a command, or a `typer.Typer` with several commands.
+        """Add `navloom NAME`: a function, which Typer turns into a command, or a `typer.Typer` with several commands.
 
         Raises:
             PluginError: Not one of them, or named twice.

@@ -148,7 +148,7 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     if not (folder / "study.json").is_file():
         raise ConfigError(f"{folder}: holds no study: study.json is missing; name the --out of `navloom compare`")
     if not (folder / "episodes.csv").is_file():
-        raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` goes on with it")
+        raise ConfigError(f"{folder}: the study is not finished: the same `navloom compare` continues it")
     request = _read(folder / "study.json", _json)
     rows = _read(folder / "episodes.csv", _table)
     try:
@@ -160,7 +160,9 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     except (KeyError, TypeError, IndexError, AttributeError):
         raise ConfigError(f"{folder / 'study.json'}: damaged; make the study again in another folder") from None
     if not complete or lacking:
-        raise ConfigError(f"{folder / 'episodes.csv'}: is not the table of study.json; the same compare writes it anew")
+        raise ConfigError(
+            f"{folder / 'episodes.csv'}: is not the table of study.json; the same compare writes it again"
+        )
     if baseline not in names:
         raise ConfigError(f"--baseline {baseline}: no such method in {folder}{nearest(baseline, names)}")
     timing = _optional(folder / "timing.json", _json, {})

@@ -21,7 +21,7 @@ __all__ = ["Report", "build_report", "write_report"]
 
 PLOTS_MISSING = (
     "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
-    "pip install 'navloom[plots]') and make the report again with `navloom report`."
+    "pip install 'navloom[plots]') and write the report again with `navloom report`."
 )
 HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
@@ -114,7 +114,7 @@ def build_report(study: StudyFiles) -> Report:
 
 
 def _in_short(study: StudyFiles) -> ReportPart:
-    part, found = ReportPart("In short"), study.comparison
+    part, found = ReportPart("Summary"), study.comparison
     part.say(
         f"{len(study.methods)} methods × {len(study.worlds)} worlds × {len(study.seeds)} seeds: {len(study.rows)} "
         f"closed-loop episodes, the same worlds, seeds, limits and robot for every method. "
@@ -122,12 +122,12 @@ def _in_short(study: StudyFiles) -> ReportPart:
     )
     if found.scope == THESE_WORLDS:
         part.say(
-            "For these worlds only: with fewer than 10 worlds, intervals and tests speak about what other seeds would "
-            "give in the same worlds, and say nothing about others.",
+            "For these worlds only: with fewer than 10 worlds, intervals and tests generalise to other seeds in the "
+            "same worlds, not to other worlds.",
             "note",
         )
     else:
-        part.say("Intervals and tests speak about worlds like these: whole worlds are resampled.")
+        part.say("Intervals and tests generalise to worlds like these: whole worlds are resampled.")
     total = len(study.worlds) * len(study.seeds)
     told = []
     for method in study.methods:
@@ -144,8 +144,8 @@ def _in_short(study: StudyFiles) -> ReportPart:
     if any(false.values()):
         counts = ", ".join(f"{count} of {total} with {method}" for method, count in false.items() if count)
         part.say(
-            f"False successes: {counts}. The robot said that it had arrived, and the ground truth says that it had "
-            "not; they count as failures.",
+            f"False successes: {counts}. The robot reported that it had arrived, but by ground truth it had not. "
+            "They count as failures.",
             "note",
         )
     untold = {
@@ -157,7 +157,7 @@ def _in_short(study: StudyFiles) -> ReportPart:
     }
     if any(untold.values()):
         counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
-        part.say(f"Successes that are only the robot's word, since there is no ground truth: {counts}.", "note")
+        part.say(f"Successes by the robot's own report only, without ground truth: {counts}.", "note")
     names = [metric for metric in map(study.metric, HEADLINES) if metric is not None]
     rows = []
     for method in study.methods:
@@ -209,8 +209,8 @@ def _results(study: StudyFiles, draws: bool) -> ReportPart:
         "Mean over worlds of the mean within each, with its 95 % interval: exact for success and other shares, else a "
         f"BCa bootstrap of {study.comparison.resamples} resamples of "
         f"{'episodes within their worlds' if few else 'whole worlds'}. "
-        "↑ more is better, ↓ less is better. A metric that is not defined for an episode leaves it out, and the cell "
-        "says of how many it is made; success, spl, scores and time are defined for every episode, failed ones too."
+        "↑ more is better, ↓ less is better. An episode in which a metric is not defined is left out, and the cell "
+        "gives the number of the others; success, spl, scores and time are defined for every episode, failed ones too."
     )
     for table in tables.results(study):
         part.add(table)
@@ -230,9 +230,9 @@ def _results(study: StudyFiles, draws: bool) -> ReportPart:
 def _differences(study: StudyFiles, draws: bool) -> ReportPart:
     part = ReportPart(f"Differences from {study.baseline}")
     part.say(
-        "Paired by world and seed, method less baseline. Below each difference its 95 % interval and its p-value of a "
-        "sign-flip permutation test after Holm, over the metrics of one method, not over methods; * marks p < 0.05. "
-        "Metrics without a better side are not tested. differences.csv has plain p-values and all digits."
+        "Paired by world and seed: method minus baseline. Below each are its 95 % interval and the p-value of a "
+        "sign-flip permutation test, Holm-adjusted over the metrics of one method, not over methods; * marks p < 0.05. "
+        "Metrics without a better direction are not tested. differences.csv has unadjusted p-values and all digits."
     )
     if draws:
         from navloom.report.figures import difference_figure
@@ -247,23 +247,23 @@ def _differences(study: StudyFiles, draws: bool) -> ReportPart:
 
 
 def _ways(study: StudyFiles, draws: bool) -> ReportPart:
-    part = ReportPart("Ways driven")
+    part = ReportPart("Tracks")
     if not draws:
-        part.say("The ways are drawn where matplotlib is installed.")
+        part.say("The tracks are drawn if matplotlib is installed.")
         return part
     from navloom.report.plotting import svg_of
     from navloom.report.ways import ways_figure, worlds_shown
 
     shown = worlds_shown(study)
     if not shown:
-        part.say("Nothing to draw: no way was kept in which a robot drove 0.1 m.")
+        part.say("Nothing to draw: in no stored track did a robot drive 0.1 m.")
     for what, ways in shown:
         unseen = "" if study.world(ways.world) is not None else f" {study.why_no_world(ways.world)}"
         part.draw(
             svg_of(ways_figure(study, ways)),
-            f"{ways.world}, {what} by success of all methods among those somebody drove in. First {ways.seeds} seeds; "
-            "numbers: successes of all seeds. Dark: what the robot can meet; pale: above or below it; hatched: appears "
-            f"later; outlined with a dotted way: moves.{unseen}",
+            f"{ways.world}, {what} by success of all methods, among those in which a robot drove. First {ways.seeds} "
+            "seeds; numbers: successes of all seeds. Dark: what the robot can touch; pale: above or below it; hatched: "
+            f"appears later; outlined with a dotted line: moves.{unseen}",
         )
     return part
 
@@ -271,7 +271,8 @@ def _ways(study: StudyFiles, draws: bool) -> ReportPart:
 def _worst(study: StudyFiles) -> ReportPart:
     part = ReportPart("Worst worlds")
     part.say(
-        "The five worlds each method did worst in, by success, then SPL, and its worst episode there to run again."
+        "The five worst worlds of each method, by success, then SPL, each with the command that repeats its worst "
+        "episode."
     )
     for method in study.methods:
         part.head(method)
@@ -284,14 +285,14 @@ def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
     assert data is not None
     part.say(
         f"Open loop: {data.baseline} drove once more in each world with each seed, and the others ran in shadow on "
-        "what it sensed; their answers drove nothing and are compared with the baseline's tick by tick."
+        "the same inputs. Their answers moved nothing; they are compared with the baseline's tick by tick."
     )
     told = study.request["open_loop"]
     for method, why in told["left_out"].items():
-        part.say(f"{method} is not among them: it {why}.", "note")
+        part.say(f"{method} is left out: it {why}.", "note")
     lost = len(study.worlds) * len(study.seeds) - len({(row["world"], row["seed"]) for row in study.open_loop})
     if lost:
-        part.say(f"{lost} open-loop episodes broke and are not among these; journal.jsonl says why.", "note")
+        part.say(f"{lost} open-loop episodes failed and are left out; journal.jsonl gives the reason.", "note")
     if data.changed:
         part.say(
             f"{data.changed} of {data.compared} episodes differ from the baseline's alone: not comparable.", "note"
@@ -313,20 +314,20 @@ def _open_loop(study: StudyFiles, draws: bool) -> ReportPart:
         if over_time is not None:
             figure, worlds = over_time
             left = len(study.worlds) - len(worlds)
-            more = f" The {len(worlds)} worlds with most of it." if left else ""
+            more = f" The {len(worlds)} worlds with the largest disagreement." if left else ""
             part.draw(svg_of(figure), f"Disagreement over time, RMS over seeds of each half second.{more}")
     return part
 
 
 def _conditions(study: StudyFiles) -> ReportPart:
-    part = ReportPart("What was held equal, and what was not")
+    part = ReportPart("What was held constant, and what differs")
     part.say("Computed from the methods' full configs with every default, not declared.")
     part.head("Differs")
     if study.request["differs"]:
         part.add(tables.differs(study))
     else:
         part.say("Nothing.")
-    part.head("Held equal")
+    part.head("Held constant")
     part.say(f"Seeds: {', '.join(map(str, study.seeds))}.")
     part.add(tables.held_equal(study))
     part.head("Configs, worlds and versions")
@@ -337,10 +338,10 @@ def _conditions(study: StudyFiles) -> ReportPart:
 
 
 def _computing(study: StudyFiles, draws: bool) -> ReportPart:
-    part = ReportPart("Computing time")
-    part.say("Wall-clock figures of this machine, from timing.json: all else in this report is the same every time.")
+    part = ReportPart("Compute time")
+    part.say("Wall-clock figures of this machine, from timing.json. The rest of this report is reproducible.")
     if not study.timing:
-        part.say("timing.json is not there.", "note")
+        part.say("timing.json is missing.", "note")
         return part
     part.add(tables.timings(study))
     machine = study.timing.get("machine", {})

@@ -23,7 +23,7 @@ ABREAST = 6
 """Methods side by side on a page of A4."""
 NONE = "–"
 PLACE = re.compile(r"\(-?\d+\.\d+, -?\d+\.\d+\)")
-DISTANCE = re.compile(r"\d+\.\d m (?=from the goal in truth)")
+DISTANCE = re.compile(r"\d+\.\d m (?=from the goal by ground truth)")
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ def worlds_shown(study: StudyFiles) -> list[tuple[str, WorldWays]]:
         return []
     middle = driven[len(driven) // 2]
     worst = [("the worst world", driven[0])]
-    return worst if middle is driven[0] else [*worst, ("the world in the middle", middle)]
+    return worst if middle is driven[0] else [*worst, ("the median world", middle)]
 
 
 def _rank(study: StudyFiles, world: str) -> tuple[float, float]:

@@ -14,20 +14,20 @@ from navloom.roles.recovery import Recovery, RecoveryInput
 ROLES: dict[str, type[Role]] = {
     role.role: role for role in (Platform, Localizer, Mapper, Planner, Controller, Avoider, Recovery)
 }
-"""The ABC of each role, by name. Lists of roles elsewhere are views of this one."""
+"""The ABC of each role, by name. All other lists of roles derive from this one."""
 
 ROLE_API: dict[str, int] = dict.fromkeys(ROLES, 1)
-"""Major version of each role that this framework speaks."""
+"""Major version of each role that this framework supports."""
 
 
 def verb_of(role: str) -> str:
-    """Name of the one method that a role's plugins must have."""
+    """Name of the one method that a role's plugins must implement."""
     (verb,) = ROLES[role].__abstractmethods__
     return verb
 
 
 def is_patient(role: str) -> bool:
-    """Whether a role's step may take long: no motor waits for it. The framework's own nodes are not patient."""
+    """Whether a role's step may take long because no motor waits for it; False for the framework's own nodes."""
     return role in ROLES and ROLES[role].is_patient
 
 

@@ -1,4 +1,4 @@
-"""Avoider: the velocity that passes what the map does not know."""
+"""Avoider: the velocity that avoids obstacles, whether the map knows them or not."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = ["Avoider", "AvoiderInput"]
 
 @struct
 class AvoiderInput:
-    """What an avoider sees. Its footprint and limits are in the context.
+    """What an avoider sees. The robot's footprint and limits are in the context.
 
     Attributes:
         stamp_ns: Run clock.
-        scans: What the range sensors gave in this tick, in order of sensor; empty where none was due.
+        scans: New scans of the range sensors in this tick, in order of time; empty if none was due.
         estimate: Pose in the map and velocity in base.
         target: Point to steer to, m, map frame.
         corridor: Half width of the strip to the target that must be free, m.
-        desired: What the controller asks for.
-        remaining: Distance still to drive after the target, m; 0 where the target is the goal.
-        share: Of the last command that the gate's monitor let through; 1 where it saw nothing in the way.
-        sensors: Name of the sensor that gave each scan.
-        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        desired: Velocity that the controller requests.
+        remaining: Distance from the target to the goal along the trajectory, m; 0 if the target is the goal.
+        share: Share of the last command that the gate's monitor let pass; 1 if nothing was in the way.
+        sensors: Name of the sensor of each scan.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -46,7 +46,7 @@ class AvoiderInput:
 
 
 class Avoider(Role[P]):
-    """Steers round what is sensed. It steps every tick, whether it drives or not."""
+    """Steers around sensed obstacles. While a trajectory is followed, it steps in every tick, driving or not."""
 
     role = "avoider"
     needs_sensor = True
@@ -54,17 +54,17 @@ class Avoider(Role[P]):
 
     @abstractmethod
     def avoid(self, given: AvoiderInput) -> Avoidance:
-        """Velocity for this tick, the status, and why, which may be left out: see `is_to_explain`."""
+        """Velocity for this tick, status, and diagnostics, which may be left out: see `is_to_explain`."""
 
     def is_to_explain(self, stamp_ns: int, status: str) -> bool:
-        """Whether the answer of this step is to hold diagnostics. Ask once a step.
+        """Whether the answer of this step should hold diagnostics. Call it once per step.
 
-        They are due in the first step of each interval of the declared rate, and where the robot becomes trapped. Both
-        depend on the run alone, never on who reads them, so that a trace is the same whatever is recorded beside it.
+        Diagnostics are due in the first step of each interval of the configured rate, and when the robot becomes
+        trapped. Both depend only on the run, not on its readers, so that a trace does not depend on what is recorded.
 
         Args:
             stamp_ns: Run clock.
-            status: Of the answer.
+            status: Status of the answer.
         """
         rate = self.context.diagnostics_rate_hz
         if math.isinf(rate):

@@ -1,4 +1,4 @@
-"""What every role shares: how a plugin is made, what it is told, and how it fails."""
+"""Common base of all roles: construction, parameters, context and errors of a plugin."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ __all__ = ["RESERVED_KEYS", "Context", "InputError", "Params", "RobotSpec", "Rol
 
 RESERVED_KEYS = ("plugin", "name", "sensors", "inputs", "rate_hz", "latency", "diagnostics_rate_hz", "role", "shadow",
                  "required")  # fmt: skip
-"""Keys of a role's table that the framework reads itself: no plugin can have a parameter of such a name."""
+"""Keys of a role's table that the framework reads itself; no plugin can have a parameter of such a name."""
 
 
 class InputError(NavloomError, ValueError):
-    """A plugin was given data it cannot use: the text says what was given and what was expected."""
+    """A plugin received data that it cannot use. The text says what was given and what was expected."""
 
 
 def _make_strict(schema: Any) -> None:
-    """Mark the scalars of a core schema as strict, unless a field says otherwise."""
+    """Make the scalars of a core schema strict, unless a field says otherwise."""
     if isinstance(schema, dict):
         if schema.get("type") in ("int", "float", "bool", "str"):
             schema.setdefault("strict", True)
@@ -50,9 +50,10 @@ def _make_strict(schema: Any) -> None:
 
 
 class StrictModel(BaseModel):
-    """A model whose numbers, switches and texts are never converted: "7" is no number, 1 is not true.
+    """A model whose numbers, booleans and strings are never converted: "7" is no number, 1 is not true.
 
-    A whole number still passes as a real one. Lists pass as tuples and texts as paths, because TOML has neither.
+    An integer is still accepted as a float, a list as a tuple, and a string as a path, because TOML has neither tuples
+    nor paths.
     """
 
     @classmethod
@@ -63,10 +64,10 @@ class StrictModel(BaseModel):
 
 
 class Params(StrictModel):
-    """Base of every plugin's parameters: unknown keys are refused, values cannot change after checking.
+    """Base of every plugin's parameters: unknown keys are refused, and checked values cannot change.
 
-    Give each field bounds and, in its description, a unit. Angles are in degrees and their names end in `_deg`.
-    Numbers, switches and texts are strict: "7" is no number.
+    Give each field bounds, and a unit in its description. Angles are in degrees, and their names end in `_deg`.
+    Numbers, booleans and strings are strict: "7" is no number.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -74,17 +75,17 @@ class Params(StrictModel):
 
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
-    """What every plugin is told about the robot.
+    """Description of the robot for every plugin.
 
     Attributes:
         footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame; read-only.
-        height: m.
-        wheel_radius, half_track: Nominal, m.
+        height: Height of the robot, m.
+        wheel_radius, half_track: Nominal values, m.
         max_linear, max_angular: Speed limits, m/s and rad/s.
         max_acceleration, max_deceleration: m/s².
-        max_angular_acceleration: rad/s²; infinite where the robot has no limit.
+        max_angular_acceleration: rad/s²; infinite for no limit.
         motor_lag: Time constant with which the wheels follow a command, s.
-        dead_time: From a command to the wheels, s.
+        dead_time: Time from a command until it acts on the wheels, s.
     """
 
     footprint: NDArray[np.float64]
@@ -108,9 +109,9 @@ class SensorSpec:
     """One sensor of the config.
 
     Attributes:
-        name: Also the name of the platform's port.
+        name: Name of the sensor and of the platform's port.
         kind: One of the platform's `sensor_kinds`.
-        settings: The rest of its table, checked by the platform; read-only.
+        settings: The other keys of its table, checked by the platform; read-only.
     """
 
     name: str
@@ -120,25 +121,25 @@ class SensorSpec:
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
-    def __reduce__(self) -> tuple[Any, ...]:  # a mapping proxy has no copy of its own
+    def __reduce__(self) -> tuple[Any, ...]:  # a mapping proxy cannot be copied or pickled
         return SensorSpec, (self.name, self.kind, dict(self.settings))
 
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What the framework hands to a plugin when it makes it.
+    """What a plugin receives from the framework at its construction.
 
     Attributes:
         instance: Name of this instance.
         period: Control tick, s.
         robot: The robot.
-        stream: Gives the random stream of a name; its seed comes from (run seed, role, instance, name). Asked again,
-            the same stream continues.
-        start: Where the robot starts, map frame.
+        stream: Returns the random stream of a name, seeded from (run seed, role, instance, name). A second call
+            returns the same stream, continued.
+        start: Start pose, map frame.
         sensors: For a Platform: the sensors to provide.
-        world: For a Platform: the ground truth, where there is one.
-        map: For a Mapper or Localizer: the map the framework was given, where there is one.
-        diagnostics_rate_hz: For an Avoider: how often its answers say why; infinite for each, 0 for none.
+        world: For a Platform: the ground truth, or None.
+        map: For a Mapper or Localizer: the known map, or None.
+        diagnostics_rate_hz: For an Avoider: rate of its diagnostics; infinite for every answer, 0 for none.
     """
 
     instance: str
@@ -153,23 +154,24 @@ class Context:
 
 
 class Role(ABC, Generic[P]):
-    """A plugin is a plain object: no thread, no clock, no socket, no file.
+    """Base of all plugins. A plugin is a plain object: no thread, no clock, no socket, no file.
 
-    Written with its parameters, as `class Gap(Avoider[GapParams])`, `self.params` has their type, and `Params` is set.
+    Declare its parameters as in `class Gap(Avoider[GapParams])`: then `self.params` has this type, and `Params` is set.
 
     Class attributes:
         role: Name of the role, set by the role's ABC.
-        name: Name of the plugin, the one of its entry point.
-        api: Major version of the role it is built for.
-        is_patient: A step of the role may take long, since no motor waits for it; set by the role's ABC.
-        accepts: Sensor messages its node is wired to, unless the config names `sensors`.
-        needs_map: It cannot work without a map from the framework; `[map]` then defaults to the run's own world.
-        needs_sensor: It cannot work without a sensor that it accepts: no robot is driven with it where there is none.
-        is_bridge: It hands on what a system outside the robot says, as a ROS node: like a platform that is a driver, it
-            may have threads and sockets.
-        Params: Its parameters.
-        claims: What it says of its behaviour beyond the purpose of its role: `navloom check` demands it.
-        disclaims: What of its role's purpose it does not do, and why: `navloom check` shows it without judgement.
+        name: Name of the plugin, as in its entry point.
+        api: Major version of the role that it is built for.
+        is_patient: A step of the role may take long because no motor waits for it; set by the role's ABC.
+        accepts: Message classes of the sensors that it reads, unless the config names `sensors`.
+        needs_map: It cannot work without a known map; `[map]` then defaults to the run's world.
+        needs_sensor: It cannot work without a sensor that it accepts; a robot without one is refused.
+        is_bridge: It passes on messages of a system outside the robot, such as a ROS node. Like a platform that is a
+            driver, it may have threads and sockets.
+        Params: Class of its parameters.
+        claims: Claims beyond the purpose of its role; `navloom check` requires them.
+        disclaims: Claims of its role's purpose that it does not meet, each with the reason; `navloom check` shows them
+            without judging them.
     """
 
     role: ClassVar[str]
@@ -196,12 +198,12 @@ class Role(ABC, Generic[P]):
         self.context = context
 
     def reset(self) -> None:
-        """Forget everything learnt since construction. A plugin without memory leaves it as it is."""
+        """Forget everything learned since construction. Override it if the plugin has memory."""
 
     def configure(self, params: P) -> None:
-        """Take checked new parameters between two ticks. Forgets what was learnt, unless a plugin overrides it."""
+        """Take new, checked parameters between two ticks. The default forgets what was learned."""
         self.__init__(params, self.context)  # type: ignore[misc]
 
     @classmethod
     def warm_up(cls) -> None:
-        """Compile what has to be compiled. Called once before the first tick; a plugin without kernels leaves it."""
+        """Compile kernels. Called once before the first tick; override it if the plugin has kernels."""

@@ -1,4 +1,4 @@
-"""Claims: what a plugin says of its own behaviour, beyond what the contract of its role demands."""
+"""Claims: what a plugin states about its own behaviour, beyond what the contract of its role requires."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ __all__ = ["PURPOSE", "Claim"]
 
 
 class Claim(StrEnum):
-    """What `navloom check` measures in scenes, and demands of a plugin that claims it.
+    """A behaviour that `navloom check` measures in scenes, and requires of a plugin that claims it.
 
     Attributes:
-        TRANSLATION: The scene moved as a whole gets the same answer, moved along.
-        ROTATION: The scene turned by any angle gets the same answer, turned along.
-        MIRROR: The mirrored scene gets the mirrored answer.
-        NO_CONTACT: It does not lead the robot into what it is shown.
-        FOOTPRINT: It keeps the whole footprint clear, of robots that are long or wide, too.
-        STOPS_WHEN_CLOSED: An avoider stops where it is closed in on all sides.
+        TRANSLATION: If the whole scene is moved, the answer is the same, moved with it.
+        ROTATION: If the whole scene is turned by any angle, the answer is the same, turned with it.
+        MIRROR: A mirrored scene gets the mirrored answer.
+        NO_CONTACT: It does not lead the robot into an obstacle that it is shown.
+        FOOTPRINT: It keeps the whole footprint clear, also of long or wide robots.
+        STOPS_WHEN_CLOSED: An avoider stops if it is closed in on all sides.
         REACHES: It gets there: an avoider to a target in the open, a planner to a goal that a robot can reach.
-        OPTIMAL: A planner's path is at most as long as the shortest on an eight-connected grid must be: 8.24 % above
-            the shortest at any angle, and the cells at its ends.
-        OPTIMAL_ANY_ANGLE: At most 2 % above the shortest at any angle, and the cells at its ends.
-        SETTLES: A controller comes onto its reference and stays on it.
-        ACCURATE: A localizer or a mapper is right where its data is.
+        OPTIMAL: A planner's path is no longer than the shortest path on an eight-connected grid can be: 8.24 % above
+            the shortest any-angle path, plus the cells at its ends.
+        OPTIMAL_ANY_ANGLE: At most 2 % above the shortest any-angle path, plus the cells at its ends.
+        SETTLES: A controller converges to its reference and stays on it.
+        ACCURATE: A localizer or mapper is right where its data is.
         CORRECTS_DRIFT: A localizer stays right while odometry drifts.
         DRIVES_AS_TOLD: A platform's odometry follows the commands.
         ENDS: A recovery says done or failed within two minutes.
@@ -57,4 +57,4 @@ PURPOSE: Mapping[str, frozenset[Claim]] = MappingProxyType(
         "recovery": frozenset({Claim.NO_CONTACT, Claim.ENDS}),
     }
 )
-"""What each role is for: its plugins claim it unless they say why not in `disclaims`."""
+"""Purpose of each role, as claims: its plugins make these claims unless `disclaims` says why not."""

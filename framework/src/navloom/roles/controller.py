@@ -19,8 +19,8 @@ class ControllerInput:
 
     Attributes:
         stamp_ns: Run clock.
-        trajectory: All of what is followed.
-        reference: Where on it the robot is now (progress, reference pose, speed and turn rate).
+        trajectory: The whole trajectory to follow.
+        reference: The robot's place on it (progress, reference pose, speed and turn rate).
         estimate: Pose in the map and velocity in base.
         extra: The plugin's own extra inputs, see `Extra`.
     """
@@ -33,11 +33,11 @@ class ControllerInput:
 
 
 class Controller(Role[P]):
-    """Follows trajectories."""
+    """Follows trajectories. It steps in every tick while a trajectory is followed."""
 
     role = "controller"
     accepts: ClassVar[tuple[type[Message], ...]] = ()
 
     @abstractmethod
     def control(self, given: ControllerInput) -> TrackingCommand:
-        """Velocity for this tick and the tracking errors it answers."""
+        """Velocity for this tick, and the tracking errors that it corrects."""

@@ -1,4 +1,4 @@
-"""Extra inputs: what a plugin reads beside what every plugin of its role is given."""
+"""Extra inputs: messages that a plugin reads in addition to its role's inputs."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["NO_EXTRAS", "Extra", "Extras", "extras_of"]
 
 M = TypeVar("M", bound=Message)
 V = TypeVar("V")
-"""What a plugin finds: a message, or also None where the input is optional."""
+"""What a plugin reads: a message; or None too, if the input is optional."""
 
 
 class Extra(Generic[V]):
-    """A further input of a role's plugin, as a class attribute: `tracks = Extra(Tracks)`.
+    """An additional input of a role's plugin, declared as a class attribute: `tracks = Extra(Tracks)`.
 
-    The plugin reads the newest message as `given.extra[self.tracks]`. It comes from the one node or sensor that
-    publishes this class, or from the one that `inputs` in the plugin's table names.
+    The plugin reads the newest message as `given.extra[self.tracks]`. It comes from the only node or sensor that
+    publishes this class, or from the stream that `inputs` in the plugin's table names.
 
     Args:
         carries: The message class.
-        optional: The verb is called without it, and finds None, until there is a message; else the node waits for it.
+        optional: The verb is called before the first message too, and reads None; otherwise the node waits for it.
         delayed: It is read as published up to the end of the previous tick, which breaks a cycle.
     """
 
@@ -55,7 +55,7 @@ class Extras:
     """The extra inputs of one step, by their declarations.
 
     Args:
-        held: The newest message of each; None for an optional one without any.
+        held: The newest message of each; None for an optional input before its first message.
     """
 
     __slots__ = ("_held",)
@@ -64,13 +64,13 @@ class Extras:
         self._held = held
 
     def __getitem__(self, extra: Extra[V]) -> V:
-        """The newest message of an input. Raises KeyError for one that this plugin does not declare."""
+        """The newest message of an input. Raises KeyError for an input that this plugin does not declare."""
         found: V = self._held[extra]  # type: ignore[assignment]  # the wiring gives it what it declares
         return found
 
 
 NO_EXTRAS = Extras()
-"""Of a plugin that declares none."""
+"""Extra inputs of a plugin that declares none."""
 
 
 @cache

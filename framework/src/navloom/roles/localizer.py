@@ -18,11 +18,11 @@ class LocalizerInput:
     """What a localizer sees.
 
     Attributes:
-        odometry: Newest dead reckoning.
-        scans: Of this tick.
-        map: The newest one; None before the first.
-        sensors: Name of the sensor that gave each scan.
-        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        odometry: The newest odometry.
+        scans: New scans of this tick.
+        map: The newest map; None before the first.
+        sensors: Name of the sensor of each scan.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -40,12 +40,12 @@ class Localizer(Role[P]):
     role = "localizer"
 
     def place(self, pose: Pose2D) -> None:
-        """Take the robot to stand at this pose of the map, as an operator says. Called live, between two steps.
+        """Take this pose in the map, which an operator gives, as the robot's. Called live, between two steps.
 
         Raises:
-            InputError: This localizer cannot be told.
+            InputError: This localizer does not accept a pose.
         """
-        raise InputError(f"localizer {self.name} cannot be told where the robot is")
+        raise InputError(f"localizer {self.name} does not accept a pose")
 
     @abstractmethod
     def localize(self, given: LocalizerInput) -> PoseEstimate:

@@ -1,4 +1,4 @@
-"""Mapper: what stands where."""
+"""Mapper: a map from range data."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class MapperInput:
     Attributes:
         stamp_ns: Run clock.
         sweeps, scans: New data, in stamp order; both may be empty.
-        track: Poses in the map that cover them.
-        clear: The map may be wrong. Forget what the newest data, or the next, can tell anew, not what is out of sight:
-            the robot plans by what is left.
-        sensors: Name of the sensor that gave each scan.
-        sweep_sensors: Name of the sensor that gave each sweep.
-        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        track: Poses in the map that cover the time of the data.
+        clear: The map may be wrong. Forget what the newest data, or the next, can show again, but not what is out of
+            sight: the robot plans with the rest.
+        sensors: Name of the sensor of each scan.
+        sweep_sensors: Name of the sensor of each sweep.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -42,7 +42,7 @@ class MapperInput:
 
 
 class Mapper(Role[P]):
-    """Turns range data into a map. Raises InputError for data it cannot use."""
+    """Turns range data into a map. Raises InputError for data that it cannot use."""
 
     role = "mapper"
     is_patient = True
@@ -51,4 +51,4 @@ class Mapper(Role[P]):
 
     @abstractmethod
     def update(self, given: MapperInput) -> MapUpdate | None:
-        """The map with the new data in it, or None where nothing changed."""
+        """The map with the new data; None if nothing changed."""

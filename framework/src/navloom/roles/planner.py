@@ -1,4 +1,4 @@
-"""Planner: a way through the map."""
+"""Planner: a path through the map."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class PlannerInput:
     """What a planner sees.
 
     Attributes:
-        request: With start and goal.
-        map: The newest one.
+        request: The request, with start and goal.
+        map: The newest map.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -29,7 +29,7 @@ class PlannerInput:
 
 
 class Planner(Role[P]):
-    """Finds paths. The footprint is in its context."""
+    """Finds paths. The robot's footprint is in the context."""
 
     role = "planner"
     is_patient = True
@@ -37,4 +37,4 @@ class Planner(Role[P]):
 
     @abstractmethod
     def plan(self, given: PlannerInput) -> Path | PlanFailure:
-        """A path from start to goal, or why there is none and where; `request_id` is the request's."""
+        """A path from start to goal, or why and where there is none; `request_id` is the request's."""

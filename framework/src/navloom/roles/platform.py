@@ -16,11 +16,11 @@ __all__ = ["Platform", "PlatformInput", "PlatformOutput"]
 
 @struct
 class PlatformInput:
-    """What a platform is asked for in a tick.
+    """What a platform must do in a tick.
 
     Attributes:
-        command: Velocity to drive with until `time_ns`; zero where the gate was silent.
-        sweep_request: A new request for a stop-and-scan sweep, once; None otherwise.
+        command: Velocity to drive with until `time_ns`; zero if the gate was silent.
+        sweep_request: A request for a stop-and-scan sweep, in one tick only; None otherwise.
         time_ns: Run clock to reach; the first call is for 0 and moves nothing.
     """
 
@@ -31,12 +31,12 @@ class PlatformInput:
 
 @struct
 class PlatformOutput:
-    """What a platform knows when it has reached the time asked for.
+    """What a platform reports when it has reached the requested time.
 
     Attributes:
         odometry: Dead reckoning.
-        scans: By sensor name, what was completed since the last call, of the class that the sensor's kind declares; a
-            sensor with nothing new is left out.
+        scans: By sensor name, the message completed since the last call, of the class that the sensor's kind declares;
+            a sensor with nothing new is left out.
         contact: Whether it touches something.
         truth: Ground truth; None on a real robot.
     """
@@ -51,9 +51,9 @@ class Platform(Role[P]):
     """Moves the robot and reads its sensors.
 
     Class attributes:
-        sensor_kinds: The kinds of sensor it provides and the message each gives.
-        sensor_settings: By kind, what a sensor's table may hold beside its name and kind, so that it is checked early.
-        is_simulated: Simulated time may be used; a real platform refuses it.
+        sensor_kinds: Message class of each kind of sensor that it provides.
+        sensor_settings: By kind, the model of a sensor's other keys, so that they are checked early.
+        is_simulated: It can run in simulated time, which a real platform cannot.
     """
 
     role = "platform"
@@ -68,27 +68,27 @@ class Platform(Role[P]):
 
     @classmethod
     def own_world(cls, params: P) -> World | None:
-        """What stands in the simulator that the platform brings along, where it can tell; None for what it is given.
+        """The world of the platform's own simulator; None if it has none or does not know it.
 
-        Start and goal are then checked in it, the shortest way is searched in it, and pictures show it. Its `start`
-        and `goal` hold where the config names none. A config with such a platform has no `[world]`. A platform that
-        cannot tell drives all the same: what would need a world is left out. Raises ValueError for a scene that
+        Start and goal are checked in this world, the shortest path is searched in it, and pictures show it. Its `start`
+        and `goal` are used if the config names none. A config with such a platform has no `[world]`. Without a known
+        world the robot drives too, but without these checks, figures and pictures. Raises ValueError for a scene that
         cannot be used.
         """
         return None
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
-        """Take a velocity between two calls of `advance`, at a run clock. Live only; it holds until the next one.
+        """Take a velocity between two calls of `advance`, at a run clock, ns; valid until the next one. Live only.
 
-        A platform that leaves it gets every command with `advance`: then a stop waits for the next tick.
+        A platform without it receives commands only in `advance`: then a stop waits for the next tick.
         """
 
     def close(self) -> None:
-        """Give up its ports. Live only: called once, after the last `drive`, when its process ends in order."""
+        """Close its ports. Live only: called once, after the last `drive`, when its process shuts down normally."""
 
     @abstractmethod
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Drive with the command until the time asked for, and report.
+        """Drive with the command until the requested time, and report.
 
-        Live it must return well within the gate's `stop_deadline`: no other command is handed on meanwhile.
+        Live, it must return well within the gate's `stop_deadline`: no other command reaches it meanwhile.
         """

@@ -1,4 +1,4 @@
-"""What sensors gave that are neither range scans nor sweeps."""
+"""Messages of sensors that are neither range scans nor sweeps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Readings = Mapping[str, tuple[Message, ...]]
 
 
 class _Nothing(Readings):
-    """An empty mapping that can be the default of a field: `dict` can be written to, and a proxy of it has no hash."""
+    """An empty mapping as the default of a field: a `dict` could be changed, and a proxy of one has no hash."""
 
     def __getitem__(self, name: str) -> tuple[Message, ...]:
         raise KeyError(name)
@@ -28,4 +28,4 @@ class _Nothing(Readings):
 
 
 NO_READINGS: Readings = _Nothing()
-"""Of a step in which no such sensor gave anything."""
+"""Readings of a step without any new message."""

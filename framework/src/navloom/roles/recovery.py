@@ -1,4 +1,4 @@
-"""Recovery: what to try when the robot is stuck."""
+"""Recovery: behaviour that frees a stuck robot."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class RecoveryInput:
 
     Attributes:
         stamp_ns: Run clock.
-        scans: What the range sensors gave in this tick.
+        scans: New scans of the range sensors in this tick.
         estimate: Pose in the map and velocity in base.
-        attempt: 1 for the first attempt at this goal.
+        attempt: Number of the attempt for this goal, from 1.
         reason: Why the goal is stuck.
         starts: True in the first tick of an attempt.
-        trail: (k, 3) x, y, m, heading, rad, map frame: where base has been in the last metres, oldest first.
-        sensors: Name of the sensor that gave each scan.
-        readings: What accepted sensors of other kinds gave, by sensor name, oldest first.
+        trail: (k, 3) x, y, m, heading, rad, map frame: poses of base over the last metres, oldest first.
+        sensors: Name of the sensor of each scan.
+        readings: New messages of accepted sensors of other kinds, by sensor name, oldest first.
         extra: The plugin's own extra inputs, see `Extra`.
     """
 
@@ -46,11 +46,11 @@ class RecoveryInput:
 
 
 class Recovery(Role[P]):
-    """Called each tick while the goal asks for it."""
+    """Frees a stuck robot. It is called in each tick while the goal requests it."""
 
     role = "recovery"
     is_patient = True
 
     @abstractmethod
     def recover(self, given: RecoveryInput) -> RecoveryStep:
-        """Velocity for this tick, how far it is, and whether the map is to be cleared."""
+        """Velocity for this tick, state of the attempt, and whether to clear the map."""

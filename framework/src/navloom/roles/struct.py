@@ -1,4 +1,4 @@
-"""What a verb is given and gives: frozen dataclasses with slots that are made in half the time."""
+"""Input and output structs of verbs: frozen dataclasses with slots, constructed in half the usual time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ S = TypeVar("S")
 def struct(cls: type[S]) -> type[S]:
     """Declare a frozen dataclass with slots, without default factories.
 
-    The constructor of a frozen dataclass looks each field up by name to set it. This one sets the slots directly.
+    The constructor of a frozen dataclass sets each field by name. This one sets the slots directly.
     """
     made = dataclass(frozen=True, slots=True, init=False)(cls)
     made.__init__ = _constructor(made)  # type: ignore[method-assign]
@@ -24,7 +24,7 @@ def struct(cls: type[S]) -> type[S]:
 
 
 def _constructor(cls: type[Any]) -> Callable[..., None]:
-    """`__init__` as Python source, made of the declaration alone."""
+    """A generated `__init__`, made from the declaration alone."""
     declared: tuple[Field[Any], ...] = fields(cls)
     given: list[str] = []
     lines: list[str] = []

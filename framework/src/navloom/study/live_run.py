@@ -98,7 +98,8 @@ def run_barrier(
                 raise KeyboardInterrupt
             for child in robot.supervisor.poll(restarts=False):
                 raise BarrierError(
-                    f"process {child.task.name} {child.why} in the run. It said last: {robot.supervisor.tail(child)}"
+                    f"process {child.task.name} {child.why} in the run. "
+                    f"Its last message: {robot.supervisor.tail(child)}"
                 )
 
         board = Switchboard(robot.bus, robot.keys, lossless=True)

@@ -287,7 +287,7 @@ def _truly(result: GoalResult, distance: float | None, tolerance: float) -> tupl
     """Outcome and reason; where a robot says that it has arrived, its true distance from the goal, m, decides."""
     if result.outcome != "succeeded" or distance is None or distance <= tolerance + TRUTH_MARGIN:
         return result.outcome, result.reason
-    return FALSE_SUCCESS, f"succeeded by its own belief, {distance:.1f} m from the goal in truth"
+    return FALSE_SUCCESS, f"succeeded by its own estimate, {distance:.1f} m from the goal by ground truth"
 
 
 def _pose_error(truth: Floats, recorder: Recorder) -> Floats:

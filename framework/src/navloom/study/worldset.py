@@ -202,10 +202,12 @@ def seeds_of(text: str) -> list[int]:
         first = int(match[1])
         end = first + 1 if match[2] is None else int(match[2])
         if not 0 < end - first <= LARGEST:
-            raise ConfigError(f"--seeds {text}: {part.strip()} is no seed or more than {LARGEST}; END is not one")
+            raise ConfigError(
+                f"--seeds {text}: FIRST:END needs END > FIRST and at most {LARGEST} seeds; END itself is not included"
+            )
         seeds += range(first, end)
     if len(set(seeds)) != len(seeds):
-        raise ConfigError(f"--seeds {text}: a seed is there twice, expected different ones")
+        raise ConfigError(f"--seeds {text}: a seed is given twice; give each seed once")
     return seeds
 
 

@@ -33,7 +33,7 @@ KINDS = {
 LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
 """Code below which files are read and written for code, not by the plugin."""
 
-DOORS = ("os", "pathlib", "posixpath", "genericpath", "_collections_abc")
+DOORS = ("os", "pathlib", "posixpath", "genericpath", "collections.abc")
 """Modules that only hand on a look at the environment or at a path."""
 MOST_DEEDS = 100
 
@@ -162,7 +162,7 @@ class Guard:
                 self._keep(Deed("thread", "_thread.start_new_thread", place))
             return start_new(*given, **named)
 
-        _thread.start_new_thread = started_new  # type: ignore[assignment]
+        _thread.start_new_thread = started_new
 
     def _wrap_environment(self) -> None:
         """See what a plugin asks of the environment and of the working folder; what libraries ask is their own."""
@@ -254,8 +254,7 @@ def _is_relative(path: Any) -> bool:
     """Whether a path is found from the working folder."""
     if not isinstance(path, (str, bytes, os.PathLike)):
         return False
-    name = os.fspath(path)
-    return not name.startswith("/" if isinstance(name, str) else b"/")
+    return not os.fsdecode(path).startswith("/")
 
 
 def _short(given: tuple[Any, ...]) -> str:

@@ -1,4 +1,4 @@
-"""Who may do what on a robot's network: the rules that a TLS listener keeps, by the name in the certificate."""
+"""Access control of a robot's network: rules that a TLS listener enforces by the name in the certificate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["ACTING", "HERE", "IDENTITIES", "KINDS", "MOVED", "READABLE", "Access
            "limits", "read_identities", "rules"]  # fmt: skip
 
 IDENTITIES = "identities.json"
-"""File, beside the certificates, with the identities a listener lets in. Who is struck from it is kept out."""
+"""File, beside the certificates, with the identities that a listener admits; all others are refused."""
 KINDS = ("router", "nodes", "operator", "viewer", "shadow")
 ACTING = (
     "goal/main/submit",
@@ -46,24 +46,24 @@ READABLE = (
     "gate/*/selection",
     "gate/*/status",
 )
-"""What may be asked by who only reads. Named one by one: a rule for `gate/main/*` would cover `gate/main/stop` too."""
+"""Keys that readers may query. Listed one by one: a rule for `gate/main/*` would also cover `gate/main/stop`."""
 MOVED, HERE = "@router/moved", "@router/here"
-"""Where a router says that another takes its place, and its token, which is shown to all whom it knows. No wildcard
-leads there, and nobody else may say it."""
+"""Key on which a router announces its successor, and the router's token, which all identities that it knows can see.
+No wildcard matches these keys, and only a router may publish there."""
 DRIVING = "operator/main/command"
-"""Where an operator's own commands go."""
+"""Stream of the commands of an operator who drives."""
 RECALLED = "process/*/memory"
-"""What a process that begins asks the others for: `nodes` and shadows."""
+"""The robot's memory, which a starting process queries; allowed for `nodes` and shadows."""
 QUESTION, SMALL_QUESTION, COMMAND, PLAIN_ANSWER = 65_536, 1024, 4096, 1_048_576
-"""Bytes at most of what comes over TLS, whoever sends it: of a question, of one that only reads, of a command, and of
-what a shadow says that is no map and no path. The robot's own stay below a tenth of each."""
+"""Largest size over TLS, from any sender, bytes: of a query, of a query that only reads, of a command, and of a
+shadow's messages except maps and paths. The robot's own messages stay below a tenth of each."""
 PACE, PACES = 50.0, {"*/*/describe": 20.0, "process/*/config": 5.0, RECALLED: 100.0}
-"""Questions of one session that pass the router, 1/s, for each key that may be asked: of two nearer to each other than
-that, the second gets no answer."""
+"""Largest rate of one session's queries that pass the router, for each key, Hz: the second of two queries that are
+closer together gets no answer."""
 SAID = 250.0
-"""Messages that pass the router, 1/s, of each stream of a shadow, and of an operator's commands."""
+"""Largest rate of messages that pass the router, for each stream of a shadow and for an operator's commands, Hz."""
 LARGE_ROLES = ("mapper", "planner", "platform")
-"""Roles with streams or answers that have no such bound: maps, paths and scans."""
+"""Roles whose streams or answers have no size limit: maps, paths and scans."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _ALL = (
@@ -85,13 +85,13 @@ class AccessError(ValueError):
 
 @dataclass(frozen=True)
 class Identity:
-    """Who a certificate stands for.
+    """The owner of a certificate.
 
     Attributes:
-        name: Of the certificate's file.
+        name: Name of the certificate's file.
         kind: One of KINDS.
-        instance: Of a shadow, ROLE.NAME; else empty.
-        generation: Rises when a certificate of that name was revoked and another one is made.
+        instance: ROLE.NAME for a shadow; otherwise empty.
+        generation: Increases when a certificate of that name is revoked and made again.
     """
 
     name: str
@@ -101,9 +101,9 @@ class Identity:
 
 
 def common_name(identity: Identity, realm: str, robot: str) -> str:
-    """Common name in a certificate: kind, name and robot, so that another robot's certificate is nobody here.
+    """Common name in a certificate: kind, name and robot, so that another robot's certificate is not valid here.
 
-    With the generation, so that a revoked certificate is nobody either after another of that name was made.
+    It includes the generation, so that a revoked certificate stays invalid after another of that name was made.
     """
     later = f"#{identity.generation}" if identity.generation > 1 else ""
     return f"{identity.kind}:{identity.name}{later}@{realm}/{robot}"
@@ -113,8 +113,8 @@ def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...
     """The identities that a folder of certificates lists.
 
     Args:
-        folder: With identities.json.
-        realm, robot: Whose they must be.
+        folder: Folder with identities.json.
+        realm, robot: Names of the robot that they must be for.
 
     Raises:
         AccessError: There is no list, it is broken, or it is another robot's.
@@ -157,19 +157,19 @@ def _check(path: Path, identity: Identity) -> None:
 
 
 def rules(realm: str, robot: str, identities: Iterable[Identity], streams: Sequence[str] = ()) -> dict[str, Any]:
-    """Zenoh's `access_control` for who listens over TLS: what is not allowed here is denied.
+    """Zenoh's `access_control` for a TLS listener: everything that is not allowed here is denied.
 
-    A rule holds for keys that it includes as a whole. So a question with `*` in it passes only where a rule is as wide.
+    A rule applies to key expressions that it includes completely. So a query with `*` passes only if a rule is as wide.
 
     Args:
-        realm, robot: Whose keys.
-        identities: Who is let in.
-        streams: Of the robot, as role/instance/port: what viewers and shadows may subscribe to, one by one. Each key
-            makes the router work for every message, so that some thousand of them stop the robot. Where the streams are
-            not known, any key of three parts is let through.
+        realm, robot: Names of the robot.
+        identities: The identities to admit.
+        streams: Streams of the robot, as role/instance/port, to which viewers and shadows may subscribe one by one.
+            Each key costs the router work for every message, so some thousand of them would stop the robot. Empty if
+            unknown: then any key of three parts is allowed.
 
     Raises:
-        AccessError: A name that would widen the rules.
+        AccessError: A name would widen the rules.
     """
     for what, name in (("realm", realm), ("robot", robot)):
         if not _NAME.fullmatch(name):
@@ -199,14 +199,14 @@ def rules(realm: str, robot: str, identities: Iterable[Identity], streams: Seque
 
 
 def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequence[str] = ()) -> dict[str, Any]:
-    """Zenoh's `downsampling`, `low_pass_filter` and `qos` for who listens over TLS: what a message may cost others.
+    """Zenoh's `downsampling`, `low_pass_filter` and `qos` for a TLS listener: limits on the cost of a message.
 
-    The router drops what is larger, or asked more often, before it passes it on, so that it costs no process of the
-    robot anything; who asked gets an empty answer at once. It cannot tell certificates apart here: the bounds are of
-    keys, and hold for the robot's own processes too. Rates are of each session alone.
+    The router drops larger messages and more frequent queries before it forwards them, so that they cost the robot's
+    processes nothing; the sender of a query gets an empty answer at once. These limits cannot depend on certificates:
+    they apply to keys, and so to the robot's own processes too. Rates apply to each session separately.
 
     Args:
-        realm, robot, identities, streams: As of `rules`.
+        realm, robot, identities, streams: As for `rules`.
     """
     prefix = f"{realm}/{robot}"
     small = [f"{prefix}/{key}" for key in (*READABLE, RECALLED)]
@@ -226,7 +226,7 @@ def limits(realm: str, robot: str, identities: Sequence[Identity], streams: Sequ
             filters.append(_bound(identity.name, ("put", "delete", "reply"), [f"{prefix}/{own}/**"], PLAIN_ANSWER))
     patient = {"id": "reading questions", "flows": ["ingress"], "link_protocols": ["tls"], "messages": ["query"],
                "key_exprs": small, "overwrite": {"priority": "data"}}  # fmt: skip
-    # A reader that takes nothing must not hold up who sends: words are few, and who comes back asks for the last ones.
+    # A stalled reader must not block senders: these messages are few, and a reader that rejoins queries the last ones.
     words = {"id": "words", "flows": ["egress"], "link_protocols": ["tls"], "messages": ["put"],
              "key_exprs": [f"{prefix}/**"], "qos": {"congestion_control": "block", "priority": "interactive_high"},
              "overwrite": {"congestion_control": "drop"}}  # fmt: skip
@@ -244,7 +244,7 @@ def _bound(name: str, messages: Iterable[str], keys: Sequence[str], size: int) -
 
 
 class _Rules:
-    """Collects rules with the subjects they are for."""
+    """Collects rules and the subjects that they apply to."""
 
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
@@ -253,11 +253,11 @@ class _Rules:
         self.policies: list[dict[str, Any]] = []
 
     def grant(self, subject: str, allowed: Sequence[dict[str, Any]]) -> None:
-        """Allow the owner of a certificate what follows."""
+        """Grant rules to the owner of a certificate."""
         self._grant(subject, {"cert_common_names": [subject]}, allowed)
 
     def grant_sockets(self, allowed: Sequence[dict[str, Any]]) -> None:
-        """Allow who comes by a socket what follows: a router's successor, see `Link.door`."""
+        """Grant rules to clients of a local socket: a router's successor, see `Link.door`."""
         self._grant("sockets", {"link_protocols": ["unixsock-stream"]}, allowed)
 
     def _grant(self, subject: str, who: dict[str, Any], allowed: Sequence[dict[str, Any]]) -> None:
@@ -268,7 +268,7 @@ class _Rules:
 
 
 def _rule(flow: str, messages: Iterable[str], keys: Iterable[str]) -> dict[str, Any]:
-    """One rule; "ingress" is what comes from the subject, "egress" what goes to it."""
+    """One rule; "ingress" is traffic from the subject, "egress" traffic to it."""
     return {"flows": [flow], "messages": list(messages), "key_exprs": list(keys)}
 
 
@@ -282,7 +282,7 @@ def _hearing(prefix: str, streams: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def _watching(prefix: str) -> list[dict[str, Any]]:
-    """Be told who comes and goes; a viewer asks."""
+    """Allow subscribing to liveliness tokens; viewers may only query them."""
     return [_rule("ingress", ("declare_liveliness_subscriber",), (f"{prefix}/*/*/{ALIVE}/*", f"{prefix}/process/**"))]
 
 
@@ -298,7 +298,7 @@ def _reading(prefix: str, streams: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def _moving(prefix: str) -> list[dict[str, Any]]:
-    """Everybody hears from the router that another takes its place, and can ask whether it knows him."""
+    """Allow receiving the announcement of a router's successor, and querying the router's own token."""
     moved, here = [f"{prefix}/{MOVED}"], [f"{prefix}/{HERE}"]
     return [
         _rule("ingress", ("declare_subscriber",), moved),
@@ -318,8 +318,8 @@ def _operating(prefix: str) -> list[dict[str, Any]]:
 
 
 def _shadowing(prefix: str, own: str) -> list[dict[str, Any]]:
-    """It says and answers what is its own. Who listens to whom, and asks, it is told, with wildcards too: a question
-    reaches only who could declare that he answers it."""
+    """Allow a shadow to publish and answer only on its own keys. Declarations and queries of others, with wildcards
+    too, may reach it: a query reaches only those that could declare that they answer it."""
     return [
         _rule("ingress", ("put", "delete", "declare_queryable", "reply", "liveliness_token"), (f"{prefix}/{own}/**",)),
         _rule("ingress", ("query",), (f"{prefix}/{RECALLED}",)),

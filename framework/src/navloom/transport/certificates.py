@@ -1,4 +1,4 @@
-"""X.509: a robot's authority, and the certificates that it signs."""
+"""X.509 certificates: a robot's certificate authority, and the certificates that it signs."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ __all__ = ["AUTHORITY_DAYS", "HOSTS", "SERVING", "KeysError", "Request", "altern
            "make_authority", "make_certificate", "read_authority", "write_new"]  # fmt: skip
 
 HOSTS = ("localhost", "127.0.0.1")
-"""Where the router is, where nothing else is said."""
+"""Default names and addresses of the router."""
 LONGEST_NAME = 64
-"""Characters of a common name: X.520, upper bound."""
+"""Longest common name, in characters: upper bound of X.520."""
 AUTHORITY_DAYS = 3650
 SKEW = timedelta(days=1)
-"""A robot without a battery-backed clock may be behind."""
+"""How long before its making a certificate becomes valid: a robot without a battery-backed clock may be behind."""
 SERVING = ("router", "nodes")
-"""Kinds that may also be connected to."""
+"""Kinds that may also accept connections."""
 
 
 class KeysError(LinkError):
-    """Certificates that are not made; the text says why."""
+    """Certificates cannot be made. The text says why."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What certificates are made for.
+    """A request for certificates.
 
     Attributes:
-        realm, robot: Whose network.
+        realm, robot: Names of the robot.
         hosts: Names and addresses where its router listens.
-        days: They are good for.
-        now: Time of the order, with its time zone.
+        days: Validity, days.
+        now: Time of the request, with its time zone.
     """
 
     realm: str
@@ -56,7 +56,7 @@ class Request:
 
 
 def alternative_name(host: str) -> x509.GeneralName:
-    """A name or address in a certificate. Raises KeysError for what is neither."""
+    """A host name or address in a certificate. Raises KeysError if it is neither."""
     address = None
     with contextlib.suppress(ValueError):
         address = ipaddress.ip_address(host)
@@ -70,7 +70,7 @@ def alternative_name(host: str) -> x509.GeneralName:
 
 
 def hosts_of(path: Path) -> tuple[str, ...]:
-    """Names and addresses that a certificate is for. Raises KeysError where there is none to read."""
+    """Host names and addresses of a certificate. Raises KeysError if it cannot be read or has none."""
     try:
         names = x509.load_pem_x509_certificate(read_file(path, TEXT_MB, KeysError)).extensions.get_extension_for_class(
             x509.SubjectAlternativeName
@@ -84,10 +84,10 @@ def hosts_of(path: Path) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Authority:
-    """Whose certificate every other one is signed with.
+    """The certificate authority, which signs every other certificate.
 
     Attributes:
-        certificate, key: Its own.
+        certificate, key: Its own certificate and private key.
     """
 
     certificate: x509.Certificate
@@ -110,7 +110,7 @@ def make_authority(folder: Path, order: Request) -> Authority:
 
 
 def read_authority(folder: Path) -> Authority:
-    """The authority of a folder. Raises KeysError where it is not there, or broken."""
+    """The authority of a folder. Raises KeysError if it is missing or broken."""
     try:
         certificate = x509.load_pem_x509_certificate(read_file(folder / "ca.pem", TEXT_MB, KeysError))
         key = serialization.load_pem_private_key(read_file(folder / "ca-key.pem", TEXT_MB, KeysError), None)
@@ -131,7 +131,7 @@ def read_authority(folder: Path) -> Authority:
 
 
 def make_certificate(folder: Path, authority: Authority, identity: Identity, order: Request) -> None:
-    """Make a certificate and its private key in a folder. It ends when its authority does, if that is sooner."""
+    """Make a certificate and its private key in a folder. It expires no later than its authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     usage = x509.KeyUsage(True, False, False, False, False, False, False, False, False)
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -190,7 +190,7 @@ def _write_pair(folder: Path, name: str, certificate: x509.Certificate, key: ec.
 
 
 def write_new(path: Path, data: bytes, mode: int) -> None:
-    """A new file that never has a wider mode than its own."""
+    """Write a new file, which has its mode from the beginning."""
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
         file.write(data)
         file.flush()

@@ -1,4 +1,4 @@
-"""A connection to a robot's network that outlasts its sessions: what is declared in one is declared in the next."""
+"""A connection to a robot's network that outlasts its sessions: each new session repeats all declarations."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from navloom.transport.links import GATHER, Link, credential_files, settings
 from navloom.transport.sender import Sender
 from navloom.transport.zenoh_session import Publisher, Question, Receive, Replies, Session, SessionError
 
-if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
+if TYPE_CHECKING:  # without messages and numpy a router restarts in a moment
     from navloom.transport.quality import Quality
 
 __all__ = ["LINGER", "SETTLE", "SPREAD", "BusError", "Connection", "Way"]
 
 CERTIFICATES = 1.0
-"""s between two looks whether the certificate files are new."""
+"""Interval of checking the certificate files for changes, s."""
 SPREAD = 1.0
-"""s over which processes of a host open their other sessions, so that they do not all want a processor at once."""
+"""Time over which the processes of a host open their new sessions, s, so that they do not all load the CPU at once."""
 SETTLE = 0.3
-"""s from the opening of another session until it is used: the network knows its streams by then."""
+"""Wait from the opening of a new session until it is used, s: by then the network knows its streams."""
 LINGER = 2.5
-"""s a session stays open after another has taken over: longer than a question waits for its answer."""
+"""How long a session stays open after another has taken over, s: longer than a query waits for its answer."""
 RECENT = 64
-"""Messages that a stream is known again by, where they come by two sessions."""
+"""Number of newest messages of a stream in which duplicates are detected while there are two sessions."""
 STARTING = 2.0
-"""s that a router of the same host may take to listen; who waits longer is told."""
+"""How long a router of the same host may take to listen, s; a longer wait is reported."""
 LOOK = 0.1
-"""s between two looks of a client at its router."""
+"""Interval at which a client checks for its router, s."""
 LEAVING = 0.5
-"""Longest wait, s, for a call to a router that is not there when this process leaves."""
+"""Longest wait for a pending connection attempt when this process leaves, s."""
 
 
 class BusError(OSError):
@@ -49,7 +49,7 @@ class BusError(OSError):
 
 
 class Way:
-    """By which a stream leaves: its publisher in the session that is in use; none before the first."""
+    """One way out for a stream: its publisher in the current session; None before the first session."""
 
     def __init__(self, sender: Sender | None) -> None:
         self.publisher: Publisher | None = None
@@ -57,11 +57,11 @@ class Way:
 
     @property
     def is_heard(self) -> bool:
-        """Somebody has subscribed to it on this way."""
+        """Whether this way has a subscriber."""
         return self.publisher is not None and self.publisher.is_heard
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message, or have it sent by another thread."""
+        """Send a message, directly or by the sender's thread."""
         publisher = self.publisher
         if publisher is None:
             return
@@ -72,27 +72,27 @@ class Way:
 
 
 class Connection:
-    """Sessions on one network, one after the other.
+    """A sequence of sessions on one network.
 
-    A client that lost its router joins anew, as another session with the same streams. One whose certificate was
-    renewed, or whose router has a successor, opens the other session before it closes the first: no message is lost or
-    comes twice, and nobody sees it go.
+    A client that loses its router rejoins with a new session that has the same declarations. A client whose certificate
+    was renewed, or whose router has a successor, opens a new session before it closes the old one: no message is lost
+    or duplicated, and its liveliness tokens do not disappear.
 
     Args:
         link: How to join.
-        patience: s to try for, where the router is not there yet.
-        say: Told once that the router is waited for, and why.
-        goes_on: Asked after each try that failed.
-        waits: A router that is not there is waited for. Else the connection begins without it, and joins when it is.
-        sender: What sends in the place of who publishes or answers, who then never waits; None where he may.
+        patience: How long to try if the router is not running yet, s.
+        say: Receives one message if the router must be waited for, with the reason.
+        goes_on: Whether to try again; called after each failed attempt.
+        waits: Wait for the router. Otherwise the connection starts without it, and joins when it is there.
+        sender: Sends and answers on its own thread, so that callers never wait; None to send on the caller's thread.
 
     Attributes:
-        losses: How often it lost its router and joined anew.
-        moves: How often it went over to another session without a loss.
-        denials: How often it stayed, because the router did not know its new certificate.
+        losses: How often it lost its router and rejoined.
+        moves: How often it moved to a new session without a loss.
+        denials: How often it kept its session because the router did not know its new certificate.
 
     Raises:
-        LinkError: A link that is refused; BusError: one that does not work.
+        LinkError: The link is refused; BusError: it does not work.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Connection:
     # --- joining ----------------------------------------------------------------------------------------------------
 
     def _begin(self, patience: float, goes_on: Callable[[], bool]) -> Session:
-        """The first session. Raises BusError."""
+        """Open the first session. Raises BusError."""
         link, began, is_told = self._link, time.monotonic(), False
         while True:
             try:
@@ -153,11 +153,11 @@ class Connection:
                 time.sleep(0.1)
         limit = time.monotonic() + GATHER * 1e-3
         while session.neighbours() < link.peers and time.monotonic() < limit:
-            time.sleep(0.005)  # for neighbours that call this process; those it calls itself Zenoh waits for
+            time.sleep(0.005)  # for neighbours that connect to this process; Zenoh itself waits for the others
         return session
 
     def _keep_joined(self) -> None:
-        """Join anew whenever the router is lost; move where it has a successor, or the certificate is new."""
+        """Rejoin when the router is lost; move to a new session if it has a successor or the certificate is new."""
         looked = time.monotonic()
         while not self._closing.is_set():
             if not self.neighbours():
@@ -173,7 +173,7 @@ class Connection:
             self._closing.wait(LOOK)
 
     def _join_anew(self) -> None:
-        """Open another session in the place of one that was lost, or the first. Nobody waits for it meanwhile."""
+        """Open a session to replace a lost one, or the first one, on this thread; no caller waits for it."""
         lost, began, is_told = self._newest, time.monotonic(), self._newest is not None
         if lost is not None:
             self.losses += 1
@@ -191,42 +191,42 @@ class Connection:
                 return
 
     def _take_over(self, session: Session, lost: Session | None) -> None:
-        """Use a session in the place of one that is gone."""
+        """Use a session instead of a lost one."""
         with self._lock:
             if self._closing.is_set():
                 session.close()
                 return
             if lost is not None:
-                for forget in self._forget:  # who is still there is told of again
+                for forget in self._forget:  # tokens that still exist are reported again
                     forget(lost)
             self._newest = session
             self._use()
-            with suppress(SessionError):  # a router that is lost again is found lost
+            with suppress(SessionError):  # if the router is lost again, the next check finds out
                 for declare in self._declared:
                     declare(session)
 
     def _move(self) -> None:
-        """Open another session, use it once the network knows its streams, and close the first after a while."""
+        """Open a new session, use it once the network knows its streams, and close the old one after a while."""
         first = self._newest
         if first is None or self._credentials is None:
             return
         self._credentials.take()
         try:
             second = Session(self._config)
-        except SessionError:  # the first goes on; where its router ends, this process joins anew
+        except SessionError:  # the first session stays; if its router ends, this process rejoins
             return
         with self._lock:
             if self._closing.is_set():
                 second.close()
                 return
             self._newest, self._old, known = second, first, len(self._declared)
-            with suppress(SessionError):  # a router that is lost at once is found lost
+            with suppress(SessionError):  # if the router is lost at once, the next check finds out
                 for declare in self._declared:
                     declare(second)
         self._stay(SETTLE)
         is_denied = bool([*first.alive(self._router, 1.0)]) and not [*second.alive(self._router, 1.0)]
         with self._lock:
-            if is_denied:  # The router does not know the new certificate. Its successor will, and says so.
+            if is_denied:  # The router does not know the new certificate. Its successor will, and announces itself.
                 self._newest, self._old = first, second
                 self._when_used.clear()
                 self.denials += 1
@@ -241,7 +241,7 @@ class Connection:
         with self._lock:
             left = second if is_denied else first
             left.close()
-            self._old = None  # not before: until it is closed, messages may come by both
+            self._old = None  # only now: until it is closed, messages may arrive by both sessions
             for forget in self._forget:
                 forget(left)
 
@@ -252,14 +252,14 @@ class Connection:
             pass
 
     def _use(self) -> None:
-        """Send, ask and answer by the newest session from now on."""
+        """Send, query and answer by the newest session from now on."""
         self._used = self._newest
         for use in self._when_used:
             use()
         self._when_used.clear()
 
     def _declare(self, declare: Callable[[Session], None]) -> None:
-        """Declare something now, and again in each session to come."""
+        """Declare something now, and again in each later session."""
         with self._lock:
             self._declared.append(declare)
             if self._newest is not None:
@@ -268,25 +268,25 @@ class Connection:
                 except SessionError:
                     if self._thread is None:
                         raise
-                    # Its router is lost, and it joins anew.
+                    # The router is lost; the connection rejoins and repeats the declaration.
 
     # --- what it is for ---------------------------------------------------------------------------------------------
 
     def neighbours(self) -> int:
-        """Processes this one is linked to."""
+        """Number of processes that this one is linked to."""
         return 0 if self._newest is None else self._newest.neighbours()
 
     def clients(self) -> int:
-        """Clients that are linked to this router."""
+        """Number of clients that are linked to this router."""
         return 0 if self._newest is None else self._newest.clients()
 
     def tell(self, key: str) -> None:
-        """Send an empty message, once, that must arrive."""
+        """Send one empty message reliably."""
         if self._newest is not None:
             self._newest.tell(key)
 
     def publish(self, key: str, quality: Quality, lossless: bool) -> Way:
-        """A stream to publish to; lossless waits where it would drop."""
+        """Declare a stream to publish. If `lossless`, sending waits where it would otherwise drop."""
         congestion = "block" if lossless else quality.off_host if self._off_host else quality.congestion
         way = Way(None if lossless else self._sender)
 
@@ -301,12 +301,12 @@ class Connection:
         return way
 
     def subscribe(self, key_expr: str, receive: Receive, most: int = LARGEST) -> None:
-        """Hear a stream, or several with `*`; a message of more bytes than `most` is not copied."""
+        """Subscribe to a stream, or to several with `*`; a message larger than `most` bytes is not copied."""
         recent: deque[int] = deque(maxlen=RECENT)
         lock = threading.Lock()
 
         def take(key: str, data: bytes | None, label: str) -> None:
-            if self._old is not None:  # it may have come by the other of two sessions
+            if self._old is not None:  # the message may already have arrived by the other session
                 mark = hash((key, data))
                 with lock:
                     is_known = mark in recent
@@ -318,16 +318,16 @@ class Connection:
         self._declare(lambda session: session.subscribe(key_expr, take, most))
 
     def announce(self, key: str) -> None:
-        """Show others that something is alive, for as long as the connection lasts."""
+        """Declare a liveliness token for as long as the connection lasts."""
         self._declare(lambda session: session.announce(key))
 
     def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
-        """Be told who is alive, who comes and who goes."""
+        """Call `change` with each liveliness token that exists, appears or disappears."""
         seen: dict[str, set[Session]] = {}
         lock = threading.Lock()
 
         def note(session: Session, key: str, is_there: bool) -> None:
-            """A session sees a token, or no longer; one of two is enough."""
+            """Record whether a session sees a token; one of two sessions is enough."""
             with lock:
                 sessions = seen.setdefault(key, set())
                 was_there = bool(sessions)
@@ -348,15 +348,15 @@ class Connection:
         self._declare(lambda session: session.watch(key_expr, lambda key, there: note(session, key, there)))
 
     def serve(self, key: str, take: Callable[[Question], None], is_large: bool = False) -> None:
-        """Answer questions; `take` is called on the network's thread and must only pass them on.
+        """Serve queries of a key. `take` is called on the network's thread and must only pass the query on.
 
-        With large answers, the sender calls it where there is one.
+        For large answers, the sender's thread calls it if there is a sender.
         """
         sender = self._sender if is_large else None
 
         def declare(session: Session) -> None:
             def pass_on(question: Question) -> None:
-                if session is not self._used:  # of two sessions, one answers
+                if session is not self._used:  # only one of two sessions answers
                     question.drop()
                 elif sender is None:
                     take(question)
@@ -368,23 +368,23 @@ class Connection:
         self._declare(declare)
 
     def alive(self, key_expr: str, timeout: float) -> Replies:
-        """Tokens that are there, as answers."""
+        """Existing liveliness tokens, as answers."""
         return _none() if self._used is None else self._used.alive(key_expr, timeout)
 
     def ask(self, key_expr: str, data: bytes, timeout: float) -> Replies:
-        """Answers of all who serve a key, for at most this many s."""
+        """Query a key: the answers of all that serve it, for at most `timeout`, s."""
         return _none() if self._used is None else self._used.ask(key_expr, data, timeout)
 
 
 def _none() -> Replies:
-    """No answer, at once."""
+    """An empty set of answers."""
     replies = Replies(0.0)
     replies.end()
     return replies
 
 
 def _why(link: Link, error: Exception) -> str:
-    """What a link that does not come up lacks, in words."""
+    """Why a link does not come up, as text."""
     said = str(error).partition(" at /")[0]
     if link.mode == "router":
         failure = re.search(r"os error (\d+)", said)
@@ -394,6 +394,6 @@ def _why(link: Link, error: Exception) -> str:
 
 
 def _is_local(endpoint: str) -> bool:
-    """It ends on this host."""
+    """Whether an endpoint is on this host."""
     protocol, _, address = endpoint.partition("/")
     return protocol.startswith("unix") or address.startswith(("127.", "localhost", "[::1]"))

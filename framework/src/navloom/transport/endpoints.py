@@ -1,4 +1,4 @@
-"""One end of a connection: what may be written in a config or on the command line, and where it leads."""
+"""Endpoints: addresses of the network, as written in a config or on the command line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LOCAL, _PLAIN, _SECURE = ("unixsock-stream",), ("tcp", "udp"), ("tls",)
 
 
 class LinkError(NavloomError, ValueError):
-    """A link that is refused; the text says why and what to do."""
+    """A link is refused. The text says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Endpoint:
     """One end of a connection.
 
     Attributes:
-        text: As it was given.
+        text: The endpoint as given.
         protocol: unixsock-stream, tcp, udp or tls.
         host: Name or address without brackets, or the path of a socket.
         port: 0 for a socket.
@@ -38,7 +38,7 @@ class Endpoint:
 
     @staticmethod
     def parse(text: str) -> Endpoint:
-        """Take an endpoint apart. Raises LinkError where it is none."""
+        """Parse an endpoint. Raises LinkError if it is malformed."""
         protocol, slash, address = text.partition("/")
         if not slash or protocol not in (*_LOCAL, *_PLAIN, *_SECURE):
             raise LinkError(
@@ -64,22 +64,22 @@ class Endpoint:
 
     @property
     def is_socket(self) -> bool:
-        """A file of this host."""
+        """Whether it is a socket file of this host."""
         return self.protocol in _LOCAL
 
     @property
     def is_secure(self) -> bool:
-        """Encrypted, with certificates on both sides."""
+        """Whether it is encrypted, with certificates on both sides."""
         return self.protocol in _SECURE
 
     @property
     def is_wildcard(self) -> bool:
-        """Every interface of the host."""
+        """Whether it means every interface of the host."""
         return self.host == "*" or (self._address is not None and self._address.is_unspecified)
 
     @property
     def is_local(self) -> bool:
-        """It cannot be reached from another host. A name other than localhost can lead anywhere."""
+        """Whether it cannot be reached from another host. A name other than localhost may be anywhere."""
         if self.protocol in _LOCAL or self.host == "localhost":
             return True
         return self._address is not None and self._address.is_loopback
@@ -91,7 +91,7 @@ class Endpoint:
         try:
             address = ipaddress.ip_address(self.host)
         except ValueError:
-            try:  # "0" and "0x7f.1" are addresses to the system's resolver
+            try:  # "0" and "0x7f.1" are addresses for the system's resolver
                 return ipaddress.IPv4Address(socket.inet_aton(self.host))
             except OSError:
                 return None

@@ -1,4 +1,4 @@
-"""Whether files have been replaced while a process runs."""
+"""Detects that files were replaced while a process runs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Stamp = tuple[tuple[int, int, int] | None, ...]
 
 
 class FileWatch:
-    """Looks at files now and then.
+    """Checks files for changes.
 
     Args:
-        paths: Of the files. One that is not there is a file that may come.
+        paths: Paths of the files; a missing file may appear later.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -24,7 +24,7 @@ class FileWatch:
         self.take()
 
     def has_changed(self) -> bool:
-        """They are others than before, and as they were at the last look: a copy that is under way is waited for."""
+        """Whether the files differ from the known ones, and stayed the same since the last call: copying has ended."""
         last, self._last = self._last, self._look()
         if self._last == self._taken or self._last != last:
             return False
@@ -32,7 +32,7 @@ class FileWatch:
         return True
 
     def take(self) -> None:
-        """Whatever they are now, it is known."""
+        """Take the current files as known."""
         self._taken = self._last = self._look()
 
     def _look(self) -> Stamp:

@@ -1,4 +1,4 @@
-"""A folder of certificates for a robot that spans hosts: made, added to, renewed, and taken back from."""
+"""A folder of certificates for a robot that spans hosts: create, add, renew and revoke."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ from navloom.transport.validity import AUTHORITY
 __all__ = ["DAYS", "add_identity", "new_authority", "renew", "revoke"]
 
 DAYS = 825
-"""Days a certificate is good for, where nothing else is asked."""
+"""Default validity of a certificate, days."""
 
 
 def new_authority(folder: Path, order: Request) -> tuple[Identity, ...]:
-    """Make a folder with an authority and certificates of router, nodes, operator and viewer: all of it, or nothing.
+    """Make a folder with an authority and certificates of router, nodes, operator and viewer: all of them, or none.
 
     Args:
-        folder: Must not exist yet.
-        order: What they are for.
+        folder: The folder, which must not exist yet.
+        order: The robot, hosts and validity.
 
     Returns:
         The identities made.
 
     Raises:
-        KeysError: The folder exists, cannot be written, or the order does not fit.
+        KeysError: The folder exists, it cannot be written, or the request is invalid.
     """
     _check_order(order)
     if folder.exists() or folder.is_symlink():
@@ -73,14 +73,14 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
     """Make one more certificate in a folder that `new_authority` made.
 
     Args:
-        folder: With the authority's private key.
-        identity: Whose; its name must be free. That of a revoked one is: its certificate is the next generation.
-        hosts: Where it listens; for kinds that are connected to.
-        days: It is good for.
-        now: Time of the order, with its time zone.
+        folder: The folder, with the authority's private key.
+        identity: The new identity. Its name must be free; a revoked one's name is free, and gets the next generation.
+        hosts: Where it listens; for kinds that accept connections.
+        days: Validity, days.
+        now: Time of the request, with its time zone.
 
-    Raises:
-        KeysError: The name is taken or unfit, or there is no authority; nothing was changed.
+        Raises:
+            KeysError: The name is taken or invalid, or there is no authority; nothing was changed.
     """
     if hosts and identity.kind not in SERVING:
         raise KeysError(f"--host {hosts[0]}: only for --kind nodes; nobody connects to a {identity.kind}")
@@ -98,22 +98,22 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
 
 
 def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, now: datetime) -> tuple[Identity, ...]:
-    """Make new certificates with new keys in place of those there are: all that are named, or none.
+    """Replace certificates by new ones with new keys: all that are named, or none.
 
-    The old ones stay valid until they end, so that whoever still uses one is not cut off.
+    The old ones stay valid until they expire, so that processes that still use one are not cut off.
 
     Args:
-        folder: With the authority's private key.
-        names: Whose certificates; empty for everybody's.
-        hosts: Where those listen that are connected to; empty for where they do now.
-        days: The new ones are good for, at most as long as the authority.
-        now: Time of the order, with its time zone.
+        folder: The folder, with the authority's private key.
+        names: Names of the identities; empty for all.
+        hosts: Where the kinds that accept connections listen; empty for no change.
+        days: Validity of the new ones, days; at most as long as the authority's.
+        now: Time of the request, with its time zone.
 
     Returns:
-        The identities whose certificates are new.
+        The identities with new certificates.
 
     Raises:
-        KeysError: A name is not known, or there is no authority; nothing was changed.
+        KeysError: A name is unknown, or there is no authority; nothing was changed.
     """
     with _changing(folder) as (draft, listed):
         chosen = [_known(folder, listed, name) for name in names] or list(listed.identities)
@@ -128,19 +128,19 @@ def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, n
 
 
 def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None = None) -> Identity | None:
-    """Strike an identity from the list that listeners go by. Its certificate lets nobody in from then on.
+    """Remove an identity from the list that listeners use. Its certificate is refused from then on.
 
     Args:
-        folder: Of the certificates; with the authority's private key where there is a replacement.
-        name: Whose certificate.
-        now: Time of the order, with its time zone.
-        replacement_days: Make another certificate of that name, good for so many days; None for no replacement.
+        folder: The folder; for a replacement, with the authority's private key.
+        name: Name of the identity.
+        now: Time of the request, with its time zone.
+        replacement_days: Make another certificate of that name with this validity, days; None for no replacement.
 
     Returns:
-        The identity of the replacement, where there is one.
+        The identity of the replacement; None without one.
 
     Raises:
-        KeysError: The name is not known, or the robot cannot do without it; nothing was changed.
+        KeysError: The name is unknown, or the robot cannot run without it; nothing was changed.
     """
     with _changing(folder) as (draft, listed):
         identity = _known(folder, listed, name)
@@ -169,12 +169,12 @@ def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None 
 
 @dataclass(frozen=True)
 class _Listed:
-    """The list of a folder.
+    """The list of identities of a folder.
 
     Attributes:
-        realm, robot: Whose.
-        identities: Who is let in.
-        revoked: Newest generation that was revoked, by name.
+        realm, robot: Names of the robot.
+        identities: Admitted identities.
+        revoked: Newest revoked generation, by name.
     """
 
     realm: str
@@ -184,7 +184,7 @@ class _Listed:
 
     @property
     def by_name(self) -> dict[str, Identity]:
-        """Who is let in, by name."""
+        """Admitted identities, by name."""
         return {identity.name: identity for identity in self.identities}
 
 
@@ -202,7 +202,7 @@ def _known(folder: Path, listed: _Listed, name: str) -> Identity:
 def _order_again(
     folder: Path, listed: _Listed, identity: Identity, hosts: Sequence[str], days: int, now: datetime
 ) -> Request:
-    """The order for another certificate of an identity."""
+    """The request for another certificate of an identity."""
     if identity.kind not in SERVING:
         hosts = ()
     elif not hosts:
@@ -213,7 +213,7 @@ def _order_again(
 
 
 def _files(name: str) -> tuple[str, str]:
-    """The certificate last: who watches it finds its key in place."""
+    """Key and certificate, in this order: a process that watches the certificate must find its key in place."""
     return f"{name}-key.pem", f"{name}.pem"
 
 
@@ -276,15 +276,15 @@ def _read_list(folder: Path) -> _Listed:
 
 @contextlib.contextmanager
 def _changing(folder: Path) -> Iterator[tuple[Path, _Listed]]:
-    """A draft for new files of a folder, and its list, which no other process changes meanwhile."""
-    _read_list(folder)  # says what is wrong with a folder that is none
+    """A draft folder for new files, and the folder's list, which no other process can change meanwhile."""
+    _read_list(folder)  # raises for a folder without a list
     with _alone(folder), _writing(folder) as draft:
         yield draft, _read_list(folder)
 
 
 @contextlib.contextmanager
 def _writing(parent: Path) -> Iterator[Path]:
-    """A folder for files that are not finished, for this user alone; gone in the end unless it was renamed."""
+    """A private folder for unfinished files; removed at the end unless it was renamed."""
     try:
         parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=parent, prefix=".keys-"))
@@ -300,7 +300,7 @@ def _writing(parent: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Two that add at once would each lose the other's identity."""
+    """Lock the folder: of two processes that add at once, one would lose the other's identity."""
     number = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(number, fcntl.LOCK_EX)
@@ -310,7 +310,7 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _install(draft: Path, folder: Path, files: Sequence[str], removed: Sequence[str] = ()) -> None:
-    """Put finished files in place, in this order, and remove others: all of it, or nothing."""
+    """Move finished files into place, in this order, and remove others: all of it, or nothing."""
     kept = draft / "kept"
     kept.mkdir()
     done: list[str] = []

@@ -1,4 +1,4 @@
-"""Names on the network: `<realm>/<robot>/<role>/<instance>/<port>`, and what hangs below it."""
+"""Keys on the network: `<realm>/<robot>/<role>/<instance>/<port>`, services and liveliness tokens."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 __all__ = ["ALIVE", "ATTENDANT", "FAULT", "LARGEST", "LINKED", "STEP", "KeySpace"]
 
 ALIVE = "alive"
-"""Where the liveliness tokens of an instance are."""
+"""Key part of an instance's liveliness tokens."""
 STEP = "step"
 """Port of every node's step reports."""
 FAULT = "fault"
-"""Port of the step reports that say of a fault, and of the first one after them that does not; live only."""
+"""Port of the step reports with a fault, and of the first report without one after them; live only."""
 LINKED = "linked"
-"""Liveliness token of a process that has declared what it reads, under its key."""
+"""Liveliness token of a process that has declared all streams that it reads."""
 ATTENDANT = "attendant"
-"""Name under which who hears everything announces that it does; none of a process."""
+"""Process name under which a recorder announces that it listens; no process has this name."""
 LARGEST = 64 * 2**20
-"""Bytes of a message at most; a larger one is counted and not copied."""
+"""Largest message, bytes; a larger one is counted and not copied."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class KeySpace:
 
     @property
     def prefix(self) -> str:
-        """What all of them begin with."""
+        """Common beginning of all keys."""
         return f"{self.realm}/{self.robot}"
 
     def port(self, role: str, instance: str, port: str) -> str:
-        """A stream, or a service of an instance; "*" stands for any."""
+        """A stream or service of an instance; "*" matches any."""
         return f"{self.realm}/{self.robot}/{role}/{instance}/{port}"
 
     def alive(self, role: str, instance: str, life: str) -> str:

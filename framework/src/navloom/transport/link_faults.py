@@ -1,4 +1,4 @@
-"""Why a link does not come up, in words: Zenoh says only that it could not connect."""
+"""Finds out why a link does not come up: Zenoh says only that it could not connect."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def why_not(link: Link, patience: float = 2.0) -> str:
     """Try the first endpoint of a link once more, step by step.
 
     Args:
-        link: One that `settings` takes.
-        patience: s for each step.
+        link: A link that `settings` accepts.
+        patience: Timeout of each step, s.
 
     Returns:
-        What is wrong with it and what to do; empty where nothing is found.
+        What is wrong with it and what to do; empty if nothing is found.
     """
     if not link.connect:
         return ""
@@ -43,7 +43,7 @@ def why_not(link: Link, patience: float = 2.0) -> str:
     except TimeoutError:
         return f"{end.text}: {end.host} does not answer within {patience:g} s: is it on, and reachable from here?"
     except (ConnectionRefusedError, FileNotFoundError):
-        return f"{end.text}: nobody listens there: is the robot, or its router, up?"
+        return f"{end.text}: nothing listens there: is the robot, or its router, up?"
     except OSError as error:
         return f"{end.text}: {error.strerror or error}"
 
@@ -62,14 +62,14 @@ def _reach(end: Endpoint, patience: float) -> socket.socket:
 
 
 def _shake_hands(plain: socket.socket, link: Link, end: Endpoint) -> str:
-    """What one side has against the other's certificate."""
+    """Try a TLS handshake: why one side refuses the other's certificate, as text; empty for no refusal."""
     assert link.credentials is not None and link.identity is not None
     own = link.credentials / f"{link.identity}.pem"
     try:
         context = ssl.create_default_context(cafile=str(link.credentials / "ca.pem"))
         context.load_cert_chain(own, link.credentials / f"{link.identity}-key.pem")
         with context.wrap_socket(plain, server_hostname=end.host) as secure, contextlib.suppress(TimeoutError):
-            secure.settimeout(0.3)  # TLS 1.3: what the other side says about our certificate comes after the handshake
+            secure.settimeout(0.3)  # TLS 1.3: the other side's verdict on our certificate comes after the handshake
             secure.recv(1)
     except ssl.SSLCertVerificationError as error:
         return (

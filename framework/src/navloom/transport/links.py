@@ -1,4 +1,4 @@
-"""How a process joins a robot's network, and which ways are refused."""
+"""How a process joins a robot's network: Zenoh's settings for a link, and refusal of unsafe links."""
 
 from __future__ import annotations
 
@@ -16,34 +16,33 @@ from navloom.transport.keyspace import LARGEST
 __all__ = ["GATHER", "Endpoint", "Link", "LinkError", "Mesh", "credential_files", "peer_link", "settings"]
 
 LEASE = 1000
-"""ms of silence until a neighbour counts as gone: a cut cable, a stopped process. A closed socket is seen at once."""
+"""Silence after which a neighbour counts as gone (cut cable, stopped process), ms. A closed socket is seen at once."""
 FIND_WAIT, FIND_WAIT_FAR = 2000, 5000
-"""ms a client tries to find its router, on this host and on another: with 0.2 s there and back, TLS takes 1.3 s."""
+"""How long a client tries to find its router, on this host and on another, ms: at 0.2 s round trip, TLS takes 1.3 s."""
 OPEN_WAIT = 5000
-"""ms a neighbour may take over its handshake, so that idle strangers cannot hold the places of others for long."""
+"""Longest handshake of a neighbour, ms, so that idle strangers cannot occupy connections for long."""
 GATHER = 500
-"""ms a peer's opening waits, at most, until it is linked to every peer that is there. It must be: a process that comes
-back asks the others what it must not forget, such as a latched stop, as soon as it is open."""
+"""Longest wait at a peer's opening until it is linked to every running peer, ms. It must be linked then: a process that
+restarts queries the others for the robot's memory, such as a latched stop, as soon as it is open."""
 RETRY = 50, 200
-"""ms between two calls to a neighbour that is not there, at first and at most: well below GATHER."""
+"""First and longest interval of connection attempts to a missing neighbour, ms: well below GATHER."""
 RETRY_GONE = 60_000
-"""ms between two calls to a router's predecessor, at most: once it has gone, it does not come back."""
+"""Longest interval of connection attempts to a router's predecessor, ms: once it has gone, it does not return."""
 DROP_WAIT = 1000
-"""us a droppable message waits for a place in the queue: a twentieth of the shortest usual period."""
+"""How long a droppable message waits for a place in the queue, µs: a twentieth of the shortest usual period."""
 DROP_WAIT_FRAGMENTS = 50_000
-"""us for the parts of a large droppable message together: one period of 0.05 s; later the next one is newer."""
+"""The same for all fragments of a large droppable message, µs: one period of 0.05 s; after that a newer one follows."""
 CLOSE_WAIT = 1_500_000
-"""us a message that must arrive waits before the link is given up: longer than LEASE, so that a link to the dead ends
-by that, and shorter than live.hang_timeout, so that no writer is taken for hung because its reader is."""
+"""How long a reliable message waits before the link is closed, µs: longer than LEASE, so that a link to a dead process
+ends by that, and shorter than live.hang_timeout, so that a writer does not count as hung because its reader is."""
 SEND_BUFFER = 65_536
-"""bytes in the kernel of a link that leaves the host: priorities end where it begins."""
+"""Send buffer in the kernel of a link that leaves the host, bytes: priorities have no effect in it."""
 POOL = 16 * 2**20
-"""bytes of shared memory for large messages; taken, and held in memory, when the first one is sent, which takes 15 to
-85 ms. Readers keep the pools of processes that have died, so it is no larger than some messages of the largest usual
-kind."""
+"""Shared memory for large messages, bytes. It is allocated when the first one is sent, which takes 15 to 85 ms. Readers
+keep the pools of processes that have died, so it is no larger than a few of the largest usual messages."""
 URGENT, REST = "prio=0-3", "prio=4-7"
 """Priorities of the two links to another host: commands and poses do not wait behind a map. A client whose router
-started again gets one of them back, which then carries everything: https://github.com/eclipse-zenoh/zenoh/issues/2130
+restarted gets only one of them back, which then carries everything: https://github.com/eclipse-zenoh/zenoh/issues/2130
 """
 
 _MODES = ("peer", "client", "router")
@@ -56,16 +55,16 @@ class Link:
     Attributes:
         mode: peer, client or router.
         listen, connect: Endpoints, as unixsock-stream//run/x/drive.sock, tcp/127.0.0.1:7447 or tls/10.0.0.1:7447.
-        credentials: Folder with ca.pem, NAME.pem and NAME-key.pem, and identities.json for who listens; or None.
+        credentials: Folder with ca.pem, NAME.pem and NAME-key.pem, and identities.json for a listener; or None.
         identity: The NAME.
-        insecure: Plain TCP beyond this host was asked for.
-        realm, robot: Of the keys that the rules of a TLS listener protect.
-        peers: Neighbours that opening waits for, as long as GATHER.
-        shared_memory: Large messages come by it, see POOL.
-        door: Of a router over TLS, the socket of this host where its successor joins it, when certificates change.
-        predecessor: Of a router that takes over from another, the door of that one.
-        streams: Of the robot, as role/instance/port: all that readers may subscribe to; empty where they are not known.
-        mesh: Of a client, how it meets the processes of its own host, not by the router; None where it does not.
+        insecure: Plain TCP to other hosts is allowed.
+        realm, robot: Names of the robot, whose keys the rules of a TLS listener protect.
+        peers: Number of neighbours that opening waits for, at most for GATHER.
+        shared_memory: Large messages use shared memory, see POOL.
+        door: For a router over TLS: socket of this host by which its successor connects when certificates change.
+        predecessor: For a router that takes over from another: the door of that one.
+        streams: Streams of the robot, as role/instance/port, to which readers may subscribe; empty if unknown.
+        mesh: For a client: how it connects directly to the processes of its own host; None for only by the router.
     """
 
     mode: str
@@ -85,18 +84,18 @@ class Link:
 
     @property
     def is_spread(self) -> bool:
-        """Part of the robot may be behind a router."""
+        """Whether part of the robot may be behind a router."""
         return self.mode == "client" and not (self.mesh is not None and self.mesh.is_whole)
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Processes of one host that meet over sockets, beside a router.
+    """Processes of one host that connect by sockets, in addition to a router.
 
     Attributes:
-        link: Of one of them to the others.
-        here: What runs in them, as role/instance, and process/name for themselves.
-        is_whole: They are all of the robot.
+        link: Link of one of them to the others.
+        here: Their nodes, as role/instance, and the processes themselves, as process/name.
+        is_whole: They are all processes of the robot.
     """
 
     link: Link
@@ -105,23 +104,23 @@ class Mesh:
 
 
 def certificate(keys: Path | None, usual: str) -> tuple[Path | None, str | None]:
-    """Folder and name of the certificate to show: the one that a file NAME.pem is, else the usual one of a folder."""
+    """Folder and name of the certificate to use: from a file NAME.pem, or the name `usual` in a folder."""
     if keys is None:
         return None, None
     return (keys.parent, keys.stem) if keys.suffix == ".pem" else (keys, usual)
 
 
 def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str, shared_memory: bool = False) -> Link:
-    """How a process joins its neighbours on one host. Of two, the one whose socket's name comes later calls the other.
+    """Link of a process to its neighbours on one host. Of two, the one whose socket name sorts later connects.
 
-    Were both to call, a process that was stopped and goes on could keep its half of a link that the other has given up,
-    and messages would go astray: https://github.com/eclipse-zenoh/zenoh/issues/2806
+    If both connected, a process that was stopped and continues could keep its half of a link that the other has closed,
+    and messages would be misrouted: https://github.com/eclipse-zenoh/zenoh/issues/2806
 
     Args:
-        own: Socket it listens at.
-        sockets: Of all.
+        own: Socket on which it listens.
+        sockets: Sockets of all processes.
         realm, robot: Names of the robot.
-        shared_memory: Large messages come by it.
+        shared_memory: Large messages use shared memory.
     """
     others = sorted({*sockets} - {own})
     earlier = tuple(end for end in others if end < own)
@@ -129,14 +128,14 @@ def peer_link(own: str, sockets: Iterable[str], realm: str, robot: str, shared_m
 
 
 def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
-    """What goes, as JSON, into Zenoh's configuration.
+    """Zenoh's configuration for a link, as JSON values.
 
     Args:
         link: How to join.
-        now: With its time zone, for the validity of certificates; None for this host's clock.
+        now: Time for checking certificates, with its time zone; None for this host's clock.
 
     Raises:
-        LinkError: The link is refused: unsafe, incomplete or not understood.
+        LinkError: The link is refused: unsafe, incomplete or malformed.
     """
     if link.mode not in _MODES:
         raise LinkError(f"mode {link.mode!r}: expected {', '.join(_MODES)}")
@@ -260,7 +259,7 @@ def _transport(link: Link, ends: list[Endpoint], now: datetime) -> dict[str, Any
 
 
 def credential_files(link: Link) -> tuple[Path, Path, Path]:
-    """Certificates of the authority and of a link's own identity, and its private key."""
+    """Files of the authority's certificate, the link's own certificate, and its private key."""
     assert link.credentials is not None and link.identity is not None
     names = ("ca.pem", f"{link.identity}.pem", f"{link.identity}-key.pem")
     authority, certificate, key = (link.credentials / name for name in names)
@@ -268,7 +267,7 @@ def credential_files(link: Link) -> tuple[Path, Path, Path]:
 
 
 def _credentials(link: Link, now: datetime) -> dict[str, Any]:
-    """Zenoh's TLS settings, with every file looked at: its own errors name none."""
+    """Zenoh's TLS settings. Every file is checked first, since Zenoh's own errors name no file."""
     if link.credentials is None or link.identity is None:
         raise LinkError(
             "TLS without certificates: make them with `navloom keys new DIR`, then give --keys DIR or set live.keys"
@@ -280,7 +279,7 @@ def _credentials(link: Link, now: datetime) -> dict[str, Any]:
     mode = key.stat().st_mode
     if mode & 0o077:
         raise LinkError(f"private key {key}: other users can read it (mode {mode & 0o777:04o}); `chmod 600 {key}`")
-    from navloom.transport.validity import why_unusable  # takes 60 ms to load, which only TLS has to pay
+    from navloom.transport.validity import why_unusable  # takes 60 ms to load: only for TLS
 
     why = why_unusable(certificate, key, authority, now)
     if why:

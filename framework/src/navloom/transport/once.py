@@ -1,4 +1,4 @@
-"""Requests that are done once, however often they are asked."""
+"""Executes each request once, even if the client repeats it."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from typing import Any
 __all__ = ["REQUEST", "Once"]
 
 REQUEST = "request"
-"""Entry of a request that names it: a text that its client makes up, and repeats where it asks again."""
+"""Field that identifies a request: a text that the client makes up, and sends again when it retries."""
 LONGEST_NAME = 64
-"""Characters of such a name."""
+"""Longest identifier, in characters."""
 KEPT = 256
-"""Requests whose answers are kept. A client asks again for a few seconds, in which nobody gives so many."""
+"""Number of requests whose answers are kept. Clients retry for a few seconds, in which fewer requests come."""
 
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 class Once:
-    """Keeps the answers of the last requests, and gives them again to who asks again."""
+    """Keeps the answers to the last requests, and returns them again for retries."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._answers: OrderedDict[str, Future[dict[str, Any]]] = OrderedDict()
 
     def guard(self, handler: Handler) -> Handler:
-        """A handler that does each named request once. One without a name is done whenever it is asked."""
+        """Wrap a handler so that it runs once for each identifier; requests without one always run."""
 
         def handle(given: dict[str, Any]) -> dict[str, Any]:
             name = given.pop(REQUEST, None)
@@ -42,12 +42,12 @@ class Once:
                     answer.set_result(handler(given))
                 except BaseException as error:
                     answer.set_exception(error)
-            return answer.result()  # of one that is under way, as soon as it is there
+            return answer.result()  # waits if the request is still being handled
 
         return handle
 
     def _answer(self, name: str) -> tuple[Future[dict[str, Any]], bool]:
-        """Where the answer of a request is or will be, and whether nobody has asked before."""
+        """Future of the answer to a request, and whether the request is new."""
         with self._lock:
             found = self._answers.get(name)
             if found is not None:

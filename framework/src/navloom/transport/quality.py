@@ -1,4 +1,4 @@
-"""How each stream travels: what may be dropped, what goes first, what late joiners are given. Read off the ports."""
+"""Quality of service, retention and size limit of each stream, from its port's declaration."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ __all__ = ["PARAMETERS", "Quality", "is_retained", "kind_of", "most_of", "qualit
            "streams_of"]  # fmt: skip
 
 PARAMETERS = "parameters"
-"""Port on which every instance keeps its parameters once they were changed."""
+"""Retained port on which every instance publishes its parameters after a change."""
 _BY_TYPE: dict[type[Message], Quality] = {StepReport: STATE, Parameters: WORD}
 
 
 def kind_of(role: str, port: str, catalogue: Catalogue = FRAMEWORK) -> type[Message] | None:
-    """What a stream carries: it is declared for that ahead of its first message, and nothing else is taken from it.
+    """Message class of a stream; other messages on it are refused.
 
     None for a platform's sensors, which a config names, and for nodes that the catalogue does not know.
     """
@@ -32,28 +32,28 @@ def kind_of(role: str, port: str, catalogue: Catalogue = FRAMEWORK) -> type[Mess
 
 
 def most_of(kind: type[Message] | None) -> int:
-    """Bytes of a message at most on a stream that carries this class; None for any class."""
+    """Largest message on a stream of this class, bytes; None means any class."""
     limit = None if kind is None else size_limit(kind)
     return LARGEST if limit is None else min(limit, LARGEST)
 
 
 def retained_ports(role: str = "", catalogue: Catalogue = FRAMEWORK) -> list[tuple[str, str]]:
-    """(role, port) whose publisher keeps the last message, so that who joins or comes back later is given it.
+    """(role, port) of each stream whose publisher keeps the last message for late joiners.
 
-    A queryable of our own on the port's key rather than Zenoh's advanced publisher: that one needs time stamps of the
-    hosts' clocks, and refuses messages from a host whose clock runs ahead.
+    This uses a queryable on the port's key instead of Zenoh's advanced publisher: that one needs time stamps of the
+    hosts' clocks, and refuses messages from a host whose clock is ahead.
     """
     return sorted((port.role, port.name) for port in catalogue.ports(role) if port.retained)
 
 
 def is_retained(role: str, port: str, catalogue: Catalogue = FRAMEWORK) -> bool:
-    """Whether a stream's publisher keeps its last message; parameters that were changed are kept by every instance."""
+    """Whether a stream's publisher keeps its last message; every instance keeps changed parameters."""
     declared = catalogue.port(role, port)
     return port == PARAMETERS or (declared is not None and declared.retained)
 
 
 def streams_of(config: Config) -> tuple[str, ...]:
-    """Every stream that a robot may have, as role/instance/port, in order. Nodes that are not installed have none."""
+    """Every stream that a robot may have, as role/instance/port, sorted. Nodes that are not installed have none."""
     catalogue, _ = catalogue_of(config)
     instances = [(role, table.instance) for _, role, table in config.role_tables()]
     instances += [(port.role, "main") for port in catalogue.ports() if port.role not in config.roles]
@@ -64,7 +64,7 @@ def streams_of(config: Config) -> tuple[str, ...]:
 
 
 def quality_of(kind: type[Message]) -> Quality:
-    """How messages of a type travel."""
+    """Default quality of service of a message class."""
     if kind not in _BY_TYPE:
         declared = next((port for port in FRAMEWORK.ports() if port.carries is kind), None)
         _BY_TYPE[kind] = sensor_quality(kind) if declared is None else declared.quality

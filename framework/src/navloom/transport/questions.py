@@ -1,4 +1,4 @@
-"""What a question may cost: its size, nesting, rank and rate, all checked before anything is done for it."""
+"""Limits on queries: size, nesting, rank and rate, all checked before a query is handled."""
 
 from __future__ import annotations
 
@@ -24,42 +24,42 @@ __all__ = [
 ]
 
 LARGEST, LARGEST_LIST = 1024, 65_536
-"""Bytes of a question, and of one that may hold a list: places to drive by, or parameters."""
+"""Largest query, and largest one that may hold a list (via points or parameters), bytes."""
 DEEPEST = 16
-"""Levels of lists and objects in each other; a goal's list of places has three."""
+"""Deepest nesting of lists and objects; a goal's list of points has three levels."""
 RANKS: Mapping[str, int] = {
     "stop": 0,
     **dict.fromkeys(("cancel", "resume", "release"), 1),
     **dict.fromkeys(("submit", "swap", "enter_unseen", "place", "params/set", "memory"), 2),
 }
-"""Rank of each service, the most important first. Services that only read come last."""
+"""Rank of each service, 0 for the most important. Services that only read come last."""
 READING = 3
 """Rank of a service that is not in RANKS, and number of the last rank."""
 WAITING = 64
-"""Questions of one rank that wait at most."""
+"""Most waiting queries of one rank."""
 RATE, BURST = 100.0, 100.0
-"""Questions of one service that are answered, 1/s in the long run, and at once."""
+"""Answered queries of one service: in the long run, Hz, and at once."""
 REFUSALS = 20.0
-"""Refusals of one process, 1/s in the long run and at once. What is beyond is dropped: a refusal costs as much as an
-answer."""
-TOO_MANY = "too many questions: ask again in 1 s"
-"""Refusal of a question beyond the rate."""
+"""Refusals of one process: in the long run, Hz, and at once. Further queries are dropped without a refusal, which costs
+as much as an answer."""
+TOO_MANY = "too many requests: try again in 1 s"
+"""Refusal of a query beyond the rate."""
 FRESH = 0.05
-"""s for which an answer that only reads may be given again."""
+"""How long an answer that only reads may be reused, s."""
 _BRACKETS = b"[]{}"
 _OTHERS = bytes(set(range(256)) - set(_BRACKETS))
 
 
 class QuestionError(ValueError):
-    """A question that is not answered; the text says why."""
+    """A query is refused. The text says why."""
 
 
 class Allowance:
-    """A rate that allows bursts: it fills again with time.
+    """A token bucket: a rate limit that allows bursts.
 
     Args:
-        rate: 1/s in the long run.
-        burst: What may be spent at once.
+        rate: Tokens per second in the long run.
+        burst: Most tokens that may be spent at once.
     """
 
     def __init__(self, rate: float, burst: float) -> None:
@@ -67,7 +67,7 @@ class Allowance:
         self._left, self._at = burst, time.monotonic()
 
     def spend(self, cost: float = 1.0) -> bool:
-        """Whether there is as much left; then it is spent."""
+        """Spend tokens if there are enough; returns whether there were."""
         now = time.monotonic()
         self._left = min(self._burst, self._left + (now - self._at) * self._rate)
         self._at = now
@@ -78,10 +78,10 @@ class Allowance:
 
 
 class Desk:
-    """Answers the questions to one process, the most important first.
+    """Answers the queries to one process, the most important first.
 
-    There is one thread for each rank. It answers its own rank and the more important ones, so that a question never
-    waits for a less important one, and questions that only read take one thread at most.
+    There is one thread for each rank. It answers queries of its own rank and of more important ones, so that a query
+    never waits for a less important one, and queries that only read occupy at most one thread.
     """
 
     def __init__(self) -> None:
@@ -94,12 +94,12 @@ class Desk:
             threading.Thread(target=self._work, args=(rank,), name=f"service {rank}", daemon=True).start()
 
     def window(self, service: str, answer: Callable[[Question], None]) -> Callable[[Question], None]:
-        """What takes questions of a service, on the network's thread, and has them answered on another one."""
+        """A callback that takes a service's queries on the network's thread and has them answered on another thread."""
         allowance, largest, waiting = Allowance(RATE, BURST), largest_of(service), self._waiting[rank_of(service)]
 
         def take(question: Question) -> None:
             if question.size > largest:
-                self._refuse(question, f"a question of {question.size} bytes: {service} takes {largest} at most")
+                self._refuse(question, f"a request of {question.size} bytes: {service} takes at most {largest}")
             elif len(waiting) >= WAITING or not allowance.spend():
                 self._refuse(question, TOO_MANY)
             else:
@@ -123,16 +123,16 @@ class Desk:
                 question, answer = next(queue for queue in own if queue).popleft()
             try:
                 answer(question)
-            except Exception as error:  # a thread that ended would leave a whole rank without answers
+            except Exception as error:  # if the thread ended, a whole rank would get no answers
                 question.refuse(f"request not understood: {type(error).__name__}: {error}")
 
 
 class KeptJson:
-    """JSON that is made again after FRESH s, with entries that are always new.
+    """A JSON object that is cached for FRESH, except for entries that are always new.
 
     Args:
-        make: Makes what may be so old.
-        now: Gives the other entries.
+        make: Makes the entries that may be cached.
+        now: Makes the entries that must be new.
     """
 
     def __init__(self, make: Callable[[], Mapping[str, Any]], now: Callable[[], Mapping[str, Any]]) -> None:
@@ -153,12 +153,12 @@ def rank_of(service: str) -> int:
 
 
 def largest_of(service: str) -> int:
-    """Bytes that a question to a service may have."""
+    """Largest query to a service, bytes."""
     return LARGEST_LIST if service in ("submit", "params/set") else LARGEST
 
 
 def read_question(data: bytes) -> dict[str, Any]:
-    """The JSON object of a question; an empty one is an empty object.
+    """The JSON object of a query; an empty query is an empty object.
 
     Raises:
         QuestionError: It is no JSON object, or nested more than DEEPEST levels deep.
@@ -166,7 +166,7 @@ def read_question(data: bytes) -> dict[str, Any]:
     if not data:
         return {}
     depth = 0
-    for bracket in data.translate(None, _OTHERS):  # brackets in a text count too; no request has many
+    for bracket in data.translate(None, _OTHERS):  # brackets in a string count too; no request has many
         depth += 1 if bracket in b"[{" else -1
         if depth > DEEPEST:
             raise QuestionError(f"request not understood: nested more than {DEEPEST} levels deep")

@@ -1,4 +1,4 @@
-"""Sends in the place of those who publish and answer, who must never wait for a router."""
+"""Sends messages and answers on its own thread, for callers that must never wait for a router."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from contextlib import suppress
 __all__ = ["Sender"]
 
 MOST = 32 * 2**20
-"""Bytes that wait to be sent, at most: beyond them the oldest message is dropped."""
+"""Largest queue of messages to send, bytes: beyond it the oldest message is dropped."""
 LEAST = 1024
-"""Bytes that a small message counts as."""
+"""Smallest size that a message counts as, bytes."""
 
 
 class Sender:
-    """A thread that sends, in the order in which messages were handed to it."""
+    """A thread that sends messages in the order in which it received them."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[int, Callable[[], None]]] = deque()
@@ -26,7 +26,7 @@ class Sender:
         threading.Thread(target=self._run, name="sender", daemon=True).start()
 
     def hand(self, send: Callable[[], None], size: int) -> None:
-        """Have a message of so many bytes sent; returns at once."""
+        """Queue a message of `size` bytes; returns at once."""
         with self._news:
             self._waiting.append((max(LEAST, size), send))
             self._size += self._waiting[-1][0]
@@ -35,7 +35,7 @@ class Sender:
             self._news.notify()
 
     def close(self) -> None:
-        """Send no more; what waits is dropped."""
+        """Stop sending; waiting messages are dropped."""
         with self._news:
             self._is_ending = True
             self._waiting.clear()
@@ -49,5 +49,5 @@ class Sender:
                     return
                 size, send = self._waiting.popleft()
                 self._size -= size
-            with suppress(Exception):  # an answer that fails must not end all that is sent
+            with suppress(Exception):  # one failed answer must not end the thread
                 send()

@@ -14,21 +14,21 @@ from navloom.transport.zenoh_bus import Bus
 __all__ = ["expiring", "joined"]
 
 FOUND = 2.0
-"""s to wait for the robot's first process."""
+"""Longest wait for the robot's processes, s."""
 
 
 def expiring(folder: Path | None) -> tuple[str, ...]:
-    """Certificates of a folder that expire soon, in words; nothing where there is no folder."""
+    """Warnings about certificates of a folder that expire soon, as text; empty without a folder."""
     if folder is None:
         return ()
-    from navloom.transport.validity import expiry_warnings  # takes 60 ms to load, which only TLS has to pay
+    from navloom.transport.validity import expiry_warnings  # takes 60 ms to load: only for TLS
 
     return expiry_warnings(folder, datetime.now(UTC))
 
 
 @contextmanager
 def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
-    """A tool's session, once it has found who listens where its link calls. Raises BusError: nobody is there for s."""
+    """A tool's session, linked to the listeners of its link as far as they answer within FOUND. Raises BusError."""
     with Bus(link, patience) as bus:
         limit = time.monotonic() + FOUND
         wanted = sum(_may_listen(end) for end in link.connect) if link.mode == "peer" else 1
@@ -38,6 +38,6 @@ def joined(link: Link, patience: float = 3.0) -> Iterator[Bus]:
 
 
 def _may_listen(end: str) -> bool:
-    """Whether somebody may listen at an endpoint: at a socket only where there is a file of it."""
+    """Whether a process may listen at an endpoint: for a socket, whether its file exists."""
     endpoint = Endpoint.parse(end)
     return endpoint.protocol != "unixsock-stream" or Path(endpoint.host).exists()

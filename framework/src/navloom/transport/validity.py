@@ -1,4 +1,4 @@
-"""How long certificates are valid: warned of ahead, and refused by name once they have expired."""
+"""Validity of certificates: warnings before they expire, and clear errors once they have."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from navloom.inputs.bounds import TEXT_MB, read_file
 __all__ = ["AUTHORITY", "WARN_AHEAD", "expiry_warnings", "why_unusable"]
 
 WARN_AHEAD = timedelta(days=30)
-"""How long before the end of a certificate users are warned of it."""
+"""How long before a certificate expires users are warned."""
 AUTHORITY = "ca"
 """Name of the authority's certificate file, without .pem."""
 
 
 def expiry_warnings(folder: Path, now: datetime) -> tuple[str, ...]:
-    """Certificates in a folder that expire soon or have expired: one sentence for each day on which some do.
+    """Warnings about certificates in a folder that expire soon or have expired: one sentence for each day.
 
     Args:
-        folder: With ca.pem. A file that cannot be read is left to the process that uses it.
-        now: With its time zone.
+        folder: Folder with ca.pem. Unreadable files are ignored here, and reported by the process that uses them.
+        now: Current time, with its time zone.
     """
     ends: dict[str, datetime] = {}
     for path in folder.glob("*.pem"):
@@ -46,13 +46,13 @@ def expiry_warnings(folder: Path, now: datetime) -> tuple[str, ...]:
 
 
 def why_unusable(certificate: Path, key: Path, authority: Path, now: datetime) -> str:
-    """What is wrong with a certificate and its key, and what to do; empty where nothing is.
+    """What is wrong with a certificate and its key, and what to do; empty for nothing.
 
     Zenoh's own errors name no file.
 
     Args:
         certificate, key, authority: Files in PEM form.
-        now: With its time zone.
+        now: Current time, with its time zone.
     """
     found = None
     for path in (authority, certificate):

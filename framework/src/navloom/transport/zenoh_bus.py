@@ -1,4 +1,4 @@
-"""What a process publishes, hears and asks by: the processes of its host beside it, and a router to all others."""
+"""The bus of a process: one connection to the processes of its host, and one through a router to all others."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from navloom.transport.links import Link
 from navloom.transport.sender import Sender
 from navloom.transport.zenoh_session import TIMED_OUT, Answer, Question, Receive
 
-if TYPE_CHECKING:  # a router starts anew in a moment if it needs neither messages nor numpy
+if TYPE_CHECKING:  # without messages and numpy a router restarts in a moment
     from navloom.transport.quality import Quality
 
 __all__ = ["TIMED_OUT", "Answer", "Bus", "BusError", "Publication", "Question"]
 
 
 class Publication:
-    """A stream that this process publishes; readers within the process are served by reference, not by this."""
+    """A stream that this process publishes to others; readers within the process receive it by reference instead."""
 
     def __init__(self, ways: tuple[Way, ...]) -> None:
         self._ways = ways
 
     @property
     def is_heard(self) -> bool:
-        """Some other process hears the stream, as far as this one knows by now: else nothing need be encoded."""
+        """Whether another process subscribes, as far as is known; if not, nothing needs to be encoded."""
         return any(way.is_heard for way in self._ways)
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message. A link that is gone loses it, as the stream's quality allows."""
+        """Send a message. A broken link loses it, as the stream's quality of service allows."""
         for way in self._ways:
             way.put(data, label)
 
@@ -38,20 +38,20 @@ class Publication:
 class Bus:
     """A process on a robot's network. Use it in a `with` statement: an open session hangs the process at its end.
 
-    With a mesh (`Link.mesh`) it has two connections. Everything is published, announced and offered on both. What
-    comes from an instance or process of this host is taken from the mesh alone, all else from the router alone. So
-    nothing comes twice, and neither the load nor the loss of the router reaches what the host's processes say to each
-    other. Where all of the robot is on this host, nothing waits for the router either.
+    With a mesh (`Link.mesh`) it has two connections. Streams, tokens and services are declared on both. Messages from
+    an instance or process of this host are taken only from the mesh, all others only from the router. So no message is
+    duplicated, and load or loss of the router does not affect communication within the host. If the whole robot is on
+    this host, nothing waits for the router either.
 
     Args:
         link: How to join.
-        patience: s to try for, where the router is not there yet.
-        say: Told once that the router is waited for, and why.
-        goes_on: Asked after each try that failed.
-        waits: The router is waited for even where all of the robot is on this host.
+        patience: How long to try if the router is not running yet, s.
+        say: Receives one message if the router must be waited for, with the reason.
+        goes_on: Whether to try again; called after each failed attempt.
+        waits: Wait for the router even if the whole robot is on this host.
 
     Raises:
-        LinkError: A link that is refused; BusError: one that does not work.
+        LinkError: The link is refused; BusError: it does not work.
     """
 
     def __init__(
@@ -97,46 +97,46 @@ class Bus:
 
     @property
     def losses(self) -> int:
-        """How often it lost its router and joined anew."""
+        """How often it lost its router and rejoined."""
         return self._outer.losses
 
     @property
     def moves(self) -> int:
-        """How often it went over to another session without a loss."""
+        """How often it moved to a new session without a loss."""
         return self._outer.moves
 
     @property
     def denials(self) -> int:
-        """How often it stayed in its session, because the router did not know its new certificate."""
+        """How often it kept its session because the router did not know its new certificate."""
         return self._outer.denials
 
     def neighbours(self) -> int:
-        """Processes this one is linked to."""
+        """Number of processes that this one is linked to."""
         return sum(one.neighbours() for one in self._all)
 
     def has_router(self) -> bool:
-        """It is linked to its router."""
+        """Whether it is linked to its router."""
         return self._outer.neighbours() > 0
 
     def clients(self) -> int:
-        """Clients that are linked to this router."""
+        """Number of clients that are linked to this router."""
         return self._outer.clients()
 
     def tell(self, key: str) -> None:
-        """Send an empty message, once, that must arrive."""
+        """Send one empty message reliably."""
         self._outer.tell(key)
 
     def publication(self, key: str, quality: Quality, lossless: bool = False) -> Publication:
-        """A stream to publish to; lossless waits where it would drop."""
+        """Declare a stream to publish. If `lossless`, sending waits where it would otherwise drop."""
         return Publication(tuple(one.publish(key, quality, lossless) for one in self._all))
 
     def subscribe(self, key_expr: str, receive: Receive, most: int = LARGEST) -> None:
-        """Hear a stream, or several with `*`.
+        """Subscribe to a stream, or to several with `*`.
 
         Args:
             key_expr: The streams.
-            receive: Takes each message.
-            most: Bytes of a message at most: a larger one is not copied.
+            receive: Called with each message.
+            most: Largest message, bytes; a larger one is not copied.
         """
         ways = self._ways(key_expr)
         for one in ways:
@@ -148,12 +148,12 @@ class Bus:
             one.subscribe(key_expr, receive if len(ways) == 1 else take, most)
 
     def announce(self, key: str) -> None:
-        """Show others that something is alive, until the process leaves."""
+        """Declare a liveliness token until the process leaves."""
         for one in self._all:
             one.announce(key)
 
     def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
-        """Be told who is alive, who comes and who goes."""
+        """Call `change` with each liveliness token that exists, appears or disappears."""
         for one in self._ways(key_expr):
 
             def take(key: str, is_there: bool, one: Connection = one) -> None:
@@ -163,25 +163,25 @@ class Bus:
             one.watch(key_expr, take)
 
     def alive(self, key_expr: str, timeout: float = 1.0) -> list[str]:
-        """Tokens that are there."""
+        """Existing liveliness tokens."""
         asked = [(one, one.alive(key_expr, timeout)) for one in self._ways(key_expr)]
         return sorted({answer.key for one, replies in asked for answer in replies if self._is_from(one, answer.key)})
 
     def shown(self, key_expr: str, timeout: float = 1.0) -> list[str]:
-        """Tokens that the router shows, of this host's processes too."""
+        """Liveliness tokens that the router shows, including those of this host's processes."""
         return sorted({answer.key for answer in self._outer.alive(key_expr, timeout) if answer.key})
 
     def serve(self, key: str, take: Callable[[Question], None], is_large: bool = False) -> None:
-        """Answer questions; `take` is called on the network's thread and must only pass them on, or have at hand what
-        it answers. Say so where answers may be large."""
+        """Serve queries of a key. `take` is called on the network's thread: it must pass a query on or answer at once.
+        Set `is_large` if answers may be large."""
         for one in self._all:
             one.serve(key, take, is_large)
 
     def ask(self, key_expr: str, data: bytes = b"", timeout: float = 2.0) -> Iterator[Answer]:
-        """Answers of all who serve a key, as they come, for at most this many s.
+        """Query a key: the answers of all that serve it, as they arrive, for at most `timeout`, s.
 
-        Whoever has the question and does not answer it in that time gives the refusal TIMED_OUT. Without any answer
-        nobody serves the key, as far as this process knows.
+        A server that received the query and does not answer in time yields the refusal TIMED_OUT. No answer at all
+        means that, as far as this process knows, no one serves the key.
         """
         asked = [(one, one.ask(key_expr, data, timeout)) for one in self._ways(key_expr)]
         for one, replies in asked:
@@ -190,7 +190,7 @@ class Bus:
                     yield answer
 
     def _ways(self, key_expr: str) -> tuple[Connection, ...]:
-        """Connections by which a key may be reached, perhaps with wildcards."""
+        """Connections by which a key, which may have wildcards, can be reached."""
         if self._mesh is None:
             return self._all
         place = self._place(key_expr)
@@ -201,9 +201,9 @@ class Bus:
         return (self._mesh,) if self._is_whole else self._all
 
     def _is_from(self, one: Connection, key: str) -> bool:
-        """Whether what has this key is taken from a connection."""
+        """Whether messages with this key are taken from a connection."""
         return bool(key) and (self._mesh is None or (self._place(key) in self._here) == (one is self._mesh))
 
     def _place(self, key: str) -> str:
-        """Role and instance of a key, or "process" and a process's name."""
+        """Role and instance of a key, or "process" and a process's name, joined by "/"."""
         return "/".join(key.removeprefix(self._prefix).split("/", 2)[:2])

@@ -1,4 +1,4 @@
-"""The only module that speaks Zenoh: one session, and what is declared in it."""
+"""The only module that imports Zenoh: one session and its declarations."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ import zenoh
 __all__ = ["TIMED_OUT", "Answer", "Publisher", "Question", "Receive", "Replies", "Session", "SessionError"]
 
 RUNTIME = "(tx: (worker_threads: 3), rx: (worker_threads: 4))"
-"""Zenoh's threads, which all sessions of a process share. By default one thread sends: closing a link whose other end
-takes nothing can block it for over 1 s, and with it the links of the process to all others."""
+"""Zenoh's threads, shared by all sessions of a process. By default one thread sends: closing a link whose other end
+reads nothing can block it for over 1 s, and with it all other links of the process."""
 os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # Zenoh reads it when it is first used
 MEDIA = "application/x-navloom;"
 TIMED_OUT = "Timeout"
-"""What Zenoh says in the place of an answer that does not come."""
+"""Zenoh's reply in place of an answer that does not come in time."""
 OVERDUE = 0.5
-"""s after the time of a question at which it ends, whatever Zenoh says of it."""
+"""How long after its timeout a query ends in any case, s, even without word from Zenoh."""
 SessionError = zenoh.ZError
-"""A session could not be opened, or is gone."""
+"""A session could not be opened, or is closed."""
 _CONGESTION = {
     "drop": zenoh.CongestionControl.DROP,
     "block": zenoh.CongestionControl.BLOCK,
@@ -41,17 +41,17 @@ _PRIORITY = {
 }
 
 Receive = Callable[[str, bytes | None, str], None]
-"""Takes key, bytes (None where there were too many) and schema label, on the network's thread: it must not wait."""
+"""Callback with key, bytes (None for too many) and schema label, on the network's thread: it must not block."""
 
 
 @lru_cache(256)
 def _encoding(label: str) -> zenoh.Encoding:
-    """What tells a schema on the wire, made once and not with each message."""
+    """The encoding that carries a schema label, cached instead of made for each message."""
     return zenoh.Encoding(MEDIA + label)
 
 
 class Answer(NamedTuple):
-    """One answer to a question: its key, bytes and schema label; `refusal` in words where there is none."""
+    """One answer to a query: key, bytes and schema label; or `refusal`, as text."""
 
     key: str
     data: bytes
@@ -60,10 +60,10 @@ class Answer(NamedTuple):
 
 
 class Question:
-    """A question that waits for its answer.
+    """A query that waits for its answer.
 
     Attributes:
-        size: Bytes that it brings; look at it before `data`, which copies them.
+        size: Size of its data, bytes; check it before reading `data`, which copies them.
     """
 
     def __init__(self, query: Any) -> None:
@@ -73,45 +73,45 @@ class Question:
 
     @property
     def key(self) -> str:
-        """What is asked for, perhaps with wildcards."""
+        """The queried key, which may have wildcards."""
         return str(self._query.key_expr)
 
     @property
     def data(self) -> bytes:
-        """What the question says."""
+        """The data of the query."""
         return b"" if self._payload is None else bytes(self._payload.to_bytes())
 
     def answer(self, key: str, data: bytes, label: str = "") -> None:
-        """Answer once; a question that nobody waits for any more is let go."""
+        """Answer once; ignored if no one waits for the answer any more."""
         with contextlib.suppress(zenoh.ZError):
             self._query.reply(key, data, encoding=_encoding(label))
         self._query.drop()
 
     def refuse(self, reason: str) -> None:
-        """Say why there is no answer."""
+        """Answer with a refusal."""
         with contextlib.suppress(zenoh.ZError):
             self._query.reply_err(reason.encode())
         self._query.drop()
 
     def drop(self) -> None:
-        """Leave it to others."""
+        """Leave the query to others, without an answer."""
         self._query.drop()
 
 
 class Publisher:
-    """A stream that is declared in one session."""
+    """A stream declared in one session."""
 
     def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
 
     def put(self, data: bytes, label: str) -> None:
-        """Send a message. A link that is gone loses it, as the stream's quality allows."""
+        """Send a message. A broken link loses it, as the stream's quality of service allows."""
         with contextlib.suppress(zenoh.ZError):
             self._publisher.put(data, encoding=_encoding(label))
 
     @property
     def is_heard(self) -> bool:
-        """Somebody has subscribed to it."""
+        """Whether it has a subscriber."""
         try:
             return bool(self._publisher.matching_status.matching)
         except zenoh.ZError:
@@ -119,7 +119,7 @@ class Publisher:
 
 
 class Replies:
-    """Replies to a question as they come, until Zenoh says that there are no more, or the time is over for sure."""
+    """Answers to a query as they arrive, until Zenoh reports the end or the timeout plus OVERDUE has passed."""
 
     def __init__(self, timeout: float) -> None:
         self._limit = time.monotonic() + timeout + OVERDUE
@@ -127,7 +127,7 @@ class Replies:
         self.handler = zenoh.handlers.Callback(self._came.put, self.end, indirect=False)
 
     def end(self) -> None:
-        """There are no more."""
+        """Mark the end of the answers."""
         self._came.put(None)
 
     def __iter__(self) -> Iterator[Answer]:
@@ -142,10 +142,10 @@ class Replies:
 
 
 class Session:
-    """One session on a network, with all that is declared in it until it is closed.
+    """One session on a network, with its declarations, until it is closed.
 
     Args:
-        config: Zenoh's, as JSON.
+        config: Zenoh's configuration, as JSON.
 
     Raises:
         SessionError: It cannot be opened.
@@ -162,7 +162,7 @@ class Session:
             self._session.close()  # type: ignore[no-untyped-call]
 
     def neighbours(self) -> int:
-        """Processes this one is linked to."""
+        """Number of processes that this one is linked to."""
         try:
             info = self._session.info
             return len(list(info.peers_zid())) + len(list(info.routers_zid()))
@@ -170,19 +170,19 @@ class Session:
             return 0
 
     def clients(self) -> int:
-        """Clients that are linked to this router."""
+        """Number of clients that are linked to this router."""
         try:
             return sum(transport.whatami == zenoh.WhatAmI.CLIENT for transport in self._session.info.transports())
         except zenoh.ZError:
             return 0
 
     def tell(self, key: str) -> None:
-        """Send an empty message, once, that must arrive."""
+        """Send one empty message reliably."""
         with contextlib.suppress(zenoh.ZError):
             self._session.put(key, b"", congestion_control=zenoh.CongestionControl.BLOCK)
 
     def publisher(self, key: str, congestion: str, priority: str) -> Publisher:
-        """Declare a stream to publish to. Readers within the process are served by reference, not by this."""
+        """Declare a stream to publish to other processes; readers in this process receive it by reference instead."""
         return Publisher(
             self._session.declare_publisher(
                 key,
@@ -193,23 +193,23 @@ class Session:
         )
 
     def subscribe(self, key_expr: str, receive: Receive, most: int) -> None:
-        """Hear a stream, or several with `*`; a message of more bytes than `most` is not copied."""
+        """Subscribe to a stream, or to several with `*`; a message larger than `most` bytes is not copied."""
         single = "" if "*" in key_expr else key_expr
 
         def take(sample: Any) -> None:
             payload = sample.payload
             data = None if len(payload) > most else payload.to_bytes()
-            with contextlib.suppress(Exception):  # the callback of a whole session: nothing may escape into it
+            with contextlib.suppress(Exception):  # no exception may reach the session, which serves all streams
                 receive(single or str(sample.key_expr), data, str(sample.encoding).removeprefix(MEDIA))
 
         self._held.append(self._session.declare_subscriber(key_expr, zenoh.handlers.Callback(take, indirect=False)))
 
     def announce(self, key: str) -> None:
-        """Show others that something is alive."""
+        """Declare a liveliness token."""
         self._held.append(self._session.liveliness().declare_token(key))
 
     def watch(self, key_expr: str, change: Callable[[str, bool], None]) -> None:
-        """Be told who is alive, who comes and who goes."""
+        """Call `change` with each liveliness token that exists, appears or disappears."""
 
         def take(sample: Any) -> None:
             with contextlib.suppress(Exception):
@@ -219,7 +219,7 @@ class Session:
         self._held.append(self._session.liveliness().declare_subscriber(key_expr, handler, history=True))
 
     def serve(self, key: str, take: Callable[[Question], None]) -> None:
-        """Answer questions; `take` is called on the network's thread and must only pass them on."""
+        """Serve queries of a key. `take` is called on the network's thread and must only pass the query on."""
 
         def pass_on(query: Any) -> None:
             with contextlib.suppress(Exception):
@@ -229,7 +229,7 @@ class Session:
         self._held.append(self._session.declare_queryable(key, handler, complete=True))
 
     def alive(self, key_expr: str, timeout: float) -> Replies:
-        """Tokens that this session is shown, as answers."""
+        """Liveliness tokens that this session sees, as answers."""
         replies = Replies(timeout)
         try:
             self._session.liveliness().get(key_expr, replies.handler, timeout=timeout)
@@ -238,7 +238,7 @@ class Session:
         return replies
 
     def ask(self, key_expr: str, data: bytes, timeout: float) -> Replies:
-        """Answers of all who serve a key, for at most this many s."""
+        """Query a key: the answers of all that serve it, for at most `timeout`, s."""
         replies = Replies(timeout)
         try:
             self._session.get(
@@ -251,6 +251,6 @@ class Session:
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=zenoh.Priority.INTERACTIVE_HIGH,
             )
-        except zenoh.ZError:  # between two sessions nobody answers
+        except zenoh.ZError:  # the session is closed: no answers
             replies.end()
         return replies

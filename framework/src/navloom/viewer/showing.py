@@ -106,7 +106,7 @@ def showing(
         host, port = address_of(url)
         url = f"rerun+http://{host}:{port}/proxy"
         if not is_up(host, port, 2.0):
-            raise ViewerError(f"--viewer {url}: nobody listens there; start one with `rerun --bind 127.0.0.1`")
+            raise ViewerError(f"--viewer {url}: nothing listens there; start one with `rerun --bind 127.0.0.1`")
     elif where.opens:
         program = Program(where.web, options=where.options)
         url = program.url

@@ -240,8 +240,8 @@ class GridPlanner:
         if isinstance(answer, Closed):
             x, y = grid.centres(np.array([answer.nearest]))[0].tolist()
             gap = math.dist((x, y), ends[1])
-            return NoPath((x, y), f"closed: the nearest the start is connected with is {_at((x, y))}, {gap:.2f} m "
-                          f"from the goal {_at(ends[1])}")  # fmt: skip
+            reached = f"the nearest point to it that can be reached is {_at((x, y))}, {gap:.2f} m away"
+            return NoPath((x, y), f"no free path to the goal {_at(ends[1])}: {reached}")
         if wide is not None:
             traversable = wide | (traversable & _near(answer.cells, traversable.shape))
         _open_way(traversable, way)

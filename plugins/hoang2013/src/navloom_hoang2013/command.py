@@ -21,14 +21,16 @@ DEFAULT = Path("navloom-paper")
 def paper(
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help=f"Folder for the report; default: {DEFAULT}, neither is written over."),
+        typer.Option(metavar="DIR", help=f"Folder for the report; default: {DEFAULT}. It is never overwritten."),
     ] = None,
     seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of the noise; default: the config's.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
 ) -> None:
-    """Reproduce Hoang et al. 2013: Figures 6 to 11, every number beside the paper's, and what its errata change.
+    """Reproduce Hoang and others (2013): figures, numbers, errata.
 
-    Exit 0: the robot arrived at D both times, through gate B and without contact; 1: it did not.
+    Figures 6 to 11, every number beside the paper's, and what each of its errata changes.
+
+    Exit 0: with and without the unexpected obstacle, the robot arrived at D through gate B without contact; else 1.
     """
     from navloom.cli.output import print_json
     from navloom.report.plotting import need_matplotlib
@@ -51,7 +53,7 @@ def paper(
     else:
         _print(made.numbers)
         if not folder.failure:
-            typer.echo(f"kept in {folder.folder}: report.html, and each figure as PNG and SVG")
+            typer.echo(f"written to {folder.folder}: report.html, and each figure as PNG and SVG")
     if folder.failure:
         typer.echo(f"navloom: {folder.failure}", err=True)
     raise typer.Exit(0 if is_reproduced(made) and not folder.failure else 1)

@@ -27,9 +27,7 @@ from navloom_ros.wire import ROUTER
 
 __all__ = ["app"]
 
-app = typer.Typer(
-    name="ros", help="Look into a robot's ROS 2 network, over Zenoh and without ROS.", no_args_is_help=True
-)
+app = typer.Typer(name="ros", help="Work with a ROS 2 network over Zenoh, without ROS.", no_args_is_help=True)
 
 SHOWN = 12
 """Elements of a list that are shown where people read it."""
@@ -51,7 +49,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="JSON, for scripts.")]
 
 @app.command()
 def graph(router: Router = ROUTER, domain: Domain = 0, as_json: AsJson = False) -> None:
-    """Print the nodes, topics, services and actions of a robot's ROS network."""
+    """Print a ROS network's nodes, topics, services and actions."""
     with _refusals(), _joined(router, domain) as node:
         found = _as_dict(node.graph, node.wire.session)
     if as_json:
@@ -77,7 +75,10 @@ def echo(
     interfaces: Interfaces = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print the messages of a topic as they come, until Ctrl-C; of a latched one the last at once."""
+    """Print the messages of a topic as they arrive, until Ctrl-C.
+
+    The last message of a latched topic is printed at once.
+    """
     with _refusals():
         name = full_name(topic)
         with _joined(router, domain) as node:
@@ -99,7 +100,10 @@ def export(
     distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="Whose message definitions.")] = "jazzy",
     as_json: AsJson = False,
 ) -> None:
-    """Write a recording as MCAP with ROS messages, which Foxglove, PlotJuggler and rosbag2 open."""
+    """Export a recording as MCAP with ROS messages.
+
+    Foxglove, PlotJuggler and rosbag2 open the file.
+    """
     from navloom_ros.adapter import export as export_recording
 
     with _refusals():
@@ -129,10 +133,12 @@ def serve(
     robot: Annotated[str | None, typer.Option(metavar="REALM/NAME", help="Default: the only one that is up.")] = None,
     connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Robot on another host.")] = None,
     keys: Annotated[str | None, typer.Option(metavar="DIR", help="Folder of certificates, see `navloom keys`.")] = None,
-    insecure: Annotated[bool, typer.Option("--insecure", help="Plain TCP to another host is wanted.")] = False,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Plain TCP to another host, in a closed test network only.")
+    ] = False,
     distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="ROS 2 of the network.")] = "jazzy",
 ) -> None:
-    """Show a live robot to ROS tools, and drive it to goals of theirs, until Ctrl-C.
+    """Show a live robot to ROS tools, until Ctrl-C.
 
     Whoever reaches the router of a ROS network may send it anything: goals are only taken with --take goals.
     """
@@ -176,7 +182,10 @@ def import_(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Import a ROS 1 or ROS 2 bag: laser scans, ranges, point clouds, odometry and mounts; ROS stamps are kept."""
+    """Import a ROS 1 or ROS 2 bag.
+
+    Laser scans, ranges, point clouds, odometry and mounts are imported, with their ROS stamps.
+    """
     from navloom_ros.adapter import import_from
 
     with _refusals():

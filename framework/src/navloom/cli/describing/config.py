@@ -18,7 +18,10 @@ app = App(help="Show, check and describe configs.", no_args_is_help=True)
 
 @app.command()
 def show(given: ConfigOptions, as_json: AsJson = False) -> None:
-    """Print every value that is in effect and its origin: default, file or --set."""
+    """Print every value in effect and its origin.
+
+    The origin is the default, the file or --set.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.engine.build import assemble
     from navloom.engine.holding import holding
@@ -54,7 +57,10 @@ def as_toml(value: Any) -> str:
 
 @app.command()
 def check(given: ConfigOptions, as_json: AsJson = False) -> None:
-    """Check that a config fits and can drive: plugins, parameters, world and wiring, without running it."""
+    """Check that a config can drive, without running it.
+
+    It checks plugins, parameters, world and wiring.
+    """
     from navloom.cli.output import print_json
     from navloom.engine.build import assemble
     from navloom.engine.checks import check_drive, check_task, is_real
@@ -86,7 +92,10 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
 
 @app.command()
 def schema() -> None:
-    """JSON schema of a config; a role's own parameters are those of `navloom plugins ROLE.NAME`."""
+    """Print the JSON schema of a config.
+
+    `navloom plugins ROLE.NAME` prints a plugin's own parameters.
+    """
     from navloom.cli.output import print_json
     from navloom.config import Config
 

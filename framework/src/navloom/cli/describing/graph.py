@@ -23,7 +23,10 @@ def graph(
     *,
     robot: RobotOptions,
 ) -> None:
-    """Print the nodes in the order they step and what each reads; ~ marks what is read of the previous tick."""
+    """Print the nodes in the order they step, and their inputs.
+
+    A ~ marks an input from the previous tick.
+    """
     from navloom.config import ConfigError
 
     if config is None:
@@ -70,7 +73,7 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
     else:
         for spec in system.specs:
             typer.echo(f"{spec.role} ({', '.join(names[spec.role])})")
-            typer.echo(f"  reads {', '.join(map(str, spec.inputs)) or 'nothing'}")
+            typer.echo(f"  reads {', '.join(dict.fromkeys(map(str, spec.inputs))) or 'nothing'}")
             typer.echo(f"  publishes {', '.join(f'{port.name} ({_carried(port)})' for port in spec.ports)}")
 
 

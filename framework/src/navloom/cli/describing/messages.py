@@ -1,4 +1,4 @@
-"""`navloom messages`: what flows, of the framework and of every distribution, and the fields of one."""
+"""`navloom messages`: messages of the framework and of every distribution, and the fields of one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["messages"]
 
 _UNIT = r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/s|1/m|kg|N|V|A|W|%)(?=[,;. ]|$)"
-"""A unit in the text of a field: at its begin, or after a comma."""
+"""A unit in the text of a field: at its start, or after a comma."""
 
 _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
 """Units that a name may end in."""
@@ -27,7 +27,10 @@ def messages(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show the fields of this one.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List every message with its version and distribution, or the fields of one. Of one name, all are shown."""
+    """List every message, or show the fields of one.
+
+    The list has versions and distributions. If several messages have the name, all are shown.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest

@@ -25,11 +25,13 @@ def plugins(
     ] = None,
     plugin: PluginFiles = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="With `new`: folder that gets the new one; default: this one.")
+        Path | None, typer.Option(metavar="DIR", help="With `new`: parent folder of the new one; default: this one.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the installed plugins without importing them, show the parameters of one, or start a new one.
+    """List plugins, show one's parameters, or generate a new one.
+
+    The list imports no plugin.
 
     `navloom plugins new KIND NAME` writes a distribution with one plugin that works: its package, tests, README and
     CI. KIND is a role, node, metric, panel, world, scheme or message.

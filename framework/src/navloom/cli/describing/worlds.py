@@ -10,7 +10,7 @@ __all__ = ["worlds"]
 
 
 def worlds(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """List the named worlds and the schemes that read worlds from files."""
+    """List the named worlds and the schemes for world files."""
     from navloom.cli.output import print_json
     from navloom.plugins.discovery import Discovery
 

@@ -18,7 +18,10 @@ def doctor(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Find what is wrong with a live robot, or with the way to it, and say what to do. Exit 0: no problem."""
+    """Find problems of a live robot or its network, with remedies.
+
+    Exit 0: no problem.
+    """
     from dataclasses import asdict
 
     from navloom.cli.output import print_json

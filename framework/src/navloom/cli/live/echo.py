@@ -28,7 +28,10 @@ def echo(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Print the messages of a stream as they come, until Ctrl-C; of a map, a path and the like the last one at once."""
+    """Print the messages of a stream as they arrive, until Ctrl-C.
+
+    The last map, path and the like is printed at once.
+    """
     from navloom.cli.output import json_line
     from navloom.operating.looking import envelope_fields, message_fields
 

@@ -13,7 +13,7 @@ from navloom.cli.options import AsJson, ConfigName, Insecure
 
 __all__ = ["app"]
 
-app = App(help="Hand a robot over to a service manager, or to containers.", no_args_is_help=True)
+app = App(help="Write systemd units or a compose file for a robot.", no_args_is_help=True)
 
 
 @app.callback()
@@ -28,11 +28,14 @@ def systemd(
         str | None, typer.Option(metavar="NAME", help="Units of this host's share of [live.hosts].")
     ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the units; default: the current one.")] = Path(),
-    user: Annotated[str | None, typer.Option(metavar="NAME", help="Who runs them; default: you.")] = None,
+    user: Annotated[str | None, typer.Option(metavar="NAME", help="User that runs the units; default: you.")] = None,
     insecure: Insecure = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a systemd unit for each process of a robot, with watchdog and restart, and a target for them all."""
+    """Write a systemd unit for each process of a robot.
+
+    The units have watchdog and restart; a target starts them all.
+    """
     import getpass
     import re
     import sysconfig
@@ -87,7 +90,10 @@ def compose(
     insecure: Insecure = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a compose file with a robot's router, the robot, a viewer and its metrics, and its container file."""
+    """Write a compose file and a container file for a robot.
+
+    The services are the router, the robot, a viewer and the metrics.
+    """
     from importlib.metadata import version
 
     from navloom.cli.output import print_json

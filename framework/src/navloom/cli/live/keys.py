@@ -12,14 +12,14 @@ from navloom.cli.options import AsJson
 
 __all__ = ["app"]
 
-app = App(help="Make, renew and revoke the certificates of a robot that spans hosts.", no_args_is_help=True)
+app = App(help="Make, renew and revoke the certificates of a robot.", no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of certificates.")]
 Hosts = Annotated[
     list[str] | None,
     typer.Option("--host", metavar="ADDR", help="Name or address others connect to; repeats. Default: this host."),
 ]
-Days = Annotated[int, typer.Option(metavar="N", min=1, max=36500, help="Days the certificates are good for.")]
+Days = Annotated[int, typer.Option(metavar="N", min=1, max=36500, help="Validity of the certificates, days.")]
 
 
 @app.command()
@@ -31,7 +31,10 @@ def new(
     days: Days = 825,
     as_json: AsJson = False,
 ) -> None:
-    """Make an authority, and certificates of the router, the nodes, an operator and a viewer."""
+    """Make an authority and the robot's first certificates.
+
+    They are for the router, the nodes, an operator and a viewer.
+    """
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
@@ -45,11 +48,11 @@ def new(
         entries = [{"name": one.name, "kind": one.kind, "common_name": common_name(one, realm, robot)} for one in made]
         print_json({"folder": str(folder), "hosts": list(order.hosts), "days": days, "identities": entries})
         return
-    typer.echo("Copy to each host, into a folder of its user alone (mode 700):")
+    typer.echo("Copy to each host, into a folder that only its user can enter (mode 700):")
     for one in made:
         files = f"ca.pem {one.name}.pem {one.name}-key.pem" + _LIST.get(one.kind, "")
         typer.echo(f"  {_FOR[one.kind]}: {files}")
-    typer.echo(f"ca-key.pem stays in {folder}, and nowhere else: who has it can let anybody in")
+    typer.echo(f"ca-key.pem stays in {folder} and nowhere else: anyone who has it can admit anyone")
 
 
 @app.command()
@@ -57,12 +60,15 @@ def add(
     folder: Folder,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of the certificate, as alice.")],
     kind: Annotated[str, typer.Option(metavar="KIND", help="nodes, operator, viewer or shadow.")],
-    instance: Annotated[str, typer.Option(metavar="ROLE.NAME", help="The one instance a shadow is.")] = "",
+    instance: Annotated[str, typer.Option(metavar="ROLE.NAME", help="Instance of a shadow, as avoider.forces.")] = "",
     host: Hosts = None,
     days: Days = 825,
     as_json: AsJson = False,
 ) -> None:
-    """Make one more certificate. A router takes it once it has the new identities.json; it need not be restarted."""
+    """Make one more certificate.
+
+    A router accepts it once it has the new identities.json, without a restart.
+    """
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
@@ -84,12 +90,15 @@ def renew(
     ] = None,
     host: Annotated[
         list[str] | None,
-        typer.Option("--host", metavar="ADDR", help="Where router and nodes are connected to; default: as before."),
+        typer.Option("--host", metavar="ADDR", help="Names or addresses of router and nodes; default: as before."),
     ] = None,
     days: Days = 825,
     as_json: AsJson = False,
 ) -> None:
-    """Make new certificates in place of those there are, under the same authority. A robot may drive meanwhile."""
+    """Replace certificates by new ones of the same authority.
+
+    The robot may drive meanwhile.
+    """
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
@@ -100,7 +109,7 @@ def renew(
         print_json({"folder": str(folder), "renewed": [one.name for one in made], "days": days})
         return
     typer.echo(f"renewed: {', '.join(one.name for one in made)}")
-    typer.echo("copy NAME.pem and NAME-key.pem to the hosts that have the old ones; processes that run there take them")
+    typer.echo("copy NAME.pem and NAME-key.pem to the hosts that have the old ones; running processes load them")
 
 
 @app.command()
@@ -113,7 +122,10 @@ def revoke(
     days: Days = 825,
     as_json: AsJson = False,
 ) -> None:
-    """Lock a certificate out. Its owner can do nothing any more once the router has the new identities.json."""
+    """Revoke a certificate.
+
+    Its owner can do nothing any more once the router has the new identities.json.
+    """
     from datetime import UTC, datetime
 
     from navloom.cli.output import print_json
@@ -130,8 +142,8 @@ def revoke(
 _FOR = {
     "router": "the router",
     "nodes": "processes of the robot",
-    "operator": "who drives, sets goals and swaps",
-    "viewer": "who looks on",
+    "operator": "people and programs that drive, set goals and swap",
+    "viewer": "people and programs that only watch",
 }
 _LIST = {"router": " identities.json"}
-_COPY_LIST = "copy identities.json to the router's host; a router that runs there takes it"
+_COPY_LIST = "copy identities.json to the router's host; a running router loads it"

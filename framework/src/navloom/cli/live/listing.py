@@ -21,7 +21,10 @@ def list_nodes(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Print every node of a live robot with its process, host and state, and those that are missing."""
+    """Print every node of a live robot with its state.
+
+    Also its process and host, and the nodes that are missing.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.operating.client import ClientError
     from navloom.operating.looking import listing, missing

@@ -70,7 +70,9 @@ class StatusTable:
         if self._run.judges:
             print_summary(episode, episode.summary())
         else:
-            self.say(f"{episode.result.outcome}: {episode.result.reason}; by the robot's word: no ground truth here")
+            self.say(
+                f"{episode.result.outcome}: {episode.result.reason}; by the robot's own report, without ground truth"
+            )
 
     def _tell_changes(self) -> None:
         feedback = self._run.feedback

@@ -13,14 +13,17 @@ __all__ = ["metrics"]
 
 def metrics(
     bind: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen at; others than loopback can be read by anybody.")
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; beyond loopback, anyone can read it.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="TCP port; 0 for a free one.")] = 9464,
     once: Annotated[bool, typer.Option("--once", help="Print the metrics once, and serve nothing.")] = False,
     *,
     robot: RobotOptions,
 ) -> None:
-    """Serve rates, ages, stops by reason, deadlines and processor time of a live robot at /metrics, until Ctrl-C."""
+    """Serve a live robot's metrics to Prometheus, until Ctrl-C.
+
+    Rates, ages, stops by reason, deadlines and processor time, at /metrics.
+    """
     import contextlib
 
     from navloom.operating.metrics_server import MetricsServer

@@ -24,10 +24,14 @@ def node(
     keys: Keys = None,
     insecure: Insecure = False,
     here: Annotated[
-        bool, typer.Option("--here", help="All processes that the config has on this one's host run here, as units do.")
+        bool,
+        typer.Option("--here", help="This host runs all processes that the config assigns to it."),
     ] = False,
 ) -> None:
-    """Run chosen nodes of a robot here, until Ctrl-C. On one host they find each other, from elsewhere by a router."""
+    """Run chosen nodes of a robot here, until Ctrl-C.
+
+    On one host nodes find each other; nodes of several hosts need a router.
+    """
     from navloom.cli.interrupts import ending
     from navloom.engine.build import assemble
     from navloom.hosting.by_hand import share_by_hand
@@ -52,12 +56,12 @@ def node(
 
 
 def router(
-    listen: Annotated[str, typer.Argument(metavar="ENDPOINT", help="Where it listens, as tls/10.0.0.1:7447.")],
+    listen: Annotated[str, typer.Argument(metavar="ENDPOINT", help="Endpoint to listen on, as tls/10.0.0.1:7447.")],
     robot: Annotated[str, typer.Option(metavar="REALM/NAME", help="Whose keys its access rules protect.")] = "lab/r1",
     keys: Keys = None,
     insecure: Insecure = False,
 ) -> None:
-    """Run a robot's router, until Ctrl-C: hosts that are not linked directly reach each other through it."""
+    """Run the router that links a robot's hosts, until Ctrl-C."""
     from pathlib import Path
 
     from navloom.cli.interrupts import ending

@@ -23,18 +23,23 @@ def goal(
     x: Annotated[float, typer.Argument(metavar="X", help="m, map frame.", callback=a_number)],
     y: Annotated[float, typer.Argument(metavar="Y", help="m, map frame.", callback=a_number)],
     heading: Annotated[
-        float | None, typer.Argument(metavar="[HEADING]", help="Degrees to end with; default: any.", callback=a_number)
+        float | None,
+        typer.Argument(metavar="[HEADING]", help="Heading at the goal, deg; default: any.", callback=a_number),
     ] = None,
     via: Annotated[list[str] | None, typer.Option(metavar="X,Y", help="Point to pass on the way; repeats.")] = None,
     timeout: Annotated[
-        float | None, typer.Option(metavar="S", help="Give up waiting after s; it drives on.", callback=seconds)
+        float | None,
+        typer.Option(metavar="S", help="End the command after this time, s; the robot continues.", callback=seconds),
     ] = None,
-    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return when it is accepted.")] = False,
+    no_wait: Annotated[bool, typer.Option("--no-wait", help="Return once the goal is accepted.")] = False,
     *,
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Send a live robot to a place and follow it there. Exit 0: the goal was reached."""
+    """Send a live robot to a goal and show its progress.
+
+    Exit 0: the goal was reached.
+    """
     from navloom.cli.live.live_line import LiveLine, goal_line
     from navloom.cli.output import print_json
     from navloom.operating.client import ClientError, Refused
@@ -67,7 +72,7 @@ def goal(
 
 
 def cancel(robot: RobotOptions) -> None:
-    """End the goal that a live robot is at."""
+    """Cancel the goal of a live robot."""
     with robot.navigator() as navigator:
         there_was_one = navigator.cancel()
     typer.echo("cancelled" if there_was_one else "no goal to cancel")
@@ -81,21 +86,24 @@ def stop(robot: RobotOptions) -> None:
 
 
 def resume(robot: RobotOptions) -> None:
-    """Let a live robot drive again after a stop, a contact or teleop."""
+    """Let a robot drive again after a stop, a contact or teleop."""
     with robot.navigator() as navigator:
         navigator.resume()
     typer.echo("resumed")
 
 
 def swap(
-    role: Annotated[str, typer.Argument(metavar="ROLE", help="As avoider.")],
+    role: Annotated[str, typer.Argument(metavar="ROLE", help="Role, as avoider.")],
     instance: Annotated[str, typer.Argument(metavar="NAME", help="Instance of the config that becomes active.")],
-    timeout: Annotated[float, typer.Option(metavar="S", help="s it may take to warm up.", callback=seconds)] = 10.0,
+    timeout: Annotated[float, typer.Option(metavar="S", help="Longest time to warm up, s.", callback=seconds)] = 10.0,
     *,
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Make another instance of a role active, in the middle of a drive, as soon as it has warmed up."""
+    """Make another instance of a role active, also during a drive.
+
+    The swap takes effect as soon as the instance has warmed up.
+    """
     from navloom.cli.output import print_json
 
     with robot.navigator() as navigator:
@@ -117,7 +125,7 @@ def get_params(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Print an instance's parameters as they are now."""
+    """Print the current parameters of an instance."""
     with robot.navigator() as navigator:
         _print_params(navigator.get_parameters(*_target(navigator, target)), as_json)
 
@@ -130,7 +138,10 @@ def set_params(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Change an instance's parameters between two ticks: all of them, or none where one does not fit."""
+    """Change parameters of an instance between two ticks.
+
+    Either all of them change, or none if one is invalid.
+    """
     from navloom.config.loader import parse_override
     from navloom.engine.events import assignments
 

@@ -15,7 +15,10 @@ def status(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Print what a live robot is doing: its goal, who drives, why it is stopped and what lets it drive again."""
+    """Print what a live robot is doing, or why it is stopped.
+
+    Its goal, the node that drives, and what lets a stopped robot drive again.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.operating.client import ClientError
     from navloom.operating.looking import changed_parameters, last_words, listing

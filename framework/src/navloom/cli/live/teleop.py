@@ -40,7 +40,9 @@ def teleop(
     *,
     robot: RobotOptions,
 ) -> None:
-    """Drive a live robot: w s a d, q and e in curves, space stops, x leaves it to itself. The gate limits and watches.
+    """Drive a live robot by hand, within the limits of the gate.
+
+    Keys: w s a d; q and e drive curves; space stops; x ends.
 
     While teleop runs, nothing else drives. If it dies or its link breaks, the robot stops until `navloom resume`.
     The gate keeps it out of space that no sensor has seen, unless --into-unseen is given; `navloom status` says so.

@@ -29,7 +29,7 @@ def up(
     *,
     host: Annotated[str | None, typer.Option(metavar="NAME", help="Start this host's share of [live.hosts].")] = None,
     barrier: Annotated[
-        bool, typer.Option("--barrier", help="Simulated time over the wire: the trace of `navloom run`.")
+        bool, typer.Option("--barrier", help="Simulate time: the trace is that of `navloom run`.")
     ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="With --barrier: folder for result.json, trace.bin and run.png.")
@@ -40,7 +40,10 @@ def up(
         bool, typer.Option("--json", help="End with the last goal, and print the result as JSON.")
     ] = False,
 ) -> None:
-    """Bring a robot up live: every process, supervised, until Ctrl-C or `navloom down`. Drives the config's goal."""
+    """Start a live robot and drive it to the config's goal.
+
+    All its processes run supervised until Ctrl-C or `navloom down`.
+    """
     from navloom.cli.output import print_json
     from navloom.config import ConfigError
 
@@ -70,7 +73,10 @@ def down(
     robot: RobotName = None,
     every: Annotated[bool, typer.Option("--all", help="Every robot of this user on this host.")] = False,
 ) -> None:
-    """Shut down a robot on this host: it stops, then its processes end in order. Ends orphaned processes too."""
+    """Shut down a robot on this host.
+
+    The robot stops, then its processes end in order. Orphaned processes end too.
+    """
     from navloom.hosting.directory import DirectoryError, robots
     from navloom.operating.joining import find_robot
 

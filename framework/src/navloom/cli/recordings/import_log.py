@@ -25,15 +25,20 @@ def import_log(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A CARMEN log, or one in gzip.")],
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
     poses: Annotated[
-        Poses, typer.Option("--poses", help="The wheels' odometry, or the poses that a corrected log has for it.")
+        Poses, typer.Option("--poses", help="Raw odometry of the wheels, or the log's corrected poses.")
     ] = Poses.odometry,
     period: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Time between scans, where the log's are of no use.", callback=seconds),
+        typer.Option(metavar="S", help="Time between scans, s, if the log's stamps are unusable.", callback=seconds),
     ] = None,
     range_max: Annotated[
         float | None,
-        typer.Option(metavar="M", min=0.1, help="No echo from here on; else the log's limit.", callback=a_number),
+        typer.Option(
+            metavar="M",
+            min=0.1,
+            help="Readings from this range on are no echo, m; default: the log's limit.",
+            callback=a_number,
+        ),
     ] = None,
     mount: Annotated[
         list[str] | None,
@@ -47,7 +52,10 @@ def import_log(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Import a CARMEN log: laser scans and odometry, raw also where the log's poses are corrected."""
+    """Import a CARMEN log with laser scans and odometry.
+
+    If the log's poses are corrected, the raw odometry is recovered.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.recording.carmen_import import import_carmen
     from navloom.recording.imported import mount_option, start_option

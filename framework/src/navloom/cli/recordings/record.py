@@ -32,7 +32,10 @@ def record(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Record every message of a live robot into one MCAP file, until Ctrl-C. Only reads, and never slows the robot."""
+    """Record a live robot into one MCAP file, until Ctrl-C.
+
+    It records every message, only reads, and never slows the robot.
+    """
     from navloom.cli.interrupts import ending
     from navloom.recording.live_recorder import LiveRecorder, ask_header
     from navloom.recording.worldfiles import world_files

@@ -48,12 +48,10 @@ def replay(
         str | None,
         typer.Option(metavar="X,Y,HEADING_DEG", help="Imported log: where the robot is at first, in the map."),
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="Exit 1 where an output is not the recorded one.")] = False,
-    live: Annotated[
-        bool, typer.Option("--live", help="Publish it again, in realm replay, for tools that look.")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", help="Exit 1 if an output differs from the recorded one.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Publish the recording as a robot in realm replay.")] = False,
     speed: Annotated[
-        float, typer.Option(metavar="X", min=0.01, help="With --live: times as fast.", callback=a_number)
+        float, typer.Option(metavar="X", min=0.01, help="With --live: speed factor.", callback=a_number)
     ] = 1.0,
     only: Annotated[
         str | None, typer.Option(metavar="ROLE[.NAME]", help="Step this node alone.", rich_help_panel=DEBUGGING)
@@ -72,7 +70,10 @@ def replay(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Replay a recording: step each node on what it was given and compare, or try another plugin on the same inputs."""
+    """Replay a recording, or try another plugin on its inputs.
+
+    Each node steps on its recorded inputs, and its outputs are compared with the recorded ones.
+    """
     from tempfile import TemporaryDirectory
 
     from navloom.cli.recordings.import_log import replay_imported

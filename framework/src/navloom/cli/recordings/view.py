@@ -37,7 +37,10 @@ def view(
     robot: RobotOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Show a live robot until Ctrl-C, or a recording. Only looks: no state of the viewer can slow the robot."""
+    """Show a live robot until Ctrl-C, or a recording.
+
+    The viewer only reads: it cannot slow the robot, whatever happens to it.
+    """
     from navloom.viewer.extra import ViewerError
 
     if file is not None and not file.is_file():

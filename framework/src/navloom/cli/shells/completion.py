@@ -12,7 +12,9 @@ __all__ = ["completion"]
 def completion(
     context: typer.Context, shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]
 ) -> None:
-    """Print a script that lets a shell complete commands, options, configs, plugins, worlds and robots.
+    """Print a completion script for bash, zsh or fish.
+
+    It completes commands, options, configs, plugins, worlds and robots.
 
     Save it where the shell looks for it: bash, ~/.local/share/bash-completion/completions/navloom; zsh, a file _navloom
     in a folder of $fpath; fish, ~/.config/fish/completions/navloom.fish. Save it again after an upgrade.

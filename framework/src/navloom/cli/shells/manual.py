@@ -28,7 +28,10 @@ ENVIRONMENT = (
 
 
 def man(context: typer.Context) -> None:
-    """Print the manual page: save it as navloom.1 in a man1 folder, as ~/.local/share/man/man1, for `man navloom`."""
+    """Print the manual page.
+
+    For `man navloom`, save it as navloom.1 in a man1 folder, such as ~/.local/share/man/man1.
+    """
     from navloom.cli.shells.tree import commands
     from navloom.installed import framework_version
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,30 +15,43 @@ if TYPE_CHECKING:
 
 __all__ = ["check"]
 
+COUNTED = (
+    ("passed", "checks passed"),
+    ("failed", "failed"),
+    ("shown", "measured but not claimed"),
+    ("not_run", "not run"),
+)
+"""Outcomes of checks in the last line of a report, in its order."""
+
 
 def check(
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="As avoider.vff; or metric.…, node.…")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Like avoider.vff, metric.…, node.…")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
     ] = None,
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="CHECK", help="Run this check alone; repeats.")
+        list[str] | None, typer.Option("--only", metavar="CHECK", help="Run only this check; repeats.")
     ] = None,
-    tier: Annotated[list[str] | None, typer.Option(metavar="TIER", help="Run this tier alone; repeats.")] = None,
+    tier: Annotated[list[str] | None, typer.Option(metavar="TIER", help="Run only this tier; repeats.")] = None,
     plugin: PluginFiles = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random in the checks.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers in the checks.")] = 0,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write pictures into this folder.")] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="List the checks, or those of ROLE.NAME, and run none.")
     ] = False,
     hardware: Annotated[
         str | None,
-        typer.Option(metavar="CONFIG", help="Try this config's real platform with its hardware; nothing moves."),
+        typer.Option(metavar="CONFIG", help="Check the real platform of this config with its hardware; nothing moves."),
     ] = None,
-    drive: Annotated[bool, typer.Option("--drive", help="With --hardware: drive a short way, turn and stop.")] = False,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="With --hardware: drive a short distance, turn and stop.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check one plugin in a process of its own. Exit 0: it passes; 1: a check found a fault."""
+    """Check one plugin in a separate process.
+
+    Exit 0: no check failed; 1: a check failed.
+    """
     from navloom.cli.output import progress_line, say_so
     from navloom.config import ConfigError
     from navloom.testing.runner import check_plugin
@@ -86,11 +100,11 @@ def _end(report: Report, as_json: bool) -> None:
 
 
 def _print(report: Report) -> None:
-    """A line for each check, and what is wrong, what was expected and how to repeat it under those that failed."""
-    words = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
+    """A line for each check; for failed ones also the finding, what was expected, and how to repeat it."""
+    marks = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
     for result in report.results:
-        typer.echo(f"{words[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
+        typer.echo(f"{marks[result.outcome]:8}{result.check:{wide}}  {result.reason}".rstrip())
         for line in report.sentences(result):
             typer.echo(f"        {line}")
         for shown in result.shown:
@@ -99,9 +113,10 @@ def _print(report: Report) -> None:
             typer.echo(f"        picture: {picture}")
         if result.findings:
             typer.echo(f"        repeat:  {report.command(result)}")
-    passed = sum(result.outcome == "passed" for result in report.results)
+    counts = Counter[str](result.outcome for result in report.results)
+    said = [f"{counts[one]} {words}" for one, words in COUNTED if counts[one] or one == "failed"]
     owner = f" ({report.owner})" if report.owner else ""
-    typer.echo(f"{report.plugin}{owner}: {passed} of {len(report.results)} checks passed, {len(report.failed)} failed")
+    typer.echo(f"{report.plugin}{owner}: {', '.join(said)}")
 
 
 def _list(name: str | None, tiers: tuple[str, ...] | list[str], as_json: bool) -> None:

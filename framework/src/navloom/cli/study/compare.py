@@ -63,24 +63,26 @@ def compare(
         list[str] | None, typer.Option("--set", metavar="A.B=V", help="Change one value for all methods; repeats.")
     ] = None,
     plugin: PluginFiles = None,
-    jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Processes; default: one a core.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Worker processes; default: one per core.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDR", help="Run on a Dask cluster, as tcp://10.0.0.5:8786.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder to keep the study in, and to go on from.")
+        Path | None, typer.Option(metavar="DIR", help="Folder of the study; an interrupted study continues.")
     ] = None,
     baseline: Annotated[
         str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
     ] = "",
     open_loop: Annotated[
         bool,
-        typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once a world and seed."),
+        typer.Option("--open-loop", help="Also drive the baseline with the others in shadow, once per world and seed."),
     ] = False,
     twice: Annotated[
         bool,
         typer.Option(
-            "--twice", help="Also run the first episode of each method twice; exit 1 where the second run differs."
+            "--twice", help="Also run the first episode of each method twice; exit 1 if the second run differs."
         ),
     ] = False,
     hang_after: Annotated[
@@ -94,8 +96,8 @@ def compare(
 ) -> None:
     """Run methods over worlds and seeds in closed loop. The same command continues an interrupted study.
 
-    With --view, --web, --viewer or --rerun the methods drive side by side in one picture instead, in the first world
-    with the first seed: to look at, no study. Exit 0: every episode ended, whatever its outcome; 1: interrupted, or
+    With --view, --web, --viewer or --rerun there is no study: the methods drive side by side in the viewer, in the
+    first world with the first seed. Exit 0: every episode ended, whatever its outcome; 1: interrupted, or
     --twice found a difference; 2: the request was wrong.
     """
     from navloom.cli.output import print_json
@@ -173,7 +175,7 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
         lines = [
             (name, ends[name].outcome, *(one[key] for key in keys), ends[name].reason) for name, one in found.items()
         ]
-        print_table(("method", "outcome", "time, s", "driven, m", "least clearance, m", "reason"), lines)
+        print_table(("method", "outcome", "time, s", "driven, m", "minimum clearance, m", "reason"), lines)
 
     counts = drive_side_by_side(methods, where, title, log_of("viewer").info, tell)
     if where.file is not None and counts.file_failure:
@@ -227,15 +229,15 @@ def _print(result: StudyResult, out: Path | None) -> None:
     worlds, seeds = len(study.worlds), len(study.seeds)
     typer.echo(
         f"{len(study.methods)} methods x {worlds} worlds x {seeds} seeds: {len(result.rows)} episodes, "
-        f"{result.before} of them from before, in {result.wall:.1f} s; means over episodes"
+        f"{result.before} of them from an earlier run, in {result.wall:.1f} s; means over episodes"
     )
     print_table(("method", "episodes", *shown, "outcomes"), lines)
     for line in _truths(result):
         typer.echo(line)
     if out is None:
-        typer.echo("not kept: --out DIR keeps the table, and lets the same command go on")
+        typer.echo("not saved: with --out DIR, compare writes the table, and the same command continues the study")
     else:
-        typer.echo(f"kept in {out}: {', '.join(result.files)}")
+        typer.echo(f"written to {out}: {', '.join(result.files)}")
 
 
 def _mean(found: Mapping[str, Any], metric: str) -> Any:
@@ -258,7 +260,7 @@ def _truths(result: StudyResult) -> Iterator[str]:
                 "and the ground truth says that it had not; counted as failures"
             )
         if untold:
-            yield f"{method.name}: {untold} of {len(rows)} successes are the robot's word: there is no ground truth"
+            yield f"{method.name}: {untold} of {len(rows)} successes are the robot's own report, without ground truth"
 
 
 @contextmanager

@@ -22,18 +22,21 @@ def map_recording(
     ] = None,
     pitch_offset: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="Added to the pitches; default: read off the floor.", callback=a_number),
+        typer.Option(metavar="DEG", help="Added to the pitches; default: estimated from the floor.", callback=a_number),
     ] = None,
     height: Annotated[
         float | None,
         typer.Option(
-            metavar="M", help="Of the sensor above the floor; default: read off the floor.", callback=a_number
+            metavar="M", help="Of the sensor above the floor; default: estimated from the floor.", callback=a_number
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for map.png, map.yaml, result.json.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Map one recorded sweep of a pitched laser; without --out nothing is written."""
+    """Map one recorded sweep of a pitched laser.
+
+    Without --out nothing is written.
+    """
     from navloom.cli.output import print_json, print_table
     from navloom.cli.written import tell_out
     from navloom.report.results import MAP, OutFolder

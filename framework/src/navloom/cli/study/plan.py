@@ -30,7 +30,10 @@ def plan(
     ] = 0.05,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Plan one path on one map. Exit 0: there is one; 1: there is none, and the message says how far the search got."""
+    """Plan one path on one map.
+
+    Exit 0: a path was found; 1: there is none, and the message says how far the search got.
+    """
     from navloom.cli.output import print_json
     from navloom.study.planning import plan_once
 

@@ -19,7 +19,10 @@ def report(
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the names of the files as one JSON object.")] = False,
 ) -> None:
-    """Make the report of a study: report.html, report.md, summary.csv and differences.csv in its folder."""
+    """Write the report of a study into its folder.
+
+    The files are report.html, report.md, summary.csv and differences.csv.
+    """
     from navloom.cli.output import print_json
     from navloom.report.report import FILES, PLOTS_MISSING, write_report
     from navloom.report.results import failure_of

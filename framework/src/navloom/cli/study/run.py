@@ -40,7 +40,10 @@ def run(
     view: ViewOptions,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
-    """Run a config in lockstep: simulated time, one process, repeatable bit for bit. Exit 0: the goal was reached."""
+    """Run a config in simulated time, in one process (lockstep).
+
+    Repeatable bit for bit. Exit 0: the goal was reached.
+    """
     from navloom.cli.written import Written, record_of, rerun_of
     from navloom.plugins import Discovery
     from navloom.plugins.observing import Onlookers

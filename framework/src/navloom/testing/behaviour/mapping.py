@@ -115,8 +115,8 @@ def _localized(make: Maker, scene: Scene, drift: bool, limit: float) -> Measured
         said += f", where odometry alone is {float(np.hypot(*(alone - poses[:, :2]).T).max()):.3f} m off"
     v_off, w_off = np.median(np.abs(twists), axis=0).tolist()
     if v_off > SPEED_OFF or w_off > TURN_OFF:
-        told = f"gave a twist that is {v_off:.2f} m/s and {w_off:.2f} rad/s off that of the odometry"
-        return Measured(False, told, v_off, lines)
+        said = f"gave a twist that is {v_off:.2f} m/s and {w_off:.2f} rad/s off that of the odometry"
+        return Measured(False, said, v_off, lines)
     return Measured(worst <= limit and most <= TURNED, said, worst, lines)
 
 

@@ -55,6 +55,12 @@ def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
     return answer
 
 
+def _asked(make: Maker, scene: Scene) -> Path | PlanFailure:
+    """The same with all of the scene turned by the heading of its map: the raster lies askew to the axes."""
+    turned = Place(0.0, 0.0, scene.map_heading)
+    return ask(make, scene.moved(turned), grid_of(scene, turned))
+
+
 def _flipped(grid: OccupancyGrid) -> OccupancyGrid:
     """The map of the mirrored scene, of a raster that is not turned."""
     low = -(grid.origin.y + grid.cells.shape[0] * CELL)
@@ -140,7 +146,7 @@ def _lines(answer: Path | PlanFailure) -> tuple[Line, ...]:
 
 
 def reaches(make: Maker, scene: Scene) -> Measured:
-    answer = ask(make, scene, grid_of(scene))
+    answer = _asked(make, scene)
     if _roomy(scene) is not None:
         said = f"{_told(answer)} where the robot has room for one"
         return Measured(isinstance(answer, Path), said, 0.0, _lines(answer))
@@ -153,8 +159,7 @@ def reaches(make: Maker, scene: Scene) -> Measured:
 
 def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
     """Least distance of a path's points from the middle of an occupied cell, less what is demanded of it."""
-    turned = Place(0.0, 0.0, scene.map_heading)
-    answer = ask(make, scene.moved(turned), grid_of(scene, turned))
+    answer = _asked(make, scene)
     if isinstance(answer, PlanFailure):
         return Measured(True, _told(answer), 0.0)
     points = transform(np.array([0.0, 0.0, -scene.map_heading]), answer.points)

@@ -109,7 +109,7 @@ def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[t
 def _shown(behaviour: Behaviour, bench: Bench, failed: Sequence[tuple[int, Scene, Measured]]) -> Shown:
     """What a plugin does that it does not claim."""
     held = behaviour.scenes - len(failed)
-    text = f"expected {behaviour.demand}: so in {held} of {behaviour.scenes} scenes"
+    text = f"expected {behaviour.demand}; held in {held} of {behaviour.scenes} scenes"
     why = dict(bench.subject.thing.disclaims).get(behaviour.claim)
     text = f"{text}; not claimed{f': {why}' if why else ''}"
     picture = ""

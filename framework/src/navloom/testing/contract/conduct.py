@@ -57,8 +57,9 @@ NATIVE_GROWTH = 8192.0
 def step_time(bench: Bench) -> Iterator[Finding]:
     """The 99th percentile of the steps but the first, each at its fastest of several plays; and the first."""
     limit = PATIENT if _is_patient(bench) else PERIOD
+    scenes = bench.sound()
     first = bench.first_step
-    for scene in bench.sound():
+    for scene in scenes:
         begin, worst = _slowest(bench, scene, PLAYS)
         first = max(first, begin)
         if worst > limit:
@@ -231,11 +232,19 @@ def _left_open(bench: Bench) -> list[str]:
     bench.play(scene)
     gc.collect()
     with alike():
-        before = set(os.listdir("/proc/self/fd"))
+        before = _open_files()
         player = bench.player(scene)
         player.play(scene.inputs)
-        opened = [Path("/proc/self/fd", one) for one in os.listdir("/proc/self/fd") if one not in before]
-        return [str(one.readlink()) for one in opened if one.exists()]
+        return [path for number, path in _open_files().items() if before.get(number) != path]
+
+
+def _open_files() -> dict[str, str]:
+    """Files of this process that are open, by number."""
+    found = {}
+    for number in os.listdir("/proc/self/fd"):
+        with suppress(OSError):  # the one that lists them is closed by now
+            found[number] = os.readlink(f"/proc/self/fd/{number}")
+    return found
 
 
 def _deeds(bench: Bench, kind: str) -> Iterator[Finding]:

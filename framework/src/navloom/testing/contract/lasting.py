@@ -24,6 +24,8 @@ LONG = 3.0
 """Time for which steps are played, s."""
 FEWEST, MOST = 240, 2000
 """Steps that are played; of a robot that is asked for each tick, 12 s to 100 s."""
+FEW = 3
+"""Scenes of a long drive."""
 SEAM = 5
 """Steps after a scene begins again, and the robot with it, that are not judged."""
 IN_A_ROW = 3
@@ -37,20 +39,22 @@ WORTH = 0.1
 @check("contract", PLAYED, "A long drive brings answers as its beginning does: none fails, is beyond the limits, or "
        "takes ever longer.")  # fmt: skip
 def goes_on(bench: Bench) -> Iterator[Finding]:
-    """A scene is played on and on, with fresh inputs and rising stamps."""
-    scenes = bench.sound()
-    scene = next((one for one in scenes[1:] if one.is_gentle), scenes[0])
+    """Scenes are played on and on, with fresh inputs and rising stamps."""
+    drive = _drive(bench.sound())
     spent: list[float] = []
     too_much = 0
     with alike():
         try:
-            player = bench.player(scene)
-            for step, given in enumerate(_on_and_on(scene)):
+            player = bench.player(drive[0][0])
+            for step in range(MOST):
+                lap, place = divmod(step, len(drive))
+                scene, number, later = drive[place]
+                given = restamped(scene.inputs[number], later + lap * len(drive) * PERIOD, lap * 1000)
                 before = thread_time()
                 answer = player.step(given)
                 spent.append(thread_time() - before)
-                is_judged = scene.is_gentle and step % len(scene.inputs) >= SEAM
-                over = beyond(answer.twist, scene.context.robot) if is_judged and _commands(bench) else None
+                is_judged = scene.is_gentle and number >= SEAM and bench.subject.kind in COMMANDING
+                over = beyond(answer.twist, scene.context.robot) if is_judged else None
                 too_much = too_much + 1 if over is not None else 0
                 if over is not None and too_much == IN_A_ROW:
                     yield Finding(*over, given=_at(scene, step), scene=scene.name)
@@ -61,34 +65,31 @@ def goes_on(bench: Bench) -> Iterator[Finding]:
             if not fault.is_refusal:
                 yield bench.finding(fault, _at(scene, len(spent)), scene.name)
             return
-    yield from _slowing(np.array(spent), scene)
+    yield from _slowing(np.array(spent), len(drive), drive[0][0])
 
 
-def _on_and_on(scene: Scene) -> Iterator[Any]:
-    """The inputs of a scene, again and again."""
-    for step in range(MOST):
-        lap, place = divmod(step, len(scene.inputs))
-        yield restamped(scene.inputs[place], lap * len(scene.inputs) * PERIOD, lap * 1000)
-
-
-def _commands(bench: Bench) -> bool:
-    return bench.subject.kind in COMMANDING
+def _drive(scenes: list[Scene]) -> list[tuple[Scene, int, float]]:
+    """One round of a long drive of one robot: of each step its scene, its number there, and how much later it is, s."""
+    robot = scenes[0].context.robot
+    gentle = [one for one in scenes if one.is_gentle and one.context.robot.max_linear == robot.max_linear]
+    found: list[tuple[Scene, int, float]] = []
+    for scene in gentle[-FEW:] or scenes[:1]:
+        later = len(found) * PERIOD
+        found += [(scene, number, later) for number in range(len(scene.inputs))]
+    return found
 
 
 def _at(scene: Scene, step: int) -> str:
-    return f"scene {scene.name!r} again and again, step {step}"
+    return f"step {step} of a long drive, in scene {scene.name!r}"
 
 
-def _slowing(spent: NDArray[np.float64], scene: Scene) -> Iterator[Finding]:
-    """What to say of steps that take longer and longer, s."""
-    laps = len(spent) // len(scene.inputs)
-    quarter = laps // 4 * len(scene.inputs)
-    if not quarter:
+def _slowing(spent: NDArray[np.float64], lap: int, scene: Scene) -> Iterator[Finding]:
+    """What to say of steps that take longer and longer, s; `lap` is how many are a round."""
+    laps = len(spent) // lap
+    if laps < 4:
         return
-    first, second, third, last = (
-        float(np.median(spent[k * quarter : (k + 1) * quarter].reshape(-1, len(scene.inputs)).min(axis=0)))
-        for k in range(4)
-    )
+    rounds = np.median(spent[: laps * lap].reshape(laps, lap), axis=1)
+    first, second, third, last = (float(part.min()) for part in np.array_split(rounds, 4))
     is_growing = second < third < last and last - third > 0.5 * (second - first)
     if is_growing and last > EVER_LONGER * first and last > WORTH * PERIOD:
         yield Finding(

@@ -9,8 +9,7 @@ Each seed is driven three times in one process, with compiled kernels and withou
 3. fed: stand-ins return the recorded answers in order. Less the cost of the stand-ins, this is the engine's share.
 
 All three must give the same trace. `--beside` runs each seed in this interpreter and in another in turn, for example in
-one with an older navloom. This file imports only navloom and the standard library, and works with the layout of
-navloom before and after `navloom.engine`.
+one with an older navloom. It works with the layout of navloom before and after `navloom.engine`.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ import gc
 import importlib
 import json
 import math
-import os
 import statistics
 import subprocess
 import sys
@@ -33,6 +31,7 @@ from pathlib import Path
 from time import process_time_ns
 from typing import Any
 
+from beside import arguments, clean_environment, in_turns, set_options
 from navloom.config import ConfigError, load_config
 from navloom.plugins import PluginError
 from navloom.roles import ROLES
@@ -84,10 +83,12 @@ class Share:
 
 
 LAYOUTS = (
+    ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.nodes.avoider",
+     "engine.nodes.reference"),
     ("engine.build", "engine.making", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
     ("engine.build", "engine.build", "engine.assembly", "engine.trace", "engine.role_nodes", "engine.reference"),
     ("runtime.build", "runtime.build", "runtime.executor", "runtime.trace", "dataflow.nodes", "dataflow.reference"),
-)
+)  # fmt: skip
 """Modules of this version and of older ones, in the order of the fields of `Layout`."""
 
 
@@ -109,7 +110,7 @@ class Layout:
             try:
                 return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
             except ModuleNotFoundError as error:
-                if error.name not in ("navloom.engine", "navloom.engine.making"):
+                if error.name not in ("navloom.engine", "navloom.engine.making", "navloom.engine.nodes"):
                     raise
         raise ModuleNotFoundError("no known layout of navloom")
 
@@ -274,25 +275,13 @@ def _clock_cost_ns() -> int:
 
 def in_other(python: str, config: str, seed: int, changes: list[str]) -> Share:
     """`measured` in a process of an interpreter. Raises ShareError with the last line of what it wrote."""
-    sets = [word for change in changes for word in ("--set", change)]
-    command = [python, str(Path(__file__).resolve()), config, *sets, "--seeds", f"{seed}:{seed + 1}", "--json"]
-    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(command, capture_output=True, text=True, env=clean, check=False)
+    asked = [config, *set_options(changes), "--seeds", f"{seed}:{seed + 1}", "--json"]
+    command = [python, str(Path(__file__).resolve()), *asked]
+    done = subprocess.run(command, capture_output=True, text=True, env=clean_environment(), check=False)
     if done.returncode:
         raise ShareError(f"{python}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
     found: dict[str, Any] = json.loads(done.stdout)["here"][0]
     return Share(**{name: found[name] for name in Share.__dataclass_fields__})
-
-
-def in_turns(given: argparse.Namespace, seeds: range) -> dict[str, list[Share]]:
-    """Each seed here and in the other interpreter; the first one changes from seed to seed."""
-    sides = {"here": sys.executable, "beside": given.beside}
-    found: dict[str, list[Share]] = {side: [] for side in sides}
-    for seed in seeds:
-        for side in sorted(sides, reverse=seed % 2 == 0):
-            found[side].append(in_other(sides[side], given.config, seed, given.set))
-            print(f"seed {seed} {side}: {found[side][-1].run_us:.0f} µs a tick", file=sys.stderr)
-    return found
 
 
 def summary(found: dict[str, list[Share]]) -> dict[str, Any]:
@@ -342,16 +331,17 @@ def seed_range(text: str) -> range:
 
 def main() -> None:
     """Measure what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("config", nargs="?", default="paper", help="path or shipped name (default paper)")
-    parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
+    parser = arguments(__doc__)
     parser.add_argument("--seeds", type=seed_range, default=range(1), metavar="A:B", help="A to B - 1 (default 0:1)")
-    parser.add_argument("--beside", metavar="PYTHON", help="another interpreter, with a navloom of its own")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     given = parser.parse_args()
     try:
         if given.beside:
-            found = in_turns(given, given.seeds)
+            found = in_turns(
+                given.beside,
+                given.seeds,
+                lambda python, seed: in_other(python, given.config, seed, given.set),
+                lambda one: f"seed {one.seed}, {one.run_us:.0f} µs a tick",
+            )
         else:
             found = {"here": [measured(given.config, seed, tuple(given.set)) for seed in given.seeds]}
     except (ConfigError, PluginError, ShareError) as error:

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from driven import config
 from navloom.operating.client import Client, ClientError
 from navloom.operating.joining import join
 
@@ -33,36 +34,12 @@ GOALS = ((0.0, 6.0), (0.0, 0.0))
 """There and back, map frame, m."""
 LOOK = 0.5
 """s between two looks at a robot."""
-CONFIG = """
-[run]
-period = {period}
-stop_after = 1e6
-
+BESIDE = """
 [robot]
 realm = "{realm}"
 
 [gate]
 stop_deadline = {deadline}
-
-[world]
-ref = "empty"
-
-[platform]
-plugin = "sensors_sim"
-
-[[sensor]]
-name = "laser"
-kind = "pitched_laser"
-geometry = "paper"
-
-[[sensor]]
-name = "sonars"
-kind = "sonar_ring"
-layout = "p3dx"
-
-[navigation]
-drive = false
-start = {{ x = 0.0, y = 0.0, heading_deg = 90.0 }}
 
 [live]
 {live}
@@ -99,12 +76,8 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
             realm, path = f"f{number}", folder / f"f{number}.toml"
             # A robot on no named host does not start the router: that is there already.
             own = [f'router = "{router}"', 'router_host = "other"', _hosts()] if router else []
-            path.write_text(
-                CONFIG.format(
-                    period=period, deadline=max(0.1, 2.0 * period), realm=realm, live="\n".join([*own, *live])
-                ),
-                "utf-8",
-            )
+            beside = BESIDE.format(realm=realm, deadline=max(0.1, 2.0 * period), live="\n".join([*own, *live]))
+            path.write_text(config("empty", period, 1e6) + beside, "utf-8")
             log = folder / f"f{number}.log"
             more = ["--host", "own"] if router else []
             robots.append(One(realm, _start(["up", str(path), *more], log), log))

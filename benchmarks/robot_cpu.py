@@ -6,13 +6,11 @@
 The robot drives to and fro between points in its first room; with `--standing` it has no goal. After it has settled,
 the CPU time and the context switches of each thread are read from /proc at both ends of the window. `--beside` measures
 this interpreter's navloom and another's in turn, a new robot each time, the first one changing from round to round.
-This file imports only the standard library, and works with every version that has `navloom up` and
-`navloom goal --via`. Linux.
+No part of navloom is imported, so it works with every version that has `navloom up` and `navloom goal --via`. Linux.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
@@ -27,10 +25,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from beside import arguments, clean_environment, in_turns, set_options
+from driven import PLACES
+
 __all__ = ["CpuError", "Sample", "difference", "measured", "sample"]
 
-PLACES = ("0.0,3.2", "1.6,2.0", "-1.2,2.4", "0.0,0.8")
-"""Points of the first room of `paper_gates`, driven to in turn, map frame, m."""
 WORLD = "world.ref=paper_gates"
 LEG = 5.0
 """Time that the way between two of these points takes at least, s."""
@@ -155,10 +154,8 @@ def measured(python: str, config: str, changes: Sequence[str], seconds: float, s
         CpuError: It does not come up, does not drive, or stops within the window.
     """
     with tempfile.TemporaryDirectory(prefix="nl") as folder:
-        clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        environment = {**clean, "NAVLOOM_RUNTIME_DIR": folder}
-        sets = [word for change in ("navigation.drive=false", *changes) for word in ("--set", change)]
-        command = [python, "-m", "navloom", "up", config, *sets]
+        environment = clean_environment(NAVLOOM_RUNTIME_DIR=folder)
+        command = [python, "-m", "navloom", "up", config, *set_options(["navigation.drive=false", *changes])]
         with (Path(folder) / "printed").open("w+b") as printed:
             up = subprocess.Popen(command, stdout=printed, stderr=subprocess.PIPE, text=True, env=environment)
             try:
@@ -176,10 +173,10 @@ def _watch(
     if not standing:
         legs = 1 + round((seconds + MAPPED) / LEG)
         points = [PLACES[number % len(PLACES)] for number in range(legs)]
-        last = points.pop().split(",")
-        vias = [word for point in points for word in ("--via", point)]
+        x, y = points.pop()
+        vias = [word for point in points for word in ("--via", f"{point[0]},{point[1]}")]
         asked = subprocess.run(
-            [python, "-m", "navloom", "goal", *last, *vias, "--no-wait"],
+            [python, "-m", "navloom", "goal", str(x), str(y), *vias, "--no-wait"],
             capture_output=True, text=True, env=environment, check=False,
         )  # fmt: skip
         if asked.returncode:
@@ -217,19 +214,6 @@ class _Said:
                 raise CpuError(f"the robot did not say {text!r} within {seconds:g} s; it said last: {last}")
 
 
-def in_turns(given: argparse.Namespace) -> dict[str, list[dict[str, Any]]]:
-    """Each side once a round; the first one changes from round to round."""
-    sides = {"here": sys.executable} | ({"beside": given.beside} if given.beside else {})
-    changes = [*([] if given.standing else [WORLD]), *given.set]
-    found: dict[str, list[dict[str, Any]]] = {side: [] for side in sides}
-    for number in range(given.rounds):
-        for side in sorted(sides, reverse=number % 2 == 0):
-            found[side].append(measured(sides[side], given.config, changes, given.seconds, given.standing))
-            one = found[side][-1]
-            print(f"{side}: {100 * one['cpu']:.1f} % of a core, {one['waits']:.0f} wake-ups/s", file=sys.stderr)
-    return found
-
-
 def summary(found: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
     """Every round's figures, the medians, and beside another interpreter here over beside, round by round."""
     told: dict[str, Any] = dict(found)
@@ -265,17 +249,21 @@ def _row(name: str, row: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("config", nargs="?", default="paper", help="path or shipped name (default paper)")
+    parser = arguments(__doc__)
     parser.add_argument("--standing", action="store_true", help="the robot has no goal")
     parser.add_argument("--seconds", type=float, default=60.0, help="of the window (default 60)")
     parser.add_argument("--rounds", type=int, default=1, help="robots of each side (default 1)")
-    parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
-    parser.add_argument("--beside", metavar="PYTHON", help="another interpreter, with a navloom of its own")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     given = parser.parse_args()
+    changes = [*([] if given.standing else [WORLD]), *given.set]
+
+    def measure(python: str, number: int) -> dict[str, Any]:
+        return measured(python, given.config, changes, given.seconds, given.standing)
+
+    def told(one: dict[str, Any]) -> str:
+        return f"{100 * one['cpu']:.1f} % of a core, {one['waits']:.0f} wake-ups/s"
+
     try:
-        found = in_turns(given)
+        found = in_turns(given.beside, range(given.rounds), measure, told)
     except CpuError as error:
         sys.exit(f"robot_cpu: {error}")
     if given.json:

@@ -1,4 +1,4 @@
-"""The messages that make the round trips, and the streams they take."""
+"""The messages that make the round trips."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from navloom.messages import MapUpdate, Message, OccupancyGrid, Pose2D
 from navloom_benchmarks.samples import samples as bench_samples
 from navloom_benchmarks.samples import wire_size
 
-__all__ = ["BACK", "THERE", "samples", "wire_size"]
-
-THERE, BACK = ("platform", "there"), ("platform", "back")
-"""Role and instance of the two streams."""
+__all__ = ["samples", "wire_size"]
 
 
 def samples() -> dict[str, Message]:

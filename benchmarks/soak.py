@@ -27,37 +27,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from driven import PLACES, config
 from navloom.operating.client import Refused
 from navloom.operating.findings import loop_rate
 from navloom.operating.navigator import Navigator
-
-CONFIG = """
-[run]
-period = {period}
-stop_after = 600.0
-
-[world]
-ref = "paper_gates"
-
-[platform]
-plugin = "sensors_sim"
-
-[[sensor]]
-name = "laser"
-kind = "pitched_laser"
-geometry = "paper"
-mode = "{mode}"
-
-[[sensor]]
-name = "sonars"
-kind = "sonar_ring"
-layout = "p3dx"
-
-[navigation]
-drive = false
-start = {{ x = 0.0, y = 0.0, heading_deg = 90.0 }}
-"""
-PLACES = ((0.0, 3.2), (1.6, 2.0), (-1.2, 2.4), (0.0, 0.8))
 
 
 def resident(pid: int) -> float:
@@ -110,10 +83,10 @@ def soak(given: argparse.Namespace) -> dict[str, Any]:
     """Run it and say what came of it."""
     with tempfile.TemporaryDirectory(prefix="nl") as folder:
         os.environ["NAVLOOM_RUNTIME_DIR"] = folder
-        config = Path(folder) / "soak.toml"
-        mode = "continuous" if given.continuous else "on_request"
-        config.write_text(CONFIG.format(period=1.0 / given.rate, mode=mode), "utf-8")
-        command = [sys.executable, "-m", "navloom", "up", str(config)]
+        path = Path(folder) / "soak.toml"
+        sweeps = "continuous" if given.continuous else "on_request"
+        path.write_text(config("paper_gates", 1.0 / given.rate, 600.0, sweeps), "utf-8")
+        command = [sys.executable, "-m", "navloom", "up", str(path)]
         command += ["--record", str(given.record)] if given.record else []
         up = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         assert up.stderr is not None

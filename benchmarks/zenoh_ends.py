@@ -27,8 +27,8 @@ from navloom.transport.keyspace import KeySpace
 from navloom.transport.links import Link, peer_link, settings
 from navloom.transport.quality import quality_of
 from navloom.transport.zenoh_bus import Bus
-from navloom_benchmarks.bus import OurEnd
-from samples import BACK, THERE, samples, wire_size
+from navloom_benchmarks.bus import BACK, THERE, OurEnd
+from samples import samples, wire_size
 from trips import PATIENCE, Lost, Trip, as_the_runtime_does, serve_trips, wait_for_the_end
 
 KEYS = KeySpace("bench", "r1")

@@ -92,8 +92,10 @@ def test_the_rooms_are_connected_and_cluttered() -> None:
         (("--only", "planer"), "--only planer: there is no such entry; did you mean 'planner'?"),
         (("--only", "barn"), "--only barn: it needs a file of the BARN data set, as in --barn barn_dev.npz#67"),
         (("--barn", "missing.npz"), "missing.npz"),
+        (("--page", "."), "--page .: is a folder; name a file in it"),
+        (("--page", "/dev/null/page.md"), "--page /dev/null/page.md: cannot be written: "),
     ],
-    ids=["unknown", "barn-without-file", "no-such-file"],
+    ids=["unknown", "barn-without-file", "no-such-file", "page-is-a-folder", "page-below-a-file"],
 )
 def test_what_cannot_be_measured_is_refused(
     in_process: Run, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -114,6 +116,13 @@ def test_json_holds_every_figure_and_the_machine(in_process: Run) -> None:
         assert row["low"] <= row["ratio"] <= row["high"] and row["ours"] > 0.0 and row["theirs"] > 0.0
     assert {"cpu", "cpus", "load", "python", "versions"} == set(found["machine"])
     assert "navloom: codec" in err
+
+
+def test_a_page_is_written_into_a_folder_that_does_not_exist_yet(in_process: Run, tmp_path: Path) -> None:
+    page = tmp_path / "docs" / "performance.md"
+    code, _, _ = in_process("bench", "--quick", "--only", "codec", "--page", str(page), "--date", "2026-11-23")
+    assert code == 0
+    assert "2026-11-23" in page.read_text("utf-8") and [entry.name for entry in page.parent.iterdir()] == [page.name]
 
 
 def test_the_table_names_a_peer_that_is_missing(in_process: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -157,7 +157,9 @@ def test_every_config_of_a_page_fits_with_the_plugins_of_the_page(
 
 
 def test_the_plugin_of_the_docs_registers_and_steers() -> None:
-    _in_one_file, controller, _test, _checks, node, avoider, observer, command = blocks(WRITING, "python")
+    _in_one_file, controller, echoes, _test, _checks, *others = blocks(WRITING, "python")
+    node, avoider, observer, command = others
+    executed(echoes, "my_echoes")  # with its own asserts
     registry = Registry()
     scopes = [executed(source, "my_plugins") for source in (controller, observer, command)]
     for source in (node, avoider):
@@ -184,7 +186,7 @@ def test_the_message_of_the_docs_is_registered_under_its_package() -> None:
 
 
 def test_the_unit_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
-    avoider, _controller, test, checks, *_ = blocks(WRITING, "python")
+    avoider, _controller, _echoes, test, checks, *_ = blocks(WRITING, "python")
     module = ModuleType("my_avoider")
     vars(module).update(executed(avoider, "my_avoider"))
     monkeypatch.setitem(sys.modules, "my_avoider", module)

@@ -123,7 +123,7 @@ def test_a_world_beside_that_of_the_platform_is_refused(config: str) -> None:
 def test_its_world_can_be_the_map(config: str) -> None:
     cells = assemble(load_config(config, ["map.ref=world"]), discovery()).map
     assert cells is not None and (cells.cells == 100).any()
-    with pytest.raises(ConfigError, match="the platform tells none"):
+    with pytest.raises(ConfigError, match="the platform has none"):
         assemble(load_config(config, ["map.ref=world", "platform.tells=false"]), discovery())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
 import threading
 import time
@@ -211,3 +212,12 @@ def test_frames_are_found_among_noise_and_none_is_made_up() -> None:
             assert Frames().take(bytes(damaged)) == []
     one_by_one = Frames()
     assert [body for byte in noise + good for body in one_by_one.take(bytes([byte]))] == whole[:2]
+
+
+@pytest.mark.parametrize(("words", "said"), [((), "expected PORT"), (("letter",), "letter: no port can be made there")])
+def test_a_played_base_is_given_its_port_and_removes_no_file(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    (tmp_path / "letter").write_text("mine", "utf-8")
+    command = [sys.executable, str(FOLDER / "play_base.py"), *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and done.stderr.startswith(said) and len(done.stderr.splitlines()) == 1
+    assert (tmp_path / "letter").read_text("utf-8") == "mine"

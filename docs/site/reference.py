@@ -23,8 +23,12 @@ __all__ = ["PAGES"]
 ROLE_INTROS = {
     "platform": "Moves the robot and reads its sensors: a simulator or a driver. One for each robot.",
     "localizer": "Called in every tick, with the new odometry and scans.",
-    "mapper": "Called for new sweeps or scans, and when the map is to be cleared.",
-    "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked.",
+    "mapper": "Called for new sweeps or scans, and when the map is to be cleared. `navloom.geometry.echoes` turns both "
+    "into points, see [Geometry](geometry.md).",
+    "planner": "Called for each request of the goal node: at the start of a goal, and when a path is blocked. Whether "
+    "unknown cells are free is the planner's own decision: the shipped planners plan through them, unless their "
+    "parameter `unknown` says otherwise. `navloom check` allows 1 s for an answer; the goal fails after "
+    "`navigation.plan_timeout`.",
     "controller": "Called in every tick while a trajectory is followed.",
     "avoider": "Called in every tick while a trajectory is followed, whether it drives or not. The framework decides "
     "whether it drives.",
@@ -193,7 +197,18 @@ def streams_page() -> str:
 
 def geometry_page() -> str:
     """Pure geometry."""
-    modules = ("angles", "frames", "footprints", "collision", "grid", "overlap", "polylines", "solids")
+    modules = (
+        "angles",
+        "frames",
+        "echoes",
+        "cells",
+        "footprints",
+        "collision",
+        "grid",
+        "overlap",
+        "polylines",
+        "solids",
+    )
     return page(
         "Geometry",
         "Functions on numpy arrays. Import from the named module.",
@@ -203,8 +218,8 @@ def geometry_page() -> str:
 
 def avoidance_page() -> str:
     """What avoiders share."""
-    modules = ("beams", "robot", "motors", "decision", "search", "steering", "smoothing", "histogram", "clearance",
-               "certainty", "support", "himm")  # fmt: skip
+    modules = ("beams", "robot", "motors", "decision", "method", "search", "steering", "smoothing", "histogram",
+               "clearance", "certainty", "support", "himm")  # fmt: skip
     return page(
         "Avoidance",
         "What several avoiders share: functions on numpy arrays. Import from the named module.",
@@ -233,6 +248,8 @@ def testing_page() -> str:
         "Testing",
         "Import from `navloom.testing`.",
         shown("navloom.testing.builders", options="\n    options: { show_root_heading: false }"),
+        "## Messages",
+        shown("navloom.testing.messages", options="\n    options: { show_root_heading: false }"),
         "## Scenes",
         shown("navloom.testing.scenes", options="\n    options: { show_root_heading: false }"),
     )

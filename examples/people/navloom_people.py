@@ -1,4 +1,4 @@
-"""People near the robot: a sensor that hears their beacons, nodes that track them, and an avoider that minds them."""
+"""People near the robot: a sensor hears their beacons, nodes track them, an avoider minds them, a panel shows them."""
 
 import math
 from dataclasses import replace
@@ -14,6 +14,7 @@ from navloom import (
     Latest,
     Message,
     NodePlugin,
+    Panel,
     Params,
     PlatformInput,
     PlatformOutput,
@@ -21,15 +22,14 @@ from navloom import (
     Publishes,
     RangeScan,
     Registry,
+    Seen,
     Sensors,
     Stamp,
     Tick,
-    Twist2D,
     hookimpl,
     message,
 )
 from navloom_improved_vfh.adapter import ImprovedVfh
-from navloom_improved_vfh.params import ImprovedVfhParams
 from navloom_sensors_sim.adapter import SensorsSim
 from navloom_sensors_sim.params import SensorsSimParams
 from numpy.typing import NDArray
@@ -55,6 +55,12 @@ class Tracks(Message):
     echoes: int
 
 
+def turned(points: Floats, angle: float) -> Floats:
+    """Points (n, 2), turned about the origin by an angle, rad."""
+    c, s = math.cos(angle), math.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
+
+
 class BeaconSettings(Params):
     people: tuple[tuple[float, float], ...] = Field(description="Where they stand, m, map frame.")
     reach: float = Field(5.0, gt=0.0, description="How far a beacon is heard, m.")
@@ -68,23 +74,15 @@ class BeaconRobot(SensorsSim):
     sensor_settings = {**SensorsSim.sensor_settings, "beacons": BeaconSettings}
 
     def __init__(self, params: SensorsSimParams, context: Context) -> None:
-        self.inner = SensorsSim(params, replace(context, sensors=[s for s in context.sensors if s.kind != "beacons"]))
-        self.params, self.context = params, context
+        super().__init__(params, replace(context, sensors=tuple(s for s in context.sensors if s.kind != "beacons")))
         self.beacons = {s.name: BeaconSettings(**s.settings) for s in context.sensors if s.kind == "beacons"}
 
-    def drive(self, command: Twist2D, time_ns: int) -> None:
-        self.inner.drive(command, time_ns)
-
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        got = self.inner.advance(given)
+        got = super().advance(given)
         assert got.truth is not None
-        pose = got.truth.pose
-        turn = np.array(
-            [[math.cos(pose.heading), -math.sin(pose.heading)], [math.sin(pose.heading), math.cos(pose.heading)]]
-        )
-        scans = dict(got.scans)
+        pose, scans = got.truth.pose, dict(got.scans)
         for name, settings in self.beacons.items():
-            points = (np.array(settings.people) - (pose.x, pose.y)) @ turn
+            points = turned(np.array(settings.people) - (pose.x, pose.y), -pose.heading)
             scans[name] = Beacons(got.odometry.stamp_ns, points[np.hypot(*points.T) < settings.reach])
         return replace(got, scans=scans)
 
@@ -100,15 +98,14 @@ class PeopleTracker(NodePlugin):
 
     def step(self, tick: Tick) -> None:
         assert self.pose.value is not None
-        heard = [beacons for news in self.beacons.values() for beacons in news.values]
+        heard = [one.points for news in self.beacons.values() for one in news.values]
         echoes = sum(int(np.isfinite(scan.ranges).sum()) for news in self.scans.values() for scan in news.values)
-        points = self.seen_from(self.pose.value, heard[-1].points if heard else np.empty((0, 2)))
+        points = self.seen_from(self.pose.value, heard[-1] if heard else np.empty((0, 2)))
         self.tracks.put(Tracks(tick.time_ns, points, echoes))
 
     def seen_from(self, estimate: PoseEstimate, points: Floats) -> Floats:
         pose = estimate.pose
-        c, s = math.cos(pose.heading), math.sin(pose.heading)
-        return points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
+        return turned(points, pose.heading) + np.array((pose.x, pose.y))
 
 
 class NearestTracker(PeopleTracker):
@@ -117,34 +114,35 @@ class NearestTracker(PeopleTracker):
     name = "nearest_tracker"
 
     def seen_from(self, estimate: PoseEstimate, points: Floats) -> Floats:
-        nearest = points[np.argsort(np.hypot(*points.T))[:1]]
-        return super().seen_from(estimate, nearest)
-
-
-class PoliteParams(ImprovedVfhParams):
-    distance: float = Field(1.5, gt=0.0, description="Nearer than this to a person it slows down, m.")
+        return super().seen_from(estimate, points[np.argsort(np.hypot(*points.T))[:1]])
 
 
 class Polite(ImprovedVfh):
-    """Improved VFH, slower beside people."""
+    """Improved VFH, at half the speed beside people."""
 
     name = "polite"
-    Params = PoliteParams
-    params: PoliteParams
+    distance = 1.5  # m, to a person
     tracks = Extra(Tracks)
 
     def avoid(self, given: AvoiderInput) -> Avoidance:
         answer, pose = super().avoid(given), given.estimate.pose
         gaps = np.hypot(*(given.extra[self.tracks].points - (pose.x, pose.y)).T)
-        share = 0.5 if (gaps < self.params.distance).any() else 1.0
-        return replace(answer, twist=Twist2D(answer.twist.vx * share, 0.0, answer.twist.wz))
+        share = 0.5 if (gaps < self.distance).any() else 1.0
+        return replace(answer, twist=replace(answer.twist, vx=answer.twist.vx * share))
+
+
+def draw(tracks: Tracks, seen: Seen) -> list[tuple[str, object]]:
+    import rerun as rr
+
+    return [(seen.in_map("people"), rr.Points3D([(x, y, 1.0) for x, y in tracks.points], radii=0.3))]
 
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    for cls in (BeaconRobot, Polite):
-        registry.add(cls)
-    for node in (PeopleTracker, NearestTracker):
-        registry.node(node)
-    for kind in (Beacons, Tracks):
-        registry.message(kind)
+    registry.add(BeaconRobot)
+    registry.add(Polite)
+    registry.node(PeopleTracker)
+    registry.node(NearestTracker)
+    registry.message(Beacons)
+    registry.message(Tracks)
+    registry.panel(Panel("people", Tracks, draw))

@@ -1,8 +1,8 @@
-"""Plays a base on a pseudo-terminal, with wheels that take time: python examples/serial_base/play_base.py [PORT].
+"""Plays a base on a pseudo-terminal, with wheels that take time: python examples/serial_base/play_base.py PORT.
 
-PORT is the name that the driver opens, /tmp/navloom-base by default. Type a fault and Enter: unplug, plug, mute (it
-says nothing), stuck (its firmware hangs), garbage, half (frames cut short), press, release (its emergency stop), bump,
-fine.
+PORT is the name that the driver opens: a link to the pseudo-terminal, in a folder of yours. Type a fault and Enter:
+unplug, plug, mute (it says nothing), stuck (its firmware hangs), garbage, half (frames cut short), press, release (its
+emergency stop), bump, fine.
 """
 
 import math
@@ -50,9 +50,10 @@ class PlayedBase:
     def plug(self) -> None:
         """Appear at the port."""
         with self._lock:
+            if self.port.is_symlink():  # of a base that was played before; any other file stays
+                self.port.unlink()
             self._master, other = pty.openpty()
             os.set_blocking(self._master, False)
-            self.port.unlink(missing_ok=True)
             self.port.symlink_to(os.ttyname(other))
             os.close(other)
 
@@ -129,7 +130,12 @@ class PlayedBase:
 
 def main() -> None:
     """Play a base until the input ends, with the faults that are typed."""
-    base = PlayedBase(Path(sys.argv[1] if len(sys.argv) > 1 else "/tmp/navloom-base"))
+    if len(sys.argv) != 2:
+        sys.exit("expected PORT, the name that the driver opens: python examples/serial_base/play_base.py ~/base")
+    try:
+        base = PlayedBase(Path(sys.argv[1]))
+    except OSError as error:
+        sys.exit(f"{sys.argv[1]}: no port can be made there: {error.strerror}")
     print(f"a base is at {base.port}", flush=True)
     for line in sys.stdin:
         word = line.strip()

@@ -14,7 +14,7 @@ from navloom.testing import worker
 from navloom.testing.bench import Bench
 from navloom.testing.guard import GUARD
 from navloom.testing.printed import PRINTED
-from navloom.testing.subject import Request
+from navloom.testing.subject import CheckRequest
 from navloom.testing.tiers import find_check
 
 
@@ -28,7 +28,7 @@ def main() -> None:
     GUARD.install(open(os.devnull, "w"))  # noqa: SIM115  (open as long as the process)
     for name, check in pairs:
         told: list[dict[str, object]] = []
-        request = Request(name)
+        request = CheckRequest(name)
         subject = worker._loaded(request, [check], told.append)
         if subject is not None:
             found = find_check(check)

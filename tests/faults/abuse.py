@@ -31,7 +31,7 @@ from fault_rig import Rig, rig
 from motor_record import Line
 from navloom.hosting.directory import RobotFolder
 from navloom.transport.access import Identity
-from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority
 
 __all__ = ["SHADOW", "Trial", "main", "table", "target", "trial"]
@@ -130,7 +130,7 @@ def target() -> Iterator[Target]:
         port = int(probe.getsockname()[1])
     with tempfile.TemporaryDirectory(prefix="nk", dir="/tmp") as folder:
         keys, now = Path(folder) / "keys", datetime.now(UTC)
-        new_authority(keys, Request("lab", "r1", HOSTS, 30, now))
+        new_authority(keys, CertificateRequest("lab", "r1", HOSTS, 30, now))
         add_identity(keys, Identity(SHADOW, "shadow", "avoider.shadow_vfh"), (), 30, now)
         with rig(MORE.format(port=port, keys=keys)) as robot:
             attacker = subprocess.Popen(

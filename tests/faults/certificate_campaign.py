@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 import zenoh
 from fault_rig import FULL, Rig, rig, until
 from navloom.transport.access import Identity
-from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority, renew, revoke
 from navloom.transport.links import Link, settings
 
@@ -31,7 +31,7 @@ __all__ = ["KINDS", "Certificates", "Outcome", "certificates", "table"]
 
 WATCHED = 8.0
 """s a robot is watched to which nothing is done."""
-DONE = "new certificates are in force for all"
+DONE = "all connections use the new certificates"
 DAYS = 60
 TRIES = 20
 """Commands and questions that a revoked operator sends."""
@@ -190,7 +190,7 @@ def certificates() -> Iterator[Certificates]:
     """A robot behind a TLS router on loopback that drives, gone afterwards whatever happens."""
     with TemporaryDirectory(prefix="nk", dir="/tmp") as place:
         folder = Path(place) / "keys"
-        new_authority(folder, Request("lab", "r1", HOSTS, DAYS, datetime.now(UTC)))
+        new_authority(folder, CertificateRequest("lab", "r1", HOSTS, DAYS, datetime.now(UTC)))
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             end = f"tls/127.0.0.1:{probe.getsockname()[1]}"

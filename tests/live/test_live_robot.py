@@ -157,7 +157,7 @@ def test_what_an_operator_can_do(tmp_path: Path) -> None:
                 wrong = robot.run(*arguments)
                 assert wrong.returncode == 2 and text in wrong.stderr, wrong.stderr
             second_gate = robot.run("node", str(config), "gate")
-            assert second_gate.returncode == 2 and "gate main of robot lab/r1: is there already" in second_gate.stderr
+            assert second_gate.returncode == 2 and "gate main of robot lab/r1: runs already" in second_gate.stderr
             listening = navigator.listen(["gate/selection", "platform/odometry"])
             told = listening.take(1.0)  # what is kept comes first, though it was said before
             assert ("gate", "main", "selection") in [one[:3] for one in told]

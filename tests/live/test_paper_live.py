@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from concurrent.futures import ThreadPoolExecutor
+import subprocess
 
 import pytest
-from live_rig import Up, runtime_folder
+from live_rig import COMMAND, Up, runtime_folder
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("realms", [("lab",), ("north", "south")], ids=["one-robot", "two-realms"])
 def test_the_papers_goal_is_reached_by_every_robot_of_this_host(realms: tuple[str, ...]) -> None:
-    with runtime_folder() as folder, contextlib.ExitStack() as ending, ThreadPoolExecutor() as terminals:
+    with runtime_folder() as folder, contextlib.ExitStack() as ending:
         robots = {realm: Up(folder, ["paper", "--set", f"robot.realm={realm}"]) for realm in realms}
         for robot in robots.values():
             ending.callback(robot.end)
@@ -20,13 +20,21 @@ def test_the_papers_goal_is_reached_by_every_robot_of_this_host(realms: tuple[st
             robot.wait_for("every node is there")
 
         goals = {
-            realm: terminals.submit(robot.run, "goal", "0", "7.6", "--robot", f"{realm}/r1", timeout=180)
+            realm: subprocess.Popen(
+                [*COMMAND, "goal", "0", "7.6", "--robot", f"{realm}/r1"],
+                env=robot.environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
             for realm, robot in robots.items()
         }
+        for goal in goals.values():
+            ending.callback(goal.kill)
         for realm, goal in goals.items():
-            done = goal.result()
-            assert done.returncode == 0, (realm, done.stdout + done.stderr)
-            assert done.stdout.splitlines()[-1].startswith("succeeded: the goal was reached"), done.stdout
+            said, _ = goal.communicate(timeout=180)
+            assert goal.returncode == 0, (realm, said)
+            assert said.splitlines()[-1].startswith("succeeded: the goal was reached"), said
         for realm, robot in robots.items():
             status = robot.json("status", "--robot", f"{realm}/r1")
             assert status["silent_nodes"] == []

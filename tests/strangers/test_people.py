@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import io
+import json
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dist_rig import put_on_path
+from live_rig import runtime_folder
 from navloom import Extra
 from navloom.config import ConfigError, load_config
 from navloom.engine.build import assemble
@@ -18,9 +24,14 @@ from navloom.messages import GateStatus, Message
 from navloom.messages.envelope import Envelope, StepRecord
 from navloom.plugins import Discovery, PluginError
 from navloom.recording.reader import Recording
+from navloom.recording.republishing import republish
 from navloom.study.episode import run_episode
 from navloom.study.methods import methods_of
 from navloom.study.openloop import open_loop_of
+from navloom.viewer.drawing import Drawing
+from navloom.viewer.facts import facts_of
+from navloom.viewer.observe import Gathering
+from navloom.viewer.panels import panels_of
 
 Typed = Callable[..., tuple[int, str, str]]
 SHORT = ("run.stop_after=8.0",)
@@ -42,6 +53,26 @@ class Heard:
 
     def on_step(self, record: StepRecord) -> None:
         """Not asked for."""
+
+
+class Drawn:
+    """A sink that keeps where people were drawn, m, map frame."""
+
+    def __init__(self) -> None:
+        self.people: list[list[list[float]]] = []
+
+    def log(self, path: str, archetypes: Sequence[Any], tick: int | None, stamp_ns: int) -> None:
+        if path.endswith("/people") and tick is not None:
+            (batch,) = (
+                one for one in archetypes[0].as_component_batches() if "positions" in str(one.component_descriptor())
+            )
+            self.people.append(batch.as_arrow_array().to_pylist())
+
+    def layout(self, blueprint: Any) -> None:
+        """Not looked at."""
+
+    series = layout
+    close = layout
 
 
 def refused(config: Path, *changes: str) -> str:
@@ -122,6 +153,11 @@ def test_an_avoider_that_waits_for_tracks_is_not_blamed(people: Path) -> None:
     assert 130 <= late < 135 and heard.reasons[0] == "waits: avoider polite for people.tracks"
 
 
+def test_an_avoider_that_never_had_tracks_is_warned_of(people: Path) -> None:
+    (warning,) = run_episode(load_config(str(people), ("run.stop_after=1.0", "node.people.latency=2.0"))).warnings
+    assert (warning.kind, str(warning)) == ("waiting", "avoider polite never stepped: nothing came on people.tracks")
+
+
 def test_a_swap_between_trackers_is_an_event(people: Path) -> None:
     more = 'alternative=[{ role = "people", plugin = "nearest_tracker" }]'
     event = 'event=[{ at = 2.0, do = "swap", role = "people", name = "nearest_tracker" }]'
@@ -163,6 +199,62 @@ def test_a_recording_is_replayed_bit_for_bit_and_with_the_other_tracker(
     assert {one.key.rsplit("/", 2)[0] for one in Recording(recording).messages(["people/*/tracks"])} == {
         "lab/r1/people"
     }
+
+
+def test_its_streams_are_looked_into_like_those_of_the_framework(
+    people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: Typed
+) -> None:
+    recording = tmp_path / "run.mcap"
+    in_process("run", str(people), "--set", SHORT[0], "--record", str(recording), "--json")
+    with republished(recording, monkeypatch):
+        code, out, err = in_process("hz", "people/tracks", "--for", "1", "--json")
+        found = json.loads(out)["people/people_tracker/tracks"]
+        assert code == 0 and found["messages"] > 5 and found["malformed"] == found["lost"] == 0, out + err
+        code, out, err = in_process("echo", "people/tracks", "--count", "1", "--json")
+        told = json.loads(out)
+        assert (code, told["stream"]) == (0, "people/people_tracker/tracks") and told["message"]["echoes"] >= 0, err
+        nodes = {node["role"]: node for node in json.loads(in_process("graph", "--json")[1])["nodes"]}
+        assert "tracks" in nodes["people"]["published"] and "beacons" in nodes["platform"]["published"]
+
+
+@contextmanager
+def republished(recording: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The recording is published again, at its own pace."""
+    is_published, ending = threading.Event(), threading.Event()
+    with runtime_folder() as folder, ThreadPoolExecutor(1) as pool:
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", str(folder))
+        published = pool.submit(republish, Recording(recording), 1.0, ending, lambda text: is_published.set())
+        try:
+            assert is_published.wait(30.0), published.exception(0.0)
+            yield
+        finally:
+            ending.set()
+
+
+def test_the_graph_of_the_config_has_the_node_and_what_reads_it(people: Path, in_process: Typed) -> None:
+    wires = [
+        (edge["from"], edge["port"], edge["to"])
+        for edge in json.loads(in_process("graph", str(people), "--json")[1])["edges"]
+    ]
+    assert {
+        ("platform", "beacons", "people"),
+        ("platform", "sonars", "people"),
+        ("people", "tracks", "avoider"),
+    } <= set(wires)
+
+
+def test_its_panel_draws_people_where_they_stand(people: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra `view` is not installed")
+    loaded, drawn = load_config(str(people), SHORT), Drawn()
+    panels, wrong = panels_of(Discovery())
+    drawing = Drawing(facts_of({"r1": assemble(loaded)}, "people"), [drawn], panels)
+    drawing.begin()
+    gathering = Gathering("r1", drawing.take)
+    run_episode(loaded, observers=[gathering])
+    gathering.drain()
+    assert not wrong and not drawing.broken
+    assert len(drawn.people) > 50 and drawn.people[-1] == [pytest.approx((1.5, 4.0, 1.0), abs=0.2),
+                                                           pytest.approx((-1.0, 6.0, 1.0), abs=0.2)]  # fmt: skip
 
 
 def test_trackers_and_avoiders_are_compared(people: Path, in_process: Typed) -> None:
@@ -239,7 +331,7 @@ WATCHED = ('node=[{ name = "eyes", plugin = "watcher" }]', *SHORT)
 @pytest.mark.parametrize(
     ("more", "names", "said"),
     [
-        ("truth = Latest(Truth, triggers=True)", "Truth", "watcher reads Truth: the truth reaches no plugin"),
+        ("truth = Latest(Truth, triggers=True)", "Truth", "watcher reads Truth: no plugin may read the ground truth"),
         (
             "command = Latest(Command, triggers=True)",
             "Command",

@@ -86,6 +86,13 @@ def test_a_tracker_that_is_not_required_may_die_and_the_avoider_is_swapped_meanw
         assert heard.instances == {"polite", "people_tracker"}
         told = robot.json("echo", "people/tracks", "--count", "1")
         assert told["message"]["points"]["shape"][1] == 2
+        flow = robot.json("hz", "people/tracks", "--for", "1")["people/people_tracker/tracks"]
+        assert flow["messages"] > 5 and flow["malformed"] == 0
+        heard_by = {(edge["from"], edge["to"]) for edge in robot.json("graph")["edges"] if edge["received"]}
+        assert {
+            ("platform/beacon_robot", "people/people_tracker"),
+            ("people/people_tracker", "avoider/polite"),
+        } <= heard_by
         since, said = len(heard.reasons), len(robot.said)
         kill(robot, "people")
         assert "improved_vfh is active" in robot.run("swap", "avoider", "improved_vfh").stdout

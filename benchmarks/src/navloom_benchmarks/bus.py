@@ -27,7 +27,7 @@ from navloom.transport.zenoh_bus import Bus
 from navloom_benchmarks.pairs import Block, Child, Effort, Peer, PeerError, Row, paired, peer_module
 from navloom_benchmarks.samples import samples, wire_size
 
-__all__ = ["OurEnd", "RawEnd", "bus"]
+__all__ = ["BACK", "THERE", "OurEnd", "RawEnd", "bus"]
 
 KEYS = KeySpace("bench", "r1")
 RAW = {"callback": "zenoh, raw bytes", "thread": "zenoh, raw bytes, answered on a thread"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -39,18 +40,34 @@ def bench(
     Exit 1: a requested entry has no figures.
     """
     from navloom.cli.output import log_of, print_json
+    from navloom.files import write_whole
 
     from navloom_benchmarks.measuring import bench as measure
     from navloom_benchmarks.page import page
 
+    if page_file is not None:
+        _prepare(page_file)
     found = measure(only or (), quick, barn, irsim, log_of("benchmarks").info)
     if page_file is not None:
-        page_file.write_text(page(found, date or time.strftime("%Y-%m-%d")), "utf-8")
+        write_whole(page_file, page(found, date or time.strftime("%Y-%m-%d")))
     if as_json:
         print_json(found)
     else:
         _print(found)
     raise typer.Exit(1 if set(found["left_out"]) - {"barn"} or (barn and "barn" in found["left_out"]) else 0)
+
+
+def _prepare(page_file: Path) -> None:
+    """Make the folder of the page: a page that cannot be written is refused before minutes of measurement."""
+    from navloom.config import ConfigError
+
+    try:
+        page_file.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=page_file.parent).close()
+    except OSError as error:
+        raise ConfigError(f"--page {page_file}: cannot be written: {error.strerror}; name another file") from None
+    if page_file.is_dir():
+        raise ConfigError(f"--page {page_file}: is a folder; name a file in it")
 
 
 def _print(found: dict[str, Any]) -> None:

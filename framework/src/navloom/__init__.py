@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from navloom.engine.node_plugin import *  # noqa: F403
+    from navloom.engine.nodes.node_plugin import *  # noqa: F403
     from navloom.errors import *  # noqa: F403
     from navloom.geometry.world import *  # noqa: F403
     from navloom.messages import *  # noqa: F403
@@ -22,7 +22,7 @@ _HOUSES = (
     "navloom.geometry.world",
     "navloom.roles",
     "navloom.plugins",
-    "navloom.engine.node_plugin",
+    "navloom.engine.nodes.node_plugin",
     "navloom.operating.navigator",
     "navloom.study",
     "navloom.viewer",
@@ -30,7 +30,7 @@ _HOUSES = (
 
 
 def __getattr__(name: str) -> Any:
-    """Fetch a public name from the house it lives in: late, so that `import navloom` costs nothing."""
+    """Import a public name from its house on first use, so that `import navloom` itself is fast."""
     if not name.startswith("_"):
         for house in _HOUSES:
             module = import_module(house)

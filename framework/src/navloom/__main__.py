@@ -12,7 +12,7 @@ RUNS_PLUGINS = {"check", "map", "plan", "replay", "run"}
 
 
 def main() -> None:
-    """Entry point. A shell that completes a word, and `--version`, are answered before anything heavy is imported."""
+    """Entry point. Shell completion and `--version` are answered before anything heavy is imported."""
     given = sys.argv[1:]
     if given[:1] == ["__complete"]:
         from navloom.installed import print_candidates

@@ -16,28 +16,28 @@ from navloom.crashes import crashed_at, dump_when_broken
 __all__ = ["dump_file", "is_watched", "watch_over"]
 
 LOOK = 0.5
-"""Time between two looks, s."""
+"""Time between two checks of the dump, s."""
 MOST = 1 << 20
-"""What is read of a dump, bytes."""
+"""Largest part of a dump that is read, bytes."""
 _STANDARD_ERROR = 2
 _file = _STANDARD_ERROR
 
 
 def dump_file() -> int:
-    """Open file that Python prints dumps to: standard error, or what the watching process reads."""
+    """File descriptor that Python prints dumps to: standard error, or the file that the watchdog process reads."""
     return _file
 
 
 def is_watched() -> bool:
-    """Whether a process watches over this one."""
+    """Whether a watchdog process observes this one."""
     return _file != _STANDARD_ERROR
 
 
 def watch_over(is_whole: bool) -> None:
-    """Fork the process that watches over this one.
+    """Fork the watchdog process for this one.
 
     Args:
-        is_whole: It prints the whole dump below its message.
+        is_whole: Whether it prints the whole dump below its message.
     """
     global _file
     if sys.platform == "linux":
@@ -55,7 +55,7 @@ def watch_over(is_whole: bool) -> None:
 
 
 def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
-    """In the watching process: read what Python prints until the command's process is gone."""
+    """Run in the watchdog process: read what Python prints until the command's process has ended."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.close(0)
@@ -72,7 +72,7 @@ def _watch(reading: int, dump: int, pid: int, is_whole: bool) -> None:
 
 
 def _message(dump: str, pid: int, is_whole: bool) -> str:
-    """What a dump says, in one line; with the dump where it names no plugin."""
+    """Summary of a dump in one line, followed by the dump itself if no plugin can be named."""
     place = crashed_at(dump)
     at = f" at {place}" if place else ""
     late = re.match(r"Timeout \((\d+):(\d+):(\d+)", dump)

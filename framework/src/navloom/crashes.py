@@ -1,4 +1,4 @@
-"""What Python prints of a process that a signal ends, and which line of a plugin that was. Keep its imports light."""
+"""Crash dumps that Python prints when a signal ends a process, and the plugin line in them. Keep its imports light."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ class _Frame(NamedTuple):
 
 def dump_when_broken(file: int = 2) -> None:
     """Have Python print the tracebacks of all threads to an open file when C code crashes this process."""
-    with suppress(OSError, ValueError, RuntimeError):  # without the file there is nobody to read it
+    with suppress(OSError, ValueError, RuntimeError):  # without the file there is no reader either
         faulthandler.enable(file, all_threads=True)
 
 
 def dump_on(number: int, file: int = 2) -> None:
-    """The same for a signal, which then does what it did before; code that holds the GIL does not keep it from that."""
+    """Do the same at a signal, then run its previous handler. It works even while C code holds the GIL."""
     with suppress(OSError, ValueError, RuntimeError):
         faulthandler.register(number, file, all_threads=True, chain=True)
 
 
 def is_of_dump(line: str) -> bool:
-    """Whether a line of a log is one of those that Python prints below the first line of a dump."""
+    """Whether a log line belongs to a dump, its first line excepted."""
     return _DUMP.match(line) is not None
 
 
 def crashed_at(log: str) -> str:
-    """The plugin's line at which a process ended, from the dump at the end of its log, as `mine.py:31, in avoid`.
+    """The plugin line at which a process ended, from the dump at the end of its log, as `mine.py:31, in avoid`.
 
-    Empty where the log does not end with a dump, or where no plugin ran.
+    Empty if the log does not end with a dump, or if no plugin was running.
     """
     lines = log.splitlines()
     first = len(lines)
@@ -60,7 +60,7 @@ def crashed_at(log: str) -> str:
 
 
 def _threads(lines: Iterable[str]) -> Iterator[tuple[bool, list[_Frame]]]:
-    """Threads of a dump: whether it was the one that ran, and its frames, innermost first."""
+    """Threads of a dump: whether each was the running one, and its frames, innermost first."""
     frames: list[_Frame] = []
     is_current = True
     for line in lines:
@@ -73,7 +73,8 @@ def _threads(lines: Iterable[str]) -> Iterator[tuple[bool, list[_Frame]]]:
 
 
 def _place(frames: list[_Frame]) -> str:
-    """The innermost line of the plugin that the framework had called; empty where it had called none."""
+    """The innermost line of the plugin that the framework had called, or imported; empty if it had done neither."""
+    frames = [one for one in frames if not one.path.startswith("<frozen")]  # of Python's import
     called = next((number for number, one in enumerate(frames) if one.path.startswith(CALLERS)), 0)
     verb = frames[called - 1].path if called else ""
     if not verb or _is_standard(verb) or verb.startswith(os.path.join(HERE, "")):

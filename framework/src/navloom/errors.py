@@ -1,4 +1,4 @@
-"""What all errors of navloom have in common."""
+"""Base class of navloom's errors."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ __all__ = ["NavloomError"]
 
 
 class NavloomError(Exception):
-    """Base of the errors that navloom raises for its users. Its text is one message, and needs no traceback.
+    """Base of the errors that navloom raises for its users. The text is one message that needs no traceback.
 
     Attributes:
-        exit_code: Of the command line: 2 where the request was wrong, 1 where it was right and failed.
+        exit_code: Exit code of the command line: 2 if the request was wrong, 1 if it was valid but failed.
     """
 
     exit_code: ClassVar[int] = 2

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic writes: a file exists whole or not at all."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["write_each", "write_whole"]
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file, or replace one: who reads it, or looks after a failure, finds the old contents or the new.
+    """Write or replace a file atomically: readers find the old contents or the new, even after a failure.
 
     Args:
-        path: In a folder that exists.
-        content: Text is written as UTF-8, its line ends as they are.
+        path: File in an existing folder.
+        content: Text is written as UTF-8 with its line ends unchanged.
 
     Raises:
-        OSError: It cannot be written, and names the path; nothing of it is left.
+        OSError: The file cannot be written. The error names the path; no partial file is left.
     """
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -34,10 +34,10 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def write_each(folder: Path, files: Mapping[str, str | bytes]) -> dict[str, str]:
-    """Write what can be written: on a full disk small files may still fit.
+    """Write as many of the files as possible: on a full disk small files may still fit.
 
     Returns:
-        Why a file is missing, by name; empty where all were written.
+        Reason for each missing file, by name; empty if all were written.
     """
     missing = {}
     for name, content in files.items():

@@ -1,6 +1,6 @@
-"""What is installed here and what runs, by name, found without importing any of it: for help texts and shells.
+"""Names of installed plugins, shipped configs and running robots, for help texts and shell completion.
 
-Every start of the command line imports this module, so its own imports are inside its functions.
+Nothing listed is imported. Every start of the command line imports this module, so it imports inside its functions.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ __all__ = [
 
 
 def shipped_names() -> list[str]:
-    """Names of the configs that come with navloom."""
+    """Names of the configs shipped with navloom."""
     return sorted(path.stem for path in (Path(__file__).parent / "config" / "shipped").glob("*.toml"))
 
 
 def config_help() -> str:
-    """Help of an argument that takes a config."""
+    """Help text of an argument that takes a config."""
     return f"Path of a config, or a shipped name: {', '.join(shipped_names())}."
 
 
 def plugin_distributions() -> dict[str, str]:
-    """Version of each installed distribution that gives plugins, the framework left out."""
+    """Version of each installed distribution with plugins, without the framework."""
     found = {point.dist.name: point.dist.version for point in installed_points() if point.dist is not None}
     return {name: found[name] for name in sorted(found) if name != "navloom"}
 
@@ -45,7 +45,7 @@ def framework_version() -> str:
 
 
 def print_versions(as_json: bool) -> None:
-    """Versions of the framework, Python and the distributions that give plugins."""
+    """Print the versions of the framework, Python and the distributions with plugins."""
     import json
     import platform
 
@@ -58,10 +58,10 @@ def print_versions(as_json: bool) -> None:
 
 
 def candidates(kind: str) -> list[str]:
-    """What a word on the command line can be.
+    """Candidates for completing a word on the command line.
 
     Args:
-        kind: configs, robots, plugins, roles, worlds, or a role for the names of its plugins.
+        kind: configs, robots, plugins, roles, worlds, or a role name for the names of its plugins.
     """
     if kind == "configs":
         return shipped_names()
@@ -80,7 +80,7 @@ def candidates(kind: str) -> list[str]:
 
 
 def print_candidates(kinds: Sequence[str]) -> None:
-    """Answer a shell: one candidate a line."""
+    """Print completion candidates for a shell, one a line."""
     for kind in kinds:
         for name in candidates(kind):
             print(name)

@@ -1,12 +1,12 @@
-"""numba's kernel cache on disk, made safe for a robot: whatever is wrong with it, a kernel compiles and runs.
+"""numba's kernel cache on disk, made safe for a robot: a kernel compiles and runs whatever is wrong with the cache.
 
-numba trusts its cache files. After a power cut they may be torn, and a torn index or kernel fails to load, or loads
-as machine code that nobody compiled; a full disk or a folder that cannot be written fails the call that compiles. Here
-each file ends in a checksum over all of it, and each kernel names the signature it was compiled for. A file that does
-not fit is compiled again and replaced; a cache that cannot be used is done without.
+numba trusts its cache files. After a power cut they may be torn; a torn index or kernel fails to load, or loads as
+corrupt machine code. A full disk or a read-only folder fails the call that compiles. Here each file ends in a checksum
+over its contents, and each kernel names the signature it was compiled for. A kernel whose file does not match is
+compiled again and its file replaced; an unusable cache is skipped.
 
-Files keep the names and the order of numba's own, which reads them and ignores what follows; numba's own have no
-checksum, so they are compiled again, once.
+Files keep the names and layout of numba's own. numba can read them and ignores the checksum. Files written by numba
+have no checksum, so their kernels are compiled again, once.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ __all__ = ["harden_kernel_cache"]
 caching: Any = import_module("numba.core.caching")
 dumps: Any = import_module("numba.core.serialize").dumps
 CHECKSUM = hashlib.sha256().digest_size
-"""Bytes at the end of each file."""
+"""Size of the checksum at the end of each file, bytes."""
 
 
 class CheckedFiles:
-    """The index of a function's kernels and a file for each of them: numba's IndexDataCacheFile, with checks.
+    """The index of a function's kernels and one file per kernel: numba's IndexDataCacheFile, with checks.
 
     Args:
-        cache_path: Folder.
-        filename_base: Of all its files.
-        source_stamp: Of the function's source; kernels of another one are out of date.
+        cache_path: Folder of the files.
+        filename_base: Common start of the file names.
+        source_stamp: Stamp of the function's source; kernels with another stamp are out of date.
     """
 
     def __init__(self, cache_path: str, filename_base: str, source_stamp: Any) -> None:
@@ -50,7 +50,7 @@ class CheckedFiles:
         self._save_index({})
 
     def load(self, key: Any) -> Any:
-        """The kernel of a signature, or None where there is none that is whole."""
+        """The kernel of a signature, or None if there is no undamaged one."""
         name = self._load_index().get(key)
         if name is None:
             return None
@@ -62,7 +62,7 @@ class CheckedFiles:
         return kernel if signature == key else None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep the kernel of a signature."""
+        """Store the kernel of a signature."""
         names = self._load_index()
         if key not in names:
             taken = set(names.values())
@@ -77,7 +77,7 @@ class CheckedFiles:
             if content is None or pickle.load(content) != numba.__version__:
                 return {}
             stamp, names = pickle.load(content)
-        except Exception:  # it was whole, and names what is not installed any more
+        except Exception:  # the file is undamaged, but names something that is no longer installed
             return {}
         return names if stamp == self._stamp else {}
 
@@ -86,7 +86,7 @@ class CheckedFiles:
 
 
 def _read_checked(path: Path) -> io.BytesIO | None:
-    """A file less its checksum; None where it is missing, damaged or unreadable."""
+    """Contents of a file without its checksum; None if it is missing, damaged or unreadable."""
     try:
         data = path.read_bytes()
     except OSError:
@@ -106,9 +106,9 @@ def _write_checked(path: Path, body: bytes) -> None:
 
 
 def harden_kernel_cache() -> None:
-    """Make every kernel cache of this process safe, of plugins too; once is enough.
+    """Make every kernel cache of this process safe, those of plugins included. Further calls do nothing.
 
-    Called before anything compiles: by what compiles the framework's kernels, and before a role's plugin is imported.
+    Call it before anything compiles: before the framework's kernels, and before a plugin of a role is imported.
     """
     cache = caching.Cache
     if caching.IndexDataCacheFile is CheckedFiles:
@@ -119,14 +119,14 @@ def harden_kernel_cache() -> None:
     def tolerant_init(self: Any, function: Any) -> None:
         try:
             init(self, function)
-        except Exception as error:  # no folder can be written, or the source cannot be read
+        except Exception as error:  # no writable folder, or unreadable source
             self._cache_path, self._enabled = None, False
             _tell_once(error)
 
     def tolerant_load(self: Any, signature: Any, context: Any) -> Any:
         try:
             return load(self, signature, context)
-        except Exception:  # it was whole, and does not fit what is installed now
+        except Exception:  # the file is undamaged, but does not match what is installed now
             return None
 
     def tolerant_save(self: Any, signature: Any, kernel: Any) -> None:
@@ -142,7 +142,7 @@ _told: set[str] = set()
 
 
 def _tell_once(error: Exception, folder: str | None = None) -> None:
-    """Say on standard error that kernels are not kept, once for each reason."""
+    """Warn that kernels are not cached, once for each reason."""
     why = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
     if why in _told or sys.stderr is None:
         return

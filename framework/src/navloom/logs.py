@@ -1,6 +1,6 @@
-"""Logging of the command line: what goes to standard error, from which level on, as text or as JSON lines.
+"""Logging of the command line to standard error, from a chosen level, as text or as JSON lines.
 
-Each house has a logger, `navloom.HOUSE`. A command sets up their common handler when it begins; a program that uses
+Each house has a logger, `navloom.HOUSE`. A command sets up their common handler at its start; a program that uses
 navloom as a library sets up its own.
 """
 
@@ -16,7 +16,7 @@ ROOT = logging.getLogger("navloom")
 
 
 class Level(enum.StrEnum):
-    """Levels that can be asked for."""
+    """Levels of `--log-level`."""
 
     DEBUG = "debug"
     INFO = "info"
@@ -25,7 +25,7 @@ class Level(enum.StrEnum):
 
 
 class TextFormatter(logging.Formatter):
-    """The message, with `navloom: ` before each line; the traceback that a record carries follows as it is."""
+    """Formats a record as its message with `navloom: ` before each line; its traceback follows unchanged."""
 
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
@@ -37,7 +37,7 @@ class TextFormatter(logging.Formatter):
 
 
 class JsonFormatter(logging.Formatter):
-    """One JSON object a line: time (Unix, s), level, logger, message, process, and the traceback where there is one."""
+    """Formats a record as a JSON object on one line: time (Unix, s), level, logger, message, process, any traceback."""
 
     def format(self, record: logging.LogRecord) -> str:
         """The line."""
@@ -58,19 +58,19 @@ class JsonFormatter(logging.Formatter):
 
 
 class StandardError(logging.StreamHandler):  # type: ignore[type-arg]
-    """Writes to the standard error of the moment: above a line of progress where there is one."""
+    """Writes to the current `sys.stderr`, and so above a progress line if one is shown."""
 
     def __init__(self) -> None:
         logging.Handler.__init__(self)
 
     @property
     def stream(self) -> object:
-        """Where it goes."""
+        """The current standard error."""
         return sys.stderr
 
 
 def set_up_logging(level: Level, as_json: bool) -> None:
-    """Log to standard error from a level on."""
+    """Log to standard error, from this level up."""
     handler = StandardError()
     handler.setFormatter(JsonFormatter() if as_json else TextFormatter())
     ROOT.handlers = [handler]

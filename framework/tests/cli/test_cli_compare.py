@@ -12,6 +12,7 @@ from typing import Any, cast
 
 import pytest
 from navloom.cli.study.compare import _truths
+from navloom.plugins import one_file
 from navloom.report import report
 from navloom.study import compare
 
@@ -79,6 +80,38 @@ def test_json_has_every_row_and_the_request(navloom: Run, config: str, tmp_path:
     assert found["summary"]["kanayama"]["outcomes"] == {"succeeded": 4}
     assert found["held_equal"]["robot.max_linear"] == 0.5
     assert json.loads((out / "study.json").read_text("utf-8")).items() <= found.items()
+
+
+WRONG = """
+import random
+import sys
+import time
+
+from navloom import Avoidance, Avoider, Twist2D
+
+
+class Wrong(Avoider):
+    name = "wrong"
+
+    def avoid(self, given):
+        print("x" * 5000, file=sys.stderr)
+        return Avoidance(Twist2D(0.0, 0.0, 20.0 + 1e-6 * random.random() + 1e-9 * time.monotonic()), "steering")
+"""
+
+
+def test_a_study_tells_each_warning_once_for_a_method_with_its_episodes(
+    navloom: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(one_file.FILES, "[]")
+    (tmp_path / "wrong_avoider.py").write_text(WRONG, "utf-8")
+    words = ("--plugin", str(tmp_path / "wrong_avoider.py"), "--vary", "avoider=improved_vfh,wrong", "--seeds", "0:2")
+    code, said, errors = navloom(config, *words, "--json")
+    found = {one["kind"]: one for one in json.loads(said)["warnings"]}
+    assert code == 0 and set(found) == {"clock", "limits", "output", "random"}
+    assert all((one["method"], one["plugin"], one["episodes"]) == ("wrong", "wrong", 2) for one in found.values())
+    for one in found.values():
+        told = f"warning: wrong: {one['text']} (2 episodes, the first: empty, seed 0)"
+        assert errors.count(told) == 1 and "wrong_avoider.py:" in told
 
 
 def test_people_are_told_what_came_of_it_and_what_was_dropped(navloom: Run, config: str, tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_what_only_a_plugin_can_refuse_does_not_fit_either(in_process: CommandLi
 def test_check_and_run_say_which_size_is_assumed(in_process: CommandLine, tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(LASER + '[mapper]\nplugin = "known_map"\n', "utf-8")
-    notice = f"{path}: robot.footprint: is missing, the default holds: {{ length = 0.8, width = 0.8 }}, in m"
+    notice = f"{path}: robot.footprint: is missing; default {{ length = 0.8, width = 0.8 }}, in m"
     code, said, _ = in_process("config", "check", str(path))
     assert code == 0 and said.startswith(notice) and said.endswith("fits; 7 plugins, 1 sensor\n")
     _, _, error = in_process("run", str(path), "--set", "navigation.goal.x=99.0", "--set", "navigation.goal.y=0.0")

@@ -17,7 +17,7 @@ from navloom.config import load_config
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.network import network_of
 from navloom.transport.access import Identity, read_identities
-from navloom.transport.certificates import HOSTS, KeysError, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest, KeysError
 from navloom.transport.keys import new_authority
 from navloom.transport.links import Link, settings
 from typer.testing import CliRunner
@@ -134,7 +134,7 @@ def test_revoke_says_what_to_copy(tmp_path: Path) -> None:
 
 def test_a_command_refuses_an_expired_certificate_by_name_and_says_what_renews_it(tmp_path: Path) -> None:
     folder, then = tmp_path / "keys", datetime.now(UTC) - timedelta(days=9, hours=12)
-    new_authority(folder, Request("lab", "r1", HOSTS, 9, then))
+    new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 9, then))
     words = ["status", "--connect", "tls/127.0.0.1:9", "--keys", str(folder)]
     done = subprocess.run(
         [sys.executable, "-c", "from navloom.cli import main; main()", *words],

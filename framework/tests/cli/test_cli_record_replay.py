@@ -86,7 +86,7 @@ def test_the_python_of_the_docs_runs(recorded: Path, monkeypatch: pytest.MonkeyP
 
 def test_a_parameter_of_a_role_that_is_not_tried_is_refused(recorded: Path) -> None:
     done = RUN.invoke(app, ["replay", str(recorded), "--avoider", "vff", "--set", "planner.cell=1"])
-    assert "of a role that another plugin is tried in: avoider" in str(done.exception)
+    assert "with a ROLE that has another plugin here: avoider" in str(done.exception)
 
 
 def test_no_recording_is_told(tmp_path: Path) -> None:

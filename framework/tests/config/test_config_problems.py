@@ -122,6 +122,6 @@ def test_a_file_without_a_footprint_says_which_size_holds(tmp_path: Path) -> Non
     path.write_text("[run]\nseed = 3\n", "utf-8")
     (notice,) = load_config(str(path)).notices()
     size = "{ length = 0.8, width = 0.8 }, in m"
-    assert notice == f"{path}: robot.footprint: is missing, the default holds: {size}; give your robot's"
+    assert notice == f"{path}: robot.footprint: is missing; default {size}: give your robot's size"
     assert load_config("paper").notices() == []
     assert load_config(str(path), ["robot.footprint.length=1.0", "robot.footprint.width=1.0"]).notices() == []

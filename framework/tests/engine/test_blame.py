@@ -50,6 +50,7 @@ from navloom import (
 )
 from navloom.cli.study.run import tell_faults
 from navloom.geometry.world import Raster, World
+from navloom.logs import Level, set_up_logging
 from navloom.messages import Command, Sweep
 from navloom.plugins import Discovery, PluginError
 from navloom.study.episode import Episode, run_episode
@@ -529,6 +530,7 @@ def test_a_command_far_beyond_the_limits_is_limited_and_noted_once(
 
 
 def test_run_says_what_was_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    set_up_logging(Level.INFO, as_json=False)
     tell_faults(SimpleNamespace(log=SimpleNamespace(faults=[], failed=[])), {"warnings": [{"text": "46 times"}]})
     assert "46 times" in capsys.readouterr().err
 

@@ -94,7 +94,7 @@ def test_what_a_node_did_not_come_to_is_refused_and_not_done_afterwards(runner: 
 
 def test_a_stop_is_done_whenever_the_node_comes_to_it(runner: Runner) -> None:
     done: list[str] = []
-    with pytest.raises(ServiceError, match="this is done once that has ended"):
+    with pytest.raises(ServiceError, match="the request is done when this step ends"):
         apply(runner, lambda: done.append("stop"), waits=True)
     runner.waiting.pop()()
     assert done == ["stop"]
@@ -109,7 +109,7 @@ def test_what_a_node_has_begun_is_not_called_refused(runner: Runner) -> None:
         done.set()
 
     runner.change = lambda change: threading.Thread(target=change).start()  # type: ignore[method-assign]
-    with pytest.raises(ServiceError, match="this is done once that has ended"):
+    with pytest.raises(ServiceError, match="the request is done when this step ends"):
         apply(runner, change)
     assert begun.is_set()
     go_on.set()

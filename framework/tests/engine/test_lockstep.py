@@ -6,12 +6,15 @@ import hashlib
 import io
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+import toys
 from navloom.config import ConfigError
 from navloom.engine.trace import TraceEntry, TraceError, read_trace
 from navloom.messages import Command, GateStatus, GoalResult, Selection, StepRecord
 from navloom.plugins import PluginError
+from navloom.roles import Role
 from navloom.study.episode import Episode, run_episode
 from toys import discovery, toy_config
 
@@ -353,3 +356,35 @@ def test_a_trace_cut_short_says_so(tmp_path: Path) -> None:
     short.write_bytes(b"something else entirely")
     with pytest.raises(TraceError, match="not a navloom trace"):
         list(read_trace(short))
+
+
+def test_a_run_resets_no_plugin_and_the_next_one_makes_new_objects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[object] = []
+    make = toys.Bystander.__init__
+
+    def kept(self: toys.Bystander, params: Any, context: Any) -> None:
+        made.append(self)
+        make(self, params, context)
+
+    def refused(self: object) -> None:
+        raise AssertionError("reset in a run")
+
+    monkeypatch.setattr(toys.Bystander, "__init__", kept)
+    monkeypatch.setattr(Role, "reset", refused)
+    swap = '[[event]]\nat = {at}\ndo = "swap"\nrole = "avoider"\nname = "{name}"\n'
+    events = swap.format(at=1.0, name="slow") + swap.format(at=2.0, name="toy_bystander")
+    events += '[[event]]\nat = 3.0\ndo = "goal"\nx = 1.0\ny = 0.0\n'
+    for run in (1, 2):
+        log = drive(tmp_path, more=ALTERNATIVE.format(shadow="false") + events).log
+        assert log.swaps == 2 and not log.faults and len(log.results) == 2
+        assert len({id(one) for one in made}) == 2 * run  # the active one and the alternative
+
+
+def test_an_instance_that_was_active_steps_on_after_a_swap(tmp_path: Path) -> None:
+    swap = '[[event]]\nat = 2.0\ndo = "swap"\nrole = "avoider"\nname = "slow"\n'
+    looker = Everything()
+    drive(tmp_path, more=ALTERNATIVE.format(shadow="false") + swap, observers=[looker])
+    ticks = {name: [one.tick for one in looker.steps if one.instance == name] for name in ("toy_bystander", "slow")}
+    assert ticks["toy_bystander"][-1] == ticks["slow"][-1] > 80 and ticks["slow"][0] == 40

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 from navloom.engine.catalogue import FRAMEWORK, NODES
-from navloom.engine.node import Node, Tick
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.planner import PlannerNode
 from navloom.engine.ports import Latest, Output, Wired
-from navloom.engine.role_nodes import PlannerNode
 from navloom.engine.streams import ControllerPorts, LocalizerPorts, PlannerPorts
 
 
@@ -51,7 +51,7 @@ def test_an_input_that_is_not_wired_says_so() -> None:
 
 
 WRONG = """
-from navloom.engine.node import Node, Tick
+from navloom.engine.nodes.node import Node, Tick
 from navloom.engine.ports import Latest, Output
 from navloom.engine.streams import ControllerPorts, LocalizerPorts
 from navloom.messages import Command, Path, Twist2D

@@ -140,7 +140,7 @@ def test_a_thread_that_stays_is_blamed_on_who_started_it(tmp_path: FilePath, mon
         ends.set()
     (warning,) = episode.warnings
     assert (warning.kind, warning.role, warning.instance) == ("thread", "avoider", "does")
-    assert f"started the thread 'stays', which still runs and is no daemon ({HERE}:" in str(warning)
+    assert f"started the thread 'stays', which still runs and is not a daemon ({HERE}:" in str(warning)
 
 
 def test_threads_that_keep_no_process_alive_are_fine(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:

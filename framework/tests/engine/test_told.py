@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navloom.engine.told import GateTold, GoalTold, Obeyed
+from navloom.engine.nodes.told import GateTold, GoalTold, Obeyed
 from navloom.messages import Goal, OperatorRequest, Point2D
 
 

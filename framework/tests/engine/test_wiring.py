@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navloom.engine.node import Node, Tick
+from navloom.engine.nodes.node import Node, Tick
 from navloom.engine.ports import Latest, Offers, Wired
 from navloom.engine.stepper import Stepper
 from navloom.engine.streams import AvoiderPorts, LocalizerPorts

@@ -50,7 +50,7 @@ def test_a_deleted_folder_comes_back_with_the_claim_the_word_and_the_sockets(fol
         assert keeper.look()
         assert list(robots()) == [UP] and called(path) and folder.is_claimed()
         assert not keeper.look() and called(path)
-        assert said == [f"runtime folder {folder.path} was deleted: it is there again, and the robot goes on"]
+        assert said == [f"runtime folder {folder.path} was deleted and is made again; the robot continues"]
         # one that is started again listens in its own name
         keeper.forget("drive")
         assert not path.is_symlink()
@@ -76,7 +76,7 @@ def test_a_folder_that_cannot_be_made_again_is_told_once_and_tried_again(folder:
     above.write_text("in the way", "utf-8")
     assert not keeper.look() and not keeper.look()
     assert len(said) == 1 and said[0].endswith(
-        f"set NAVLOOM_RUNTIME_DIR; the robot goes on, but no command finds it: `kill {os.getpid()}` ends it"
+        f"set NAVLOOM_RUNTIME_DIR; the robot continues, but no command finds it: `kill {os.getpid()}` ends it"
     )
     above.unlink()
     assert keeper.look() and list(robots()) == [UP]
@@ -90,5 +90,5 @@ def test_a_robot_of_the_same_name_that_came_up_meanwhile_keeps_its_folder(folder
     other.make()
     assert other.lock()
     assert not keeper.look() and not folder.is_there() and other.is_there()
-    assert "was deleted, and another process is this robot now" in said[0]
+    assert "was deleted, and another process has claimed the robot" in said[0]
     other.unlock()

@@ -183,7 +183,7 @@ def test_where_all_of_the_robot_is_here_nobody_waits_for_a_router_and_it_is_foun
     until(lambda: ear.heard, lambda: command.put(b"begin", ""))
     assert time.monotonic() - began < SOON / 4
     assert not drive.has_router()
-    until(lambda: any("nobody reaches the robot from elsewhere" in text for text in host.said))
+    until(lambda: any("the robot cannot be reached from other hosts" in text for text in host.said))
     host.router()
     late = Ear(host.elsewhere(), STREAM)
     until(lambda: late.heard, lambda: command.put(b"again", ""))

@@ -1,4 +1,4 @@
-"""Processes forked off the nursery: they belong to who asked for them, and outlive it."""
+"""Processes forked byf the nursery: they belong to who asked for them, and outlive it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def main():
     if os.fork() == 0:
         os.setsid()
         time.sleep(60)
-    print("born of", os.getppid(), "in its own group", os.getpgrp() == os.getpid(), flush=True)
+    print("forked by", os.getppid(), "in its own group", os.getpgrp() == os.getpid(), flush=True)
     text = open(sys.argv[1]).read()
     if text == "deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -34,7 +34,7 @@ def main():
 
 @pytest.fixture
 def nursery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Nursery]:
-    (tmp_path / "newborn.py").write_text(CHILD, "utf-8")
+    (tmp_path / "child.py").write_text(CHILD, "utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     made = Nursery(tmp_path / "nursery.log", mark(tmp_path))
     made.start()
@@ -52,25 +52,25 @@ def spec(tmp_path: Path, text: str = "") -> Path:
 
 
 def test_a_process_is_the_callers_own_and_its_end_is_told(nursery: Nursery, tmp_path: Path) -> None:
-    born = nursery.bear("newborn", "newborn", spec(tmp_path, "7"), tmp_path / "log", READY)
-    assert born is not None and born.wait(20) == 7
-    assert (tmp_path / "log").read_text("utf-8") == f"born of {os.getpid()} in its own group True\n"
-    assert born.poll() == 7  # asked again
+    forked = nursery.fork("child", "child", spec(tmp_path, "7"), tmp_path / "log", READY)
+    assert forked is not None and forked.wait(20) == 7
+    assert (tmp_path / "log").read_text("utf-8") == f"forked by {os.getpid()} in its own group True\n"
+    assert forked.poll() == 7  # asked again
 
 
 def test_what_was_born_outlives_the_nursery_and_another_takes_its_place(nursery: Nursery, tmp_path: Path) -> None:
-    born = nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", READY)
-    assert born is not None
+    forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
+    assert forked is not None
     assert nursery._process is not None
     nursery._process.kill()
     nursery._process.wait()
-    assert nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", 0.0) is None  # it has just begun
-    assert born.poll() is None
-    again = nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", READY)
-    assert again is not None and again.pid != born.pid
+    assert nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", 0.0) is None  # it has just begun
+    assert forked.poll() is None
+    again = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
+    assert again is not None and again.pid != forked.pid
     with pytest.raises(subprocess.TimeoutExpired):
         again.wait(0.01)
-    for one in (born, again):
+    for one in (forked, again):
         one.kill()
         assert one.wait(20) == -signal.SIGKILL
         one.send_signal(signal.SIGTERM)  # nobody there: nothing happens
@@ -79,28 +79,28 @@ def test_what_was_born_outlives_the_nursery_and_another_takes_its_place(nursery:
 def test_when_the_supervisor_is_gone_what_was_born_ends_even_where_it_is_stopped(
     nursery: Nursery, tmp_path: Path
 ) -> None:
-    born = nursery.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", READY)
-    assert born is not None and nursery._line is not None and nursery._process is not None
-    os.kill(born.pid, signal.SIGSTOP)
+    forked = nursery.fork("child", "child", spec(tmp_path), tmp_path / "log", READY)
+    assert forked is not None and nursery._line is not None and nursery._process is not None
+    os.kill(forked.pid, signal.SIGSTOP)
     nursery._line.close()  # as its death would
-    assert born.wait(20) == -signal.SIGTERM
+    assert forked.wait(20) == -signal.SIGTERM
     assert nursery._process.wait(20) == 0
     assert not [one for one in descendants() if one.folder == tmp_path]  # not even its fork, in another session
 
 
 def test_what_does_not_end_when_it_is_told_to_is_made_to_within_5_s(nursery: Nursery, tmp_path: Path) -> None:
-    born = nursery.bear("newborn", "newborn", spec(tmp_path, "deaf"), tmp_path / "log", READY)
-    assert born is not None and nursery._line is not None
+    forked = nursery.fork("child", "child", spec(tmp_path, "deaf"), tmp_path / "log", READY)
+    assert forked is not None and nursery._line is not None
     log = tmp_path / "log"
     while not log.exists() or "deaf\n" not in log.read_text("utf-8"):
-        assert born.poll() is None
+        assert forked.poll() is None
     nursery._line.close()
-    assert born.wait(20) == -signal.SIGKILL
+    assert forked.wait(20) == -signal.SIGKILL
 
 
 def test_nobody_is_born_where_the_nursery_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
     made = Nursery(tmp_path / "nursery.log")
     made.start()
-    assert made.bear("newborn", "newborn", spec(tmp_path), tmp_path / "log", 1.0) is None
+    assert made.fork("child", "child", spec(tmp_path), tmp_path / "log", 1.0) is None
     made.close()

@@ -23,7 +23,7 @@ from navloom.operating.doctor import diagnose
 from navloom.operating.joining import join
 from navloom.transport import connection
 from navloom.transport.access import Identity
-from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority, renew, revoke
 from navloom.transport.links import Link
 from navloom.transport.quality import quality_of
@@ -47,7 +47,7 @@ class Net:
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
         self.folder, self._stack = folder, stack
-        new_authority(folder, Request("lab", "r1", HOSTS, 20, datetime.now(UTC)))
+        new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 20, datetime.now(UTC)))
         add_identity(folder, Identity("bob", "operator"), (), 20, datetime.now(UTC))
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -134,7 +134,7 @@ def test_a_renewal_reaches_listener_and_clients_and_each_message_is_heard_once(n
     assert (sender.losses, hearer.losses) == (0, 0)
     assert net.shown().serial_number != before.serial_number
     assert net.shown().not_valid_after_utc > before.not_valid_after_utc
-    assert net.said[-1] == "new certificates are in force for all"
+    assert net.said[-1] == "all connections use the new certificates"
 
 
 def test_a_process_takes_its_own_new_certificate_without_the_routers_help(net: Net) -> None:
@@ -231,7 +231,7 @@ def test_files_that_do_not_fit_are_named_and_the_router_goes_on_with_the_old_one
     stream = Stream(net.join("nodes"), net.join("nodes"))
     (net.folder / "router.pem").write_bytes((net.folder / "viewer.pem").read_bytes())
     net.take_new_files()
-    assert "router-key.pem does not belong to" in net.said[-1] and "old ones stay in force" in net.said[-1]
+    assert "router-key.pem does not belong to" in net.said[-1] and "old ones stay in use" in net.said[-1]
     expected = stream.end()
     assert stream.heard == expected
 

@@ -141,7 +141,8 @@ def test_what_a_process_has_forked_ends_with_it_before_it_is_started_again(rig: 
     os.kill(first, signal.SIGKILL)
     until(lambda: child.restarts, keeper)
     until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below), keeper)  # nor as a zombie
-    assert rig[1][0].startswith("ended what process child left: process ") and rig[1][0].count(" of child") == 2
+    assert rig[1][0].startswith("ended programs that process child had started: process ")
+    assert rig[1][0].count(" of child") == 2
     keeper.stop()
     assert not [one for one in descendants() if one.folder == rig[0].path]
 
@@ -155,7 +156,7 @@ def test_what_an_earlier_supervisor_left_is_ended_first(rig: tuple[RobotFolder, 
     keeper.start()
     left.wait(5.0)
     ended = f"process {left.pid} (sleep 60) of drive"
-    assert rig[1] == [f"ended what was left of an earlier robot of this name: {ended}"]
+    assert rig[1] == [f"ended processes left by an earlier robot of this name: {ended}"]
     keeper.stop()
 
 
@@ -185,7 +186,7 @@ def test_a_deleted_folder_is_made_again_and_restarts_go_on(rig: tuple[RobotFolde
     os.kill(child.process.pid, signal.SIGKILL)
     until(mark.exists, keeper)
     assert folder.fates()["child"].restarts == 1 and folder.is_claimed()
-    assert said[0] == f"runtime folder {folder.path} was deleted: it is there again, and the robot goes on"
+    assert said[0] == f"runtime folder {folder.path} was deleted and is made again; the robot continues"
     keeper.stop()
     folder.unlock()
 
@@ -209,8 +210,8 @@ def test_a_full_disk_is_told_once_and_ends_nothing(
         os.kill(child.process.pid, signal.SIGKILL)
         until(mark.exists, keeper)
     assert [line for line in said if "No space" in line] == [
-        f"[Errno 28] No space left on device: '{folder.path / 'fates.json'}'; the robot goes on, `navloom doctor` does "
-        "not see what becomes of its processes"
+        f"[Errno 28] No space left on device: '{folder.path / 'fates.json'}'; the robot continues, "
+        "but `navloom doctor` does not see the state of its processes"
     ]
     until(lambda: folder.fates(), keeper)  # written once there is space
     keeper.stop()
@@ -228,7 +229,7 @@ def test_a_process_that_prints_much_has_its_log_cut_and_keeps_its_last_words(
     assert sum(path.stat().st_size for path in folder.path.glob("child.log*")) < LARGEST_LOG + 200
     assert keeper.tail(child, 1) == "the last word"
     assert said == [
-        f"process child writes much: of {folder.path / 'child.log'} and child.log.1 the last 2 MB each are kept"
+        f"process child writes too much: the last 2 MB each are kept of {folder.path / 'child.log'} and child.log.1"
     ]
     until(lambda: folder.fates()["child"].cut, keeper)
     cut = child.log.cut

@@ -9,7 +9,7 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.assembly import own_node
 from navloom.engine.build import assemble
-from navloom.engine.own_nodes import GateNode
+from navloom.engine.nodes.gate import GateNode
 from navloom.live.cell import Source
 from navloom.live.cells import Hosted, all_sources, make_cell
 from navloom.live.live_gate import LiveGate, held_rate, hold

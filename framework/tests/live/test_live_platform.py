@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from navloom.config import load_config
 from navloom.engine.build import assemble
-from navloom.engine.role_nodes import PlatformNode
+from navloom.engine.nodes.platform import PlatformNode
 from navloom.live import live, live_platform
 from navloom.live.cells import Hosted, make_cell
 from navloom.live.live_platform import LivePlatform
 from navloom.live.run_clock import RunClock
 from navloom.live.switchboard import Switchboard
 from navloom.messages import Command, Contact, Envelope, Odometry, Pose2D, RangeScan, Twist2D
-from navloom.roles import PlatformOutput
+from navloom.roles import PlatformOutput, SensorSpec
 from navloom.transport.keyspace import KeySpace
 
 PERIOD, DEADLINE = 0.05, 0.1
@@ -32,7 +32,6 @@ class Base:
     sensor_kinds = {"ring": RangeScan}
 
     def __init__(self) -> None:
-        self.context = SimpleNamespace(sensors=[SimpleNamespace(name="sonars", kind="ring")])
         self.scans: dict[str, Any] = {}
         self.told: list[Twist2D] = []
         self.broken = 0
@@ -68,7 +67,7 @@ class Robot:
             publication=lambda *given: SimpleNamespace(is_heard=True, put=lambda data, label: None),
             serve=lambda *given, **more: None,
         )
-        node = PlatformNode(self.base)  # type: ignore[arg-type]
+        node = PlatformNode(self.base, [SensorSpec("sonars", "ring")])  # type: ignore[arg-type]
         self.hosted: Hosted = make_cell(SYSTEM, SOURCE, node, Switchboard(bus, KEYS, lossless=False))
         self.runner = LivePlatform(
             self.hosted, RunClock(clock.monotonic_ns), PERIOD, lambda: self.ended, DEADLINE, clock.monotonic_ns()
@@ -158,7 +157,7 @@ def test_wheels_that_can_never_be_told_again_end_the_process(robot: Robot) -> No
     robot.command(AHEAD, 1)
     robot.turn(0.05)
     robot.base.broken = 10_000
-    with pytest.raises(RuntimeError, match=r"could not be told anything for 1 s: .*Input/output error"):
+    with pytest.raises(RuntimeError, match=r"commands to the wheels failed for 1 s: .*Input/output error"):
         robot.turn(3.0)
     assert 1001.1 < robot.now < 1001.3
 

@@ -10,9 +10,9 @@ import pytest
 from navloom.config import load_config
 from navloom.engine.assembly import goal_rules
 from navloom.engine.build import assemble
-from navloom.engine.node import Tick
-from navloom.engine.own_nodes import GoalNode
-from navloom.engine.role_nodes import MapperNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.mapper import MapperNode
+from navloom.engine.nodes.node import Tick
 from navloom.live import live, live_goal
 from navloom.live.cells import Hosted, all_sources, make_cell
 from navloom.live.live import LiveRunner

@@ -32,7 +32,7 @@ from navloom.messages import (
     message,
 )
 from navloom.messages.bounds import header_limit
-from navloom.messages.codec import CodecError, decode, encode, schema_label
+from navloom.messages.codec import CodecError, decode, encode, redirected, schema_label
 
 AT = Envelope("lab/r1/localizer/main/pose", 3, 4, 200_000_000, 150_000_000, 0)
 STANDING = Odometry(5, Pose2D(1.0, 2.0, 0.5), Twist2D(0.0, 0.0, 0.0))
@@ -342,7 +342,7 @@ def test_a_malformed_entry_of_the_arrays_is_refused(entry: Any) -> None:
 )  # fmt: skip
 def test_an_array_that_does_not_lie_in_the_bytes_at_a_multiple_of_64_is_refused(entry: Any) -> None:
     data = track_with(entry)
-    expected = f"expected it to lie at a multiple of 64 within the {len(data)} bytes given"
+    expected = f"expected it at a multiple of 64 within the {len(data)} bytes given"
     assert expected in refusal(data, TRACK_LABEL)
 
 
@@ -408,3 +408,23 @@ def test_a_field_that_came_later_holds_its_default() -> None:
     for name in ("share", "limit", "place", "distance"):
         data = changed(data, lambda header, name=name: header["fields"].pop(name))  # type: ignore[misc]
     assert decode(data, "navloom.GateStatus/1")[0] == status
+
+
+@pytest.mark.parametrize("sent", [STANDING, TRACK, PoseTrack(np.zeros(0, np.int64), np.zeros((0, 3)))])
+def test_a_message_under_another_key_has_the_bytes_it_would_have_had(sent: Message) -> None:
+    for length in range(1, 80):  # the arrays move with the header's end
+        at = AT._replace(key="k" * length)
+        assert redirected(memoryview(encode(sent, AT)), at.key) == (encode(sent, at), at)
+
+
+def test_what_an_unknown_version_adds_is_kept_under_another_key() -> None:
+    header = header_of(encode(STANDING, AT))
+    added = {"before": [1, {"deep": "x"}], **header, "fields": {**header["fields"], "later": 2}}
+    data, at = redirected(with_header(added), "a/b/c")
+    assert header_of(data) == {**added, "envelope": [*AT._replace(key="a/b/c")]} and at.key == "a/b/c"
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff" * 8, with_header({"fields": {}}), with_header(b"\x81\xa1")])
+def test_bytes_without_an_envelope_are_not_redirected(data: bytes) -> None:
+    with pytest.raises(CodecError):
+        redirected(data, "a/b/c")

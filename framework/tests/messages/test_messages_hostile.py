@@ -158,7 +158,7 @@ def test_a_map_with_far_more_fields_than_declared_is_refused() -> None:
 
 def test_what_stands_behind_a_long_header_is_refused() -> None:
     data = report_with("unknown", msgpack.packb("x" * 2000))
-    assert "the header has 3 bytes behind its end" in refusal(with_header(data[4:] + b"abc"), REPORT)
+    assert "the header has 3 bytes after its end" in refusal(with_header(data[4:] + b"abc"), REPORT)
 
 
 @pytest.mark.parametrize("label", ["x" * 10_000, "navloom.Command/" + "9" * 10_000])

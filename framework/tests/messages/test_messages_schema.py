@@ -122,7 +122,7 @@ def test_an_int_field_refuses_everything_else(given: Any) -> None:
 
 
 def test_a_number_too_long_to_print_is_refused_like_any_other() -> None:
-    with pytest.raises(MessageError, match=r"SweepRequest\.request_id: got a int, expected a number of 64 bits"):
+    with pytest.raises(MessageError, match=r"SweepRequest\.request_id: got a int, expected a signed 64-bit number"):
         SweepRequest(10**5000)
 
 

@@ -102,7 +102,7 @@ def test_a_name_is_bounded_by_its_bytes_and_not_by_its_characters(name: str) -> 
 def test_a_table_that_was_seen_before_does_not_excuse_bytes_that_are_cut_short() -> None:
     data = encode(TRACK, AT)
     decode(data, "navloom.PoseTrack/1")
-    expected = f"expected it to lie at a multiple of 64 within the {len(data) - 1} bytes given"
+    expected = f"expected it at a multiple of 64 within the {len(data) - 1} bytes given"
     with pytest.raises(CodecError, match=expected):
         decode(data[:-1], "navloom.PoseTrack/1")
 

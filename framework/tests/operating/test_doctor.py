@@ -51,7 +51,7 @@ def test_a_plugin_that_raises_is_named_with_its_cause_and_a_substitute_is_advise
     once = only(failing([*everyone(avoider={"faulted": 1, "fault": "ValueError: no ranges"}), other]))
     assert once.severity == "problem"
     assert once.what == "avoider vfh failed in its last step: ValueError: no ranges"
-    assert once.remedy == "repair the plugin; `navloom swap avoider forces` makes another active"
+    assert once.remedy == "fix the plugin; `navloom swap avoider forces` makes another active"
     often = only(failing(everyone(avoider={"faulted": 3, "fault": "ValueError: no ranges"})))
     assert often.what == "avoider vfh failed 3 steps in a row: ValueError: no ranges"
 
@@ -72,7 +72,7 @@ def test_a_plugin_that_raises_is_named_with_its_cause_and_a_substitute_is_advise
 )
 def test_the_advice_about_a_plugin_that_raises_can_be_followed(role: str, changes: dict[str, Any], advice: str) -> None:
     found = only(failing(everyone(**{role: {"faulted": 2, "fault": "E", **changes}})))
-    assert found.remedy == f"repair the plugin; {advice}"
+    assert found.remedy == f"fix the plugin; {advice}"
 
 
 def test_a_plugin_slower_than_its_period_is_named_with_both_times_and_what_to_do() -> None:
@@ -275,10 +275,10 @@ def test_configs_that_differ_are_told_by_their_hash() -> None:
 def test_a_process_that_does_not_hear_the_platform_is_told_while_others_do() -> None:
     deaf = {"silence_s": 2.5, "host": "brain"}
     found = only(unheard(everyone(mapper=deaf, goal=deaf)))
-    assert found.what == "process think on brain has not heard the platform for 2.5 s"
+    assert found.what == "process think on brain has not received a platform message for 2.5 s"
     assert found.remedy.startswith("the network between them")
     here = only(unheard(everyone(mapper={"silence_s": 2.5}, goal={"silence_s": 2.5})))
-    assert here.remedy == "it hangs, or its host gives it no time: `kill -KILL 4711` restarts it"
+    assert here.remedy == "it hangs, or its host gives it no CPU time: `kill -KILL 4711` restarts it"
     everybody = everyone(**{node["role"]: {"silence_s": 2.5} for node in everyone()})
     assert unheard(everybody) == []  # then it is the platform that is silent
     assert unheard(everyone(**{node["role"]: {"silence_s": None} for node in everyone()})) == []
@@ -358,7 +358,7 @@ def test_a_process_that_is_left_down_is_told_once_with_its_nodes() -> None:
     assert found.what == (
         "mapper grid, goal main: missing; of process think: it ended with code 1; it stays down"
     )  # fmt: skip
-    assert found.remedy == "repair what it says, then `navloom down` and `navloom up`"
+    assert found.remedy == "fix what it reports, then `navloom down` and `navloom up`"
 
 
 def test_nodes_that_are_announced_and_silent_are_told_by_process() -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from navloom.cli.main import app
+from navloom.cli.shells.tree import commands
 from navloom.config import load_config
 from navloom.hosting.provenance import distributions
 from navloom.plugins import Discovery, PluginError, one_file
 from navloom.plugins.one_file import FILES, use_files
+from typer.main import get_command
 
 AVOIDER = """
 from navloom import Avoidance, Avoider, Twist2D
@@ -153,3 +158,114 @@ def test_a_name_that_is_taken_is_refused_with_both_owners(tmp_path: Path) -> Non
     use_files([file])
     with pytest.raises(PluginError, match=rf"two plugins are named 'avoider.vff', from {file} and navloom-vff"):
         Discovery().role("avoider", "vff")
+
+
+LOOP = """
+def search():
+    while True:
+        try:
+            while True:
+                pass
+        except Exception:
+            pass
+
+
+search()
+"""
+
+
+def test_an_import_that_does_not_end_is_ended_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(one_file, "LONGEST_IMPORT", 0.2)
+    before = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(
+        PluginError, match=r"loop\.py: the import fails: ImportTimeout: not over after 0\.2 s; .* \(loop\.py:[4567]\)"
+    ):
+        use_files([kept(tmp_path, "loop.py", LOOP)])
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0) and signal.getsignal(signal.SIGALRM) is before
+
+
+def test_an_import_that_breaks_the_process_is_named_with_its_line(tmp_path: Path) -> None:
+    file = kept(tmp_path, "torn.py", "import ctypes\n\nctypes.string_at(0)\n")
+    command = [sys.executable, "-m", "navloom", "check", "avoider.torn", "--plugin", str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == -signal.SIGSEGV
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("navloom: ") and "Segmentation fault at torn.py:3, in <module>" in line
+
+
+EVERYTHING = f"""{AVOIDER}
+import numpy as np
+from navloom import Message, Path, Planner, Stamp, hookimpl, message
+from navloom.geometry.world import World
+
+
+class Straight(Planner):
+    name = "straight"
+
+    def plan(self, given):
+        start, goal = given.request.start, given.request.goal
+        points = np.array([(start.x, start.y), (goal.x, goal.y)])
+        return Path(given.request.request_id, points, float(np.hypot(*(points[1] - points[0]))), None)
+
+
+@message
+class Beat(Message):
+    \"\"\"A beat of a heart.\"\"\"
+
+    stamp_ns: Stamp
+
+
+@hookimpl
+def navloom_register(registry):
+    registry.add(Slow)
+    registry.add(Straight)
+    registry.message(Beat)
+    registry.world("nowhere", lambda: World("nowhere", ()))
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("graph", "paper", "--set", "avoider.plugin=slow"), "avoider (slow)"),
+        (("plan", "empty", "--from", "0,0", "--to", "3,4", "--planner", "straight"), "5.000 m in"),
+        (("worlds",), "nowhere"),
+        (("messages", "Beat"), "everything.Beat/1 of"),
+    ],
+)
+def test_a_command_that_uses_plugins_takes_files(
+    tmp_path: Path, in_process: Callable[..., tuple[int, str, str]], words: tuple[str, ...], said: str
+) -> None:
+    code, out, err = in_process(*words, "--plugin", str(kept(tmp_path, "everything.py", EVERYTHING)))
+    assert code == 0 and said in out, out + err
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("return None", r"TypeError: plan\(\) gives NoneType, expected Path or PlanFailure"),
+        ("return 1 / 0", r"ZeroDivisionError: division by zero \(everything\.py:\d+\)"),
+    ],
+)
+def test_a_planner_that_fails_is_blamed_by_plan(
+    tmp_path: Path, in_process: Callable[..., tuple[int, str, str]], wrong: str, said: str
+) -> None:
+    file = kept(
+        tmp_path, "everything.py", EVERYTHING.replace("start, goal = given", f"{wrong}\n        start, goal = given")
+    )
+    words = ("plan", "empty", "--from", "0,0", "--to", "3,4", "--planner", "straight", "--plugin", str(file))
+    code, _, err = in_process(*words)
+    assert code == 2 and re.fullmatch(rf"navloom: planner straight failed: {said}\n", err), err
+
+
+def test_every_command_that_may_need_a_plugin_takes_files() -> None:
+    taking = {
+        " ".join(one.path[1:])
+        for one in commands(get_command(app))
+        for option in one.options
+        if "--plugin" in option.names
+    }
+    assert taking == {
+        "run", "compare", "check", "up", "node", "replay", "plugins", "config show", "config check",
+        "plan", "map", "report", "graph", "worlds", "messages", "echo", "record", "view",
+    }  # fmt: skip

@@ -5,23 +5,29 @@ from __future__ import annotations
 import json
 import pickle
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import msgpack
 import pytest
 from navloom.cli.live.echo import _messages, _text
 from navloom.live.mailbox import Packet
+from navloom.logs import Level, set_up_logging
 from navloom.messages import SCHEMAS, Envelope, Message, Odometry
 from navloom.messages.codec import CodecError, UnknownSchema, decode, encode, schema_label
 from navloom.messages.generic import GenericMessage, decode_generic
+from navloom.operating.joining import join
 from navloom.operating.looking import envelope_fields, message_fields
 from navloom.operating.metering import StreamMeter
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.opening import OPENER, Opener
 from navloom.recording.header import RecordingHeader
 from navloom.recording.reader import Recording
+from navloom.recording.republishing import republish
 from navloom.recording.writer import RecordingWriter
 from navloom.transport.keyspace import KeySpace
 
@@ -60,7 +66,10 @@ def navloom_register(registry):
 '''
 KEY = "lab/r1/people/main/tracks"
 AT = Envelope(KEY, 1, 2, 30, 30, 0)
-MISSING = "messages of fake_people are not installed here (fake_people.Tracks/1 came): pip install fake-people"
+MISSING = (
+    "messages of fake_people are not installed here (fake_people.Tracks/1 came): pip install fake-people, "
+    "or --plugin fake_people.py"
+)
 
 
 def tracks(version: int = 1) -> str:
@@ -77,7 +86,8 @@ def sent_by(module: str) -> tuple[bytes, str]:
 
 @pytest.fixture(autouse=True)
 def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A process that has looked for nothing yet."""
+    """A process of a command that has looked for nothing yet."""
+    set_up_logging(Level.INFO, as_json=False)
     monkeypatch.setattr(OPENER, "_why", {})
     monkeypatch.setattr(OPENER, "_discovery", None)
     monkeypatch.setattr(OPENER, "_blocked", frozenset())
@@ -153,7 +163,7 @@ def nested(depth: int) -> list[Any]:
         (b"", "got 0 bytes"),
         (b"\xff\xff\xff\xff", "got 4 bytes, expected a header that fits"),
         (header_of(3), "fields is int, expected a map"),
-        (header_of({}, [["<f8", [1 << 40], 0]]), "expected it to lie at a multiple of 64"),
+        (header_of({}, [["<f8", [1 << 40], 0]]), "expected it at a multiple of 64"),
         (header_of({}, [["|O", [1], 0]]), "expected dtype, shape and offset"),
         (header_of({"a": nested(40)}), "nested deeper than 16"),
         (header_of({str(n): [0] * 4000 for n in range(10)}), "fields holds more than 32768 values"),
@@ -296,10 +306,10 @@ def test_echo_and_hz_take_the_messages_of_a_distribution_that_is_not_installed(
     assert capsys.readouterr().err == f"navloom: {MISSING}; shown from its header alone\n"
 
 
-def recorded(path: Path, sent: tuple[bytes, str]) -> Recording:
+def recorded(path: Path, sent: tuple[bytes, str], count: int = 2, every_ns: int = 1) -> Recording:
     with RecordingWriter(path, RecordingHeader("lab", "r1", "live", 0.05, 7, "wall")) as writer:
-        for number in range(2):
-            writer.add(KEY, sent[1], sent[0], number, 30, number + 1)
+        for number in range(count):
+            writer.add(KEY, sent[1], sent[0], number * every_ns, 30, number + 1)
     return Recording(path)
 
 
@@ -319,6 +329,51 @@ def test_a_recording_says_once_which_messages_are_not_known_here(missing: tuple[
             f"{KEY}: {MISSING}",
         )
         assert [bytes(raw.data) for raw in recording.raw()] == [missing[0]] * 2
+
+
+@pytest.fixture
+def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A runtime folder of its own, with a short path: a socket's name is bounded."""
+    with TemporaryDirectory(prefix="nl", dir="/tmp") as folder:
+        monkeypatch.setenv("NAVLOOM_RUNTIME_DIR", folder)
+        yield
+
+
+def test_a_live_replay_publishes_messages_that_are_not_known_here(
+    missing: tuple[bytes, str], tmp_path: Path, runtime: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording, told = recorded(tmp_path / "a.mcap", missing, 400, 25_000_000), []
+    is_published, ending = threading.Event(), threading.Event()
+
+    def say(text: str) -> None:
+        told.append(text)
+        is_published.set()
+
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            counted = pool.submit(republish, recording, 1.0, ending, say)
+            assert is_published.wait(30.0)
+            with join("replay/r1") as client:
+                stream, message, envelope = next(_messages(client, "people/tracks"))
+        finally:
+            ending.set()
+    assert stream == "people/main/tracks" and envelope == AT._replace(key="replay/r1/people/main/tracks")
+    assert isinstance(message, GenericMessage) and message.arrays[0].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert counted.result() > 0 and len(told) == 1
+    assert capsys.readouterr().err == f"navloom: {MISSING}; shown from its header alone\n"
+
+
+def test_a_live_replay_says_once_what_it_leaves_out(
+    missing: tuple[bytes, str], tmp_path: Path, runtime: None, in_process: InProcess
+) -> None:
+    recorded(tmp_path / "a.mcap", (b"\xff" * 8, missing[1])).path.rename(tmp_path / "b.mcap")
+    code, out, err = in_process("replay", str(tmp_path / "b.mcap"), "--live")
+    assert code == 0 and out == "published 0 messages\n"
+    assert err.splitlines()[0] == f"navloom: {MISSING}"
+    assert err.splitlines()[2:] == [
+        f"navloom: 2 messages are damaged and were left out; the first: {KEY}: got 8 bytes, "
+        "expected a header that fits into them"
+    ]
 
 
 def test_messages_are_listed_with_their_distributions(install: Install, in_process: InProcess) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from navloom.config.tables import AlternativeTable, NodeTable
-from navloom.engine.node_plugin import NodePlugin, Tick
+from navloom.engine.nodes.node_plugin import NodePlugin, Tick
 from navloom.geometry.world import World
 from navloom.messages import Message, PlanFailure, Point2D
 from navloom.plugins import PluginError, Registry

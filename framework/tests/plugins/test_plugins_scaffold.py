@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from navloom.messages import SCHEMAS
-from navloom.plugins import Discovery, PluginError
+from navloom.plugins import Discovery, PluginError, scaffold
 from navloom.plugins.scaffold import KINDS, Made, new_distribution
 
 NOTHING = Discovery(found=[])
@@ -116,6 +116,15 @@ def test_a_bad_or_taken_name_writes_nothing(tmp_path: Path, kind: str, name: str
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(PluginError, match=r"--out .*away: there is no such folder"):
-        new_distribution("avoider", "mine", tmp_path / "away", NOTHING)
+def test_an_environment_without_pip_is_told_of_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, (found, told) in enumerate(((object(), "pip install -e"), (None, "uv pip install -e"))):
+        monkeypatch.setattr(scaffold, "find_spec", lambda name, found=found: found)
+        assert new_distribution("avoider", "mine", tmp_path / str(number), NOTHING).commands[1].startswith(told)
+
+
+def test_the_folder_of_out_is_made_and_a_file_is_refused(tmp_path: Path) -> None:
+    made = new_distribution("avoider", "mine", tmp_path / "far" / "away", NOTHING)
+    assert (made.folder / "pyproject.toml").is_file()
+    (tmp_path / "taken").touch()
+    with pytest.raises(PluginError, match=r"--out .*taken: is a file, expected a folder"):
+        new_distribution("avoider", "mine", tmp_path / "taken", NOTHING)

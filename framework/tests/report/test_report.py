@@ -153,6 +153,8 @@ def test_the_worst_worlds_come_with_a_command_that_a_shell_reads_back(two: Path)
     changes = ["--set", 'avoider.plugin="bad"', "--set", f'world.ref="{worst.world}"']
     assert shlex.split(told) == ["navloom", "run", "paper", *changes, "--seed", str(worst.seed)]
     assert f"`{told}`" in (two / "report.md").read_text("utf-8")
+    of_file = replace(study, request={**study.request, "plugin_files": ["/my plugins/bad.py"]})
+    assert shlex.split(of_file.command("bad", worst.world, worst.seed))[3:5] == ["--plugin", "/my plugins/bad.py"]
 
 
 def test_made_again_it_is_the_same_but_for_the_section_of_wall_times(two: Path) -> None:

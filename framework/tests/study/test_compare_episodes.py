@@ -21,7 +21,7 @@ from navloom.study.compare import Progress, Study, StudyResult, plan_study, run_
 from navloom.study.episode import run_episode
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder, table_of
-from navloom.study.pool import Agenda, PoolError, Worker
+from navloom.study.pool import Agenda, EpisodeWorker, PoolError
 from navloom.study.rows import EpisodeTask, Row, episode_row
 
 ROGUE = """
@@ -384,7 +384,7 @@ def test_a_worker_stays_in_its_world_and_helps_where_most_is_left() -> None:
 
 
 def test_a_worker_is_replaced_for_growth_after_it_has_settled() -> None:
-    worker = Worker(multiprocessing.get_context("spawn").Process(), multiprocessing.Pipe()[0])
+    worker = EpisodeWorker(multiprocessing.get_context("spawn").Process(), multiprocessing.Pipe()[0])
     base = 300 * 2**20
     assert not any(worker.has_grown(base + k) for k in range(pool.SETTLED))
     assert not worker.has_grown(base + pool.GROWTH)

@@ -18,7 +18,7 @@ import pytest
 from navloom.messages import OUTCOMES
 from navloom.plugins import Discovery, PluginError, Registry, hookimpl
 from navloom.study import METRICS, Metric, Trail
-from navloom.study.metrics import all_metrics, measure, timing
+from navloom.study.metrics import all_metrics, headlines, measure, timing
 from navloom.study.trail import lost_trail
 
 
@@ -231,6 +231,10 @@ def test_what_is_no_metric_of_its_own_name_is_refused(
 ) -> None:
     with pytest.raises(PluginError, match=refusal):
         all_metrics(Discovery(found=[entry(name, given, monkeypatch)]))
+
+
+def test_short_tables_show_the_chief_metrics_and_all_of_other_distributions() -> None:
+    assert headlines(["time", "jerk", "success", "halves"]) == ["success", "time", "halves"]
 
 
 def test_a_metric_registered_twice_is_refused() -> None:

@@ -2,6 +2,16 @@
 
 import json
 
+METRIC = """
+from navloom import Metric, hookimpl
+
+
+@hookimpl
+def navloom_register(registry):
+    about = "Beyond its bounds."
+    registry.metric(Metric("shares", "1", None, lambda trail: 2.0, about, bounds=(0.0, 1.0)))
+"""
+
 
 def test_a_shipped_controller_passes(in_process):
     code, out, err = in_process("check", "controller.lyapunov_tracker", "--tier", "contract", "--json")
@@ -16,6 +26,25 @@ def test_what_is_not_installed_is_a_wrong_request(in_process):
     assert code == 2 and "did you mean 'improved_vfh'?" in err
     code, _, err = in_process("check", "avoider.vff", "--only", "repeat")
     assert code == 2 and "did you mean 'repeats'?" in err
+
+
+def test_a_world_that_a_scheme_reads_is_checked_as_a_world(in_process):
+    code, out, err = in_process("check", "world.door:2.0")
+    assert code == 0 and "ok      world_usable" in out and out.endswith("3 checks passed, 0 failed\n"), err
+    code, out, _ = in_process("check", "world.door:-1")
+    assert code == 1 and "raises WorldError" in out
+    code, _, err = in_process("check", "scheme.door:2.0")
+    assert code == 2 and "expected scheme.door, or world.door:2.0" in err
+    assert "did you mean 'door'?" in in_process("check", "world.dor:2.0")[2]
+
+
+def test_the_command_that_repeats_a_check_takes_the_same_plugin_file(in_process, tmp_path, monkeypatch):
+    monkeypatch.setenv("NAVLOOM_PLUGIN_FILES", "[]")
+    file = tmp_path / "shares.py"
+    file.write_text(METRIC, "utf-8")
+    code, out, _ = in_process("check", "metric.shares", "--plugin", str(file), "--only", "metric_values")
+    assert code == 1
+    assert f"repeat:  navloom check metric.shares --plugin {file} --only metric_values --seed 0" in out
 
 
 def test_the_checks_are_listed_with_what_they_demand(in_process):

@@ -33,7 +33,7 @@ from navloom.transport.access import (
     Identity,
     rules,
 )
-from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority
 from navloom.transport.links import Link, settings
 from navloom.transport.quality import retained_ports, streams_of
@@ -98,7 +98,7 @@ class Net:
         self.end = f"tls/127.0.0.1:{self.port}"
         self._stack = stack
         now = datetime.now(UTC)
-        new_authority(folder, Request("lab", "r1", HOSTS, 30, now))
+        new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 30, now))
         add_identity(folder, Identity("shadow.avoider.forces", "shadow", "avoider.forces"), (), 30, now)
         self.keep(opened(settings(Link("router", (self.end,), (), folder, "router"))))
         self.sessions = {name: self.join(name) for name in WHO}
@@ -505,7 +505,7 @@ def without_certificate(net: Net, folder: Path) -> dict[str, Any]:
 
 
 def of_another_authority(net: Net, folder: Path) -> dict[str, Any]:
-    new_authority(folder, Request("lab", "r1", HOSTS, 30, datetime.now(UTC)))
+    new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 30, datetime.now(UTC)))
     (folder / "ca.pem").write_bytes((net.folder / "ca.pem").read_bytes())  # it trusts the router, not the other way
     return settings(Link("client", (), (net.end,), folder, "operator"))
 

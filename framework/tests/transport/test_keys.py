@@ -15,11 +15,11 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from navloom.transport import keys
 from navloom.transport.access import IDENTITIES, Identity, common_name, read_identities
-from navloom.transport.certificates import HOSTS, KeysError, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest, KeysError
 from navloom.transport.keys import add_identity, new_authority, renew, revoke
 
 NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
-ORDER = Request("lab", "r1", ("base.local", "10.0.0.1"), 30, NOW)
+ORDER = CertificateRequest("lab", "r1", ("base.local", "10.0.0.1"), 30, NOW)
 ALICE = Identity("alice", "viewer")
 
 
@@ -195,17 +195,17 @@ def test_an_authority_that_does_not_fit_is_refused(folder: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     ("order", "words"),
     [
-        (Request("lab/x", "r1", HOSTS, 30, NOW), "--realm 'lab/x'"),
-        (Request("lab", "*", HOSTS, 30, NOW), "--robot '\\*'"),
-        (Request("lab", "r1", HOSTS, 0, NOW), "--days 0: expected 1 to 3650"),
-        (Request("lab", "r1", HOSTS, 3651, NOW), "--days 3651"),
-        (Request("lab", "r1", ("tls/10.0.0.1:7447",), 30, NOW), "--host 'tls/10.0.0.1:7447'"),
-        (Request("lab", "r1", ("0.0.0.0",), 30, NOW), "--host 0.0.0.0: names no host"),
-        (Request("lab", "r" * 60, HOSTS, 30, NOW), "characters, a certificate takes 64"),
+        (CertificateRequest("lab/x", "r1", HOSTS, 30, NOW), "--realm 'lab/x'"),
+        (CertificateRequest("lab", "*", HOSTS, 30, NOW), "--robot '\\*'"),
+        (CertificateRequest("lab", "r1", HOSTS, 0, NOW), "--days 0: expected 1 to 3650"),
+        (CertificateRequest("lab", "r1", HOSTS, 3651, NOW), "--days 3651"),
+        (CertificateRequest("lab", "r1", ("tls/10.0.0.1:7447",), 30, NOW), "--host 'tls/10.0.0.1:7447'"),
+        (CertificateRequest("lab", "r1", ("0.0.0.0",), 30, NOW), "--host 0.0.0.0: names no host"),
+        (CertificateRequest("lab", "r" * 60, HOSTS, 30, NOW), "characters, a certificate takes 64"),
     ],
     ids=["realm", "robot", "no days", "too many days", "endpoint", "wildcard", "long name"],
 )
-def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: Request, words: str) -> None:
+def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: CertificateRequest, words: str) -> None:
     with pytest.raises(KeysError, match=words):
         new_authority(tmp_path / "keys", order)
     assert list(tmp_path.iterdir()) == []
@@ -219,7 +219,7 @@ def test_an_order_that_does_not_fit_makes_nothing(tmp_path: Path, order: Request
         (Identity("nodes-key", "viewer"), (), "not ending in -key"),
         (Identity("bob", "router"), (), "--kind router: expected nodes, operator, viewer, shadow"),
         (Identity("bob", "viewer", "avoider.forces"), (), "only for --kind shadow"),
-        (Identity("bob", "viewer"), ("10.0.0.2",), "nobody connects to a viewer"),
+        (Identity("bob", "viewer"), ("10.0.0.2",), "a viewer accepts no connections"),
         (Identity("bob", "shadow"), (), "--instance \\(none\\).*expected ROLE.NAME"),
         (Identity("bob", "shadow", "gate.main"), (), "roles are localizer, mapper"),
         (Identity("bob", "shadow", "platform.sim"), (), "roles are localizer, mapper"),

@@ -20,7 +20,7 @@ import zenoh
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.network import Network
 from navloom.transport.access import IDENTITIES
-from navloom.transport.certificates import HOSTS, Request
+from navloom.transport.certificates import HOSTS, CertificateRequest
 from navloom.transport.keys import new_authority
 from navloom.transport.links import CLOSE_WAIT, LEASE, Endpoint, Link, LinkError, peer_link, settings
 
@@ -39,7 +39,7 @@ with zenoh.open(zenoh.Config.from_json5(sys.argv[1])) as session:
 @pytest.fixture
 def credentials(tmp_path: Path) -> Path:
     folder = tmp_path / "keys"
-    new_authority(folder, Request("lab", "r1", HOSTS, 30, datetime.now(UTC)))
+    new_authority(folder, CertificateRequest("lab", "r1", HOSTS, 30, datetime.now(UTC)))
     return folder
 
 
@@ -110,7 +110,7 @@ def test_what_is_no_endpoint_is_refused_with_its_text(text: str, words: str) -> 
 @pytest.mark.parametrize("insecure", [False, True])
 @pytest.mark.parametrize("text", ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/*:7447", "udp/0:7447"])
 def test_every_interface_is_never_listened_at_without_tls(text: str, insecure: bool) -> None:
-    assert "over TLS only" in refusal(Link("router", (text,), insecure=insecure))
+    assert "every interface needs TLS" in refusal(Link("router", (text,), insecure=insecure))
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "udp"])

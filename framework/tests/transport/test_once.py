@@ -75,5 +75,5 @@ def test_only_the_last_answers_are_kept() -> None:
 
 @pytest.mark.parametrize("name", [7, [], {}, "x" * 65])
 def test_a_name_that_is_none_is_refused(name: Any) -> None:
-    with pytest.raises(ValueError, match="request is no text of at most 64 characters"):
+    with pytest.raises(ValueError, match="request is not a text of at most 64 characters"):
         Once().guard(Service())({"x": 1, REQUEST: name})

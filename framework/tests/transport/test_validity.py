@@ -11,7 +11,7 @@ from navloom.engine.build import assemble
 from navloom.hosting.network import Network
 from navloom.hosting.robot import LiveRobot
 from navloom.transport.access import Identity
-from navloom.transport.certificates import AUTHORITY_DAYS, HOSTS, Request
+from navloom.transport.certificates import AUTHORITY_DAYS, HOSTS, CertificateRequest
 from navloom.transport.keys import add_identity, new_authority
 from navloom.transport.links import Link, LinkError, settings
 from navloom.transport.validity import expiry_warnings
@@ -24,7 +24,7 @@ END = "tls/10.0.0.1:7447"
 def folder(tmp_path: Path) -> Path:
     """Certificates that are good for 100 days, alice's for 60."""
     made = tmp_path / "keys"
-    new_authority(made, Request("lab", "r1", HOSTS, 100, NOW))
+    new_authority(made, CertificateRequest("lab", "r1", HOSTS, 100, NOW))
     add_identity(made, Identity("alice", "viewer"), (), 60, NOW)
     return made
 

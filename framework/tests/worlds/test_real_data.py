@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from navloom.files import write_each
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import Place
 from navloom.study.optimal.shortest import optimal_length
 from navloom.worlds import SCHEMES
 from navloom.worlds.movingai import scenario_place
-from navloom.worlds.rosmap import read_rosmap, save_rosmap
+from navloom.worlds.rosmap import read_rosmap, rosmap_files
 
 DATA = Path(os.environ.get("NAVLOOM_DATA", ""))
 pytestmark = pytest.mark.skipif("NAVLOOM_DATA" not in os.environ, reason="NAVLOOM_DATA names no folder of real data")
@@ -24,7 +25,7 @@ def test_a_map_has_the_pixels_of_its_image_and_comes_back_from_saving(name: str,
     # 1 - 89 / 255 = 0.651, 1 - 90 / 255 = 0.647; all four have occupied_thresh 0.65.
     assert np.array_equal(grid.cells == 100, pixels.reshape(grid.cells.shape)[::-1] <= 89)
     assert (grid.cells == 100).any()
-    save_rosmap(grid, tmp_path / "m.yaml")
+    write_each(tmp_path, rosmap_files(grid, "m"))
     back = read_rosmap(tmp_path / "m.yaml")
     assert np.array_equal(back.cells, grid.cells)
     assert (back.origin, back.resolution) == (grid.origin, grid.resolution)

@@ -1,5 +1,4 @@
 import math
-import os
 import shutil
 from pathlib import Path
 
@@ -8,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from navloom.files import write_each
 from navloom.geometry.grid import GridMap
 from navloom.geometry.world import Place
 from navloom.worlds import SCHEMES, WorldError
-from navloom.worlds.rosmap import load_raster, read_rosmap, save_rosmap
+from navloom.worlds.rosmap import load_raster, read_rosmap, rosmap_files
 from PIL import Image
 
 KEYS = {
@@ -203,6 +203,10 @@ def test_yaml_that_is_none_is_named(tmp_path: Path) -> None:
 GRIDS = arrays(np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 100))
 
 
+def save(grid: GridMap, path: Path, mode: str = "trinary") -> None:
+    write_each(path.parent, rosmap_files(grid, path.stem, mode))  # type: ignore[arg-type]
+
+
 @settings(deadline=None, max_examples=40)
 @given(GRIDS, st.floats(1e-3, 10.0), st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-3, 3)))
 def test_saving_and_reading_gives_the_same_grid(
@@ -211,7 +215,7 @@ def test_saving_and_reading_gives_the_same_grid(
     path = tmp_path_factory.mktemp("saved") / "m.yaml"
     trinary = np.where(cells > 50, 100, np.where(cells < 0, -1, 0)).astype(np.int8)
     for grid, mode in ((GridMap(trinary, resolution, Place(*origin)), "trinary"), (GridMap(cells, resolution), "raw")):
-        save_rosmap(grid, path, mode)  # type: ignore[arg-type]
+        save(grid, path, mode)
         back = read_rosmap(path)
         assert np.array_equal(back.cells, grid.cells)
         assert (back.resolution, back.origin) == (grid.resolution, grid.origin)
@@ -219,25 +223,6 @@ def test_saving_and_reading_gives_the_same_grid(
 
 
 def test_saving_trinary_rounds_to_the_saver_s_three_levels(tmp_path: Path) -> None:
-    save_rosmap(GridMap(np.array([[0, 19, 20, 64, 65, -1]], dtype=np.int8), 0.1), tmp_path / "m.yaml")
+    save(GridMap(np.array([[0, 19, 20, 64, 65, -1]], dtype=np.int8), 0.1), tmp_path / "m.yaml")
     assert (tmp_path / "m.pgm").read_bytes() == b"P5\n6 1\n255\n" + bytes([254, 254, 205, 205, 0, 205])
     assert read_rosmap(tmp_path / "m.yaml").cells.tolist() == [[0, 0, -1, -1, 100, -1]]
-
-
-def test_a_map_that_cannot_be_saved_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "m.yaml"
-    save_rosmap(GridMap(np.zeros((1, 2), dtype=np.int8), 0.1), path)
-
-    def full(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(WorldError, match=r"m\.pgm: cannot be written: .*No space left"):
-        save_rosmap(GridMap(np.full((3, 3), 100, dtype=np.int8), 0.1), path)
-    assert read_rosmap(path).cells.tolist() == [[0, 0]]
-    assert sorted(os.listdir(tmp_path)) == ["m.pgm", "m.yaml"]
-
-
-def test_a_map_is_saved_under_a_yaml_name(tmp_path: Path) -> None:
-    with pytest.raises(WorldError, match=r"ends in \.yaml"):
-        save_rosmap(GridMap(np.zeros((1, 1), dtype=np.int8), 0.1), tmp_path / "m.pgm")

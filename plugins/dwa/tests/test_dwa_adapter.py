@@ -4,63 +4,25 @@ import math
 
 import numpy as np
 import pytest
+from avoider_scans import FREE, LIMIT, given, laser, make, sonars
 from hypothesis import given as examples
 from hypothesis import settings
 from hypothesis import strategies as st
-from navloom import (
-    AvoiderInput,
-    Context,
-    Discovery,
-    Point2D,
-    Pose2D,
-    PoseEstimate,
-    RangeScan,
-    RobotSpec,
-    Twist2D,
-)
+from navloom import Discovery, RangeScan, Twist2D
 from navloom_dwa import avoidance, contact, critics, field, objective, points, rollout, window
 from navloom_dwa.adapter import Dwa, split_scans
 from navloom_dwa.params import DwaParams, fox_1997
 from pydantic import ValidationError
 
-SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
-BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
-LIMIT = math.radians(25.0)
-FREE = [math.inf] * 8
-
-
-def make(**params):
-    robot = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, LIMIT, 0.5, 1.0)
-    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
-    return Dwa(DwaParams(**params), context)
-
 
 @pytest.fixture
 def avoider():
-    return make()
-
-
-def sonars(ranges):
-    origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
-    return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
-
-
-def laser(ranges):
-    n = len(ranges)
-    return RangeScan(
-        0, np.zeros((n, 2)), np.linspace(-1.5, 1.5, n), np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0
-    )
+    return make(Dwa)
 
 
 def post(bearing, distance):
     """A laser scan that sees a post of 0.2 rad."""
     return laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101) - bearing) < 0.1, distance, math.inf))
-
-
-def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0), twist=(0.0, 0.0), time=0.0, remaining=1.0, share=1.0):
-    estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(twist[0], 0.0, twist[1]), np.zeros((3, 3)))
-    stamp_ns, wished = round(time * 1e9), Twist2D(0.3, 0.0, 0.0)
-    return AvoiderInput(stamp_ns, scans, estimate, Point2D(*target), 0.5, wished, remaining, share)
 
 
 def test_is_found_by_its_entry_point():
@@ -92,7 +54,7 @@ def test_what_is_left_of_ahead_is_passed_on_the_right(avoider, scan):
 
 def test_a_laser_point_is_taken_where_it_is_and_not_where_a_cell_is():
     """Straight ahead at 1.513 m the front, at 0.4 m, has 1.513 - 0.4 - 0.05 m to drive."""
-    avoider = make()
+    avoider = make(Dwa)
     scan = laser(np.where(np.arange(101) == 50, 1.513, math.inf))
     avoider.avoid(given(scan))
     method = avoider._method
@@ -102,7 +64,7 @@ def test_a_laser_point_is_taken_where_it_is_and_not_where_a_cell_is():
 
 def test_no_velocity_of_the_window_is_admissible_from_which_it_cannot_stop():
     """Echoes at 0.65 m: each admissible v takes v 0.05 + v^2 / 2 to stop, at 0.5 m/s 0.15 m of 0.2 straight ahead."""
-    avoider = make()
+    avoider = make(Dwa)
     answer = avoider.avoid(given(post(0.0, 0.65), twist=(0.5, 0.0)))
     method = avoider._method
     arc, speed = np.nonzero(np.isfinite(method.costs))
@@ -115,7 +77,7 @@ def test_no_velocity_of_the_window_is_admissible_from_which_it_cannot_stop():
 
 def test_where_nothing_is_free_it_brakes_on_its_arc():
     """An echo 2 cm before the margin at full speed: nothing of the window can be stopped in time."""
-    answer = make().avoid(given(post(0.0, 0.47), twist=(0.5, 0.2)))
+    answer = make(Dwa).avoid(given(post(0.0, 0.47), twist=(0.5, 0.2)))
     assert (answer.twist.vx, answer.twist.wz) == pytest.approx((0.0, 0.2))
     assert answer.diagnostics.why == "nothing of the window is free: braking"
     assert answer.diagnostics.chosen is None
@@ -139,7 +101,7 @@ def stand(avoider, scan, ticks=200):
 
 def test_walled_in_it_is_trapped_after_its_patience_and_stays_so():
     """Echoes at 0.42 m all round: the sides have 2 cm, the corners none; 1.5 s of standing, and no room to back up."""
-    avoider = make()
+    avoider = make(Dwa)
     answers = stand(avoider, ring(0.58))
     assert answers[-1].status == "trapped"
     assert answers[-1].diagnostics.why.startswith("trapped: blocked")
@@ -154,7 +116,7 @@ CORNERED = np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 1.2, 0.58, math.inf)
 
 def test_it_gives_up_at_once_where_the_gate_lets_it_not_back_up():
     """Behind a robot that no sensor looks behind, the gate lets it go only where it has been."""
-    avoider = make()
+    avoider = make(Dwa)
     answers = [avoider.avoid(given(laser(CORNERED), time=0.05 * k)) for k in range(32)]
     assert answers[-1].twist.vx < 0.0
     answer = avoider.avoid(given(laser(CORNERED), time=1.6, share=0.0))
@@ -162,16 +124,16 @@ def test_it_gives_up_at_once_where_the_gate_lets_it_not_back_up():
 
 
 def test_blocked_ahead_it_backs_up_and_where_it_may_not_it_is_trapped():
-    answers = stand(make(), laser(CORNERED), 60)
+    answers = stand(make(Dwa), laser(CORNERED), 60)
     assert any(a.twist.vx == -0.15 and a.status == "steering" for a in answers)
-    answers = stand(make(back_up=0.0), laser(CORNERED), 60)
+    answers = stand(make(Dwa, back_up=0.0), laser(CORNERED), 60)
     assert answers[-1].status == "trapped"
     assert min(a.twist.vx for a in answers) == 0.0
 
 
 def test_being_stopped_by_somebody_else_is_no_trap():
     """It is told to drive, stands, and its patience of 1 s does not run."""
-    held = make(patience=1.0)
+    held = make(Dwa, patience=1.0)
     answers = [held.avoid(given(post(0.0, 3.0), time=0.05 * k)) for k in range(100)]
     assert all(a.twist.vx > 0.1 and a.status == "steering" for a in answers)
 
@@ -214,7 +176,7 @@ def test_no_tick_compiles_after_warm_up(avoider):
         avoidance.insert_beams, avoidance.occupied_cells,
     )  # fmt: skip
     before = [len(kernel.signatures) for kernel in kernels]
-    for method in (avoider, make(**fox_1997())):
+    for method in (avoider, make(Dwa, **fox_1997())):
         stand(method, ring(0.58), 60)
         method.avoid(given(sonars([0.5] * 8)))
         method.avoid(given(sonars([0.5] * 8), laser(np.full(101, 1.0))))
@@ -233,7 +195,7 @@ def test_no_tick_compiles_after_warm_up(avoider):
     st.booleans(),
 )
 def test_commands_are_finite_and_within_the_limits(ranges, heading, target, speed, is_1997):
-    avoider = make(**(fox_1997() if is_1997 else {}))
+    avoider = make(Dwa, **(fox_1997() if is_1997 else {}))
     for k in range(4):
         answer = avoider.avoid(given(sonars(ranges), heading=heading, target=target, twist=(speed, 0.0), time=0.05 * k))
         assert -0.15 <= answer.twist.vx <= 0.5 + 1e-6

@@ -2,40 +2,26 @@
 
 from __future__ import annotations
 
-import math
+from functools import partial
 
+import avoider_drives
 import numpy as np
 import pytest
-from dwa_drives import (
-    BARN,
-    CROSSTALK,
-    LASER,
-    SONARS,
-    all_of,
-    barn,
-    dead_end,
-    door,
-    drive,
-    field,
-    sudden,
-    told,
-    way_past,
-)
+from avoider_drives import BARN, BOTH_KINDS, BOUNDS, CROSSTALK, LASER, UP, all_of, assignments, told, way_past
 from navloom import Box, Place, World
 from navloom.config import load_config
 from navloom.study.episode import run_episode
 from navloom_dwa.params import fox_1997
 
-BOUNDS = (-8.0, -8.0, 8.0, 10.0)
-UP = 0.5 * math.pi
-BOTH_KINDS = pytest.mark.parametrize("sensors", [SONARS, LASER], ids=["sonars", "laser"])
 NEEDS_BARN = pytest.mark.skipif(not BARN.is_file(), reason="NAVLOOM_DATA names no folder with barn/barn_dev.npz")
+drive, field = partial(avoider_drives.drive, avoider="dwa"), partial(avoider_drives.field, avoider="dwa")
+door, dead_end = partial(avoider_drives.door, avoider="dwa"), partial(avoider_drives.dead_end, avoider="dwa")
+sudden, barn = partial(avoider_drives.sudden, avoider="dwa"), partial(avoider_drives.barn, avoider="dwa")
 
 
 def literal(**changed: object) -> list[str]:
     """The parameters of the paper as TOML assignments."""
-    values = fox_1997() | changed
-    return [f"{key}={str(value).lower() if isinstance(value, bool) else repr(value)}" for key, value in values.items()]
+    return assignments(fox_1997() | changed)
 
 
 @BOTH_KINDS

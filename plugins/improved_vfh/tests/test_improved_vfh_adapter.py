@@ -4,47 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from navloom import (
-    AvoiderInput,
-    Context,
-    Discovery,
-    Point2D,
-    Pose2D,
-    PoseEstimate,
-    RangeScan,
-    RobotSpec,
-    Twist2D,
-)
+from avoider_scans import given, laser, make, sonars
+from navloom import Discovery, Twist2D
 from navloom_improved_vfh import avoidance
 from navloom_improved_vfh.adapter import ImprovedVfh
 from navloom_improved_vfh.params import ImprovedVfhParams, paper_literal
 from pydantic import ValidationError
 
-SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
-BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
-
 
 @pytest.fixture
 def avoider():
-    robot = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, math.radians(25.0), 0.5, 1.0)
-    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
-    return ImprovedVfh(ImprovedVfhParams(), context)
-
-
-def sonars(ranges):
-    origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
-    return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
-
-
-def laser(ranges):
-    n = len(ranges)
-    bearings = np.linspace(-1.5, 1.5, n)
-    return RangeScan(0, np.zeros((n, 2)), bearings, np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0)
-
-
-def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0)):
-    estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(0.0, 0.0, 0.0), np.zeros((3, 3)))
-    return AvoiderInput(0, scans, estimate, Point2D(*target), 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)
+    return make(ImprovedVfh)
 
 
 def test_is_found_by_its_entry_point():

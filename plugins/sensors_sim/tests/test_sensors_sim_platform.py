@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from navloom import Box, Cylinder, InputError, Place, RangeScan, Raster, Registry, SensorSpec, Sweep
+from navloom.testing import context, make, platform_input
 from navloom_sensors_sim.adapter import SensorsSim
 from navloom_sensors_sim.beams import read_cones, read_laser
 from navloom_sensors_sim.casting import cast_block
@@ -50,6 +51,14 @@ def test_messages_by_kind(bench):
         "sonars": RangeScan,
     }
     assert out.odometry.stamp_ns == out.scans["laser"].stamp_ns == 1_250_000_000
+
+
+def test_a_kind_that_a_subclass_adds_is_left_to_it():
+    class WithGas(SensorsSim):
+        sensor_kinds = {**SensorsSim.sensor_kinds, "gas": RangeScan}
+
+    sensors = [SensorSpec("laser", "laser_2d"), SensorSpec("nose", "gas", {"x": 1.0})]
+    assert list(make(WithGas, context(sensors=sensors)).advance(platform_input()).scans) == ["laser"]
 
 
 def test_same_seed_same_run(bench):

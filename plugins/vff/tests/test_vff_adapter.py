@@ -4,20 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from avoider_scans import FREE, LIMIT, SQUARE, given, laser, make, sonars
 from hypothesis import given as examples
 from hypothesis import settings
 from hypothesis import strategies as st
-from navloom import (
-    AvoiderInput,
-    Context,
-    Discovery,
-    Point2D,
-    Pose2D,
-    PoseEstimate,
-    RangeScan,
-    RobotSpec,
-    Twist2D,
-)
+from navloom import AvoiderInput, Discovery, Point2D, Pose2D, PoseEstimate, Twist2D
 from navloom.avoidance import certainty, clearance, himm
 from navloom_vff import forces
 from navloom_vff.adapter import Vff
@@ -25,39 +16,12 @@ from navloom_vff.avoidance import disc_radius
 from navloom_vff.params import VffParams, paper_literal
 from pydantic import ValidationError
 
-SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
-BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
-LIMIT = math.radians(25.0)
-
-
-def make(**params):
-    robot = RobotSpec(SQUARE, 1.2, 0.05, 0.3, 0.5, LIMIT, 0.5, 1.0)
-    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
-    return Vff(VffParams(**params), context)
-
 
 @pytest.fixture
 def avoider():
-    return make()
+    return make(Vff)
 
 
-def sonars(ranges):
-    origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
-    return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
-
-
-def laser(ranges):
-    n = len(ranges)
-    bearings = np.linspace(-1.5, 1.5, n)
-    return RangeScan(0, np.zeros((n, 2)), bearings, np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0)
-
-
-def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0), twist=(0.0, 0.0)):
-    estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(twist[0], 0.0, twist[1]), np.zeros((3, 3)))
-    return AvoiderInput(0, scans, estimate, Point2D(*target), 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)
-
-
-FREE = [math.inf] * 8
 LEFT_OF_AHEAD = [math.inf, math.inf, 0.6, math.inf, math.inf, math.inf, math.inf, math.inf]
 
 
@@ -103,14 +67,14 @@ def test_the_robots_size_counts(avoider):
     assert disc_radius(SQUARE, "enclosing") == pytest.approx(0.5657, abs=1e-4)
     assert disc_radius(SQUARE, "inscribed") == pytest.approx(0.4)
     assert disc_radius(SQUARE, "point") == 0.0
-    pushes = [make(disc=disc).avoid(given(sonars(LEFT_OF_AHEAD))).diagnostics.histogram.sum()
+    pushes = [make(Vff, disc=disc).avoid(given(sonars(LEFT_OF_AHEAD))).diagnostics.histogram.sum()
               for disc in ("point", "inscribed", "enclosing")]  # fmt: skip
     assert pushes[0] < 0.5 * pushes[1] < 0.5 * pushes[2]
 
 
 def test_standing_where_it_is_told_to_move_is_called_trapped_after_the_patience():
     """Echoes all round at 0.35 m: it turns in place on the spot for 3 s and then gives up."""
-    avoider, heading, twist = make(patience=3.0), 0.0, (0.0, 0.0)
+    avoider, heading, twist = make(Vff, patience=3.0), 0.0, (0.0, 0.0)
     ticks = 0
     while (answer := avoider.avoid(given(sonars([0.35] * 8), heading=heading, twist=twist))).status != "trapped":
         ticks += 1
@@ -126,7 +90,7 @@ def test_standing_where_it_is_told_to_move_is_called_trapped_after_the_patience(
 
 
 def test_being_stopped_by_somebody_else_is_no_trap():
-    avoider = make(patience=3.0)
+    avoider = make(Vff, patience=3.0)
     scan = sonars(LEFT_OF_AHEAD)
     answers = {avoider.avoid(given(scan)).status for _ in range(200)}  # commanded to move, but stands
     assert answers == {"steering"}
@@ -135,10 +99,12 @@ def test_being_stopped_by_somebody_else_is_no_trap():
 def test_what_appears_within_the_braking_way_stops_it():
     """One tick and braking at 1 m/s^2 take 0.15 m, the margin is 0.12 m: an echo 0.2 m before the front is too near."""
     scan = laser(np.where(np.abs(np.linspace(-1.5, 1.5, 101)) < 0.3, 0.6, math.inf))
-    answer = make().avoid(given(scan, twist=(0.5, 0.0)))
+    answer = make(Vff).avoid(given(scan, twist=(0.5, 0.0)))
     assert answer.twist.vx == 0.0
-    assert make(disc="point", slow_force=100.0, arc_check=False).avoid(given(scan, twist=(0.5, 0.0))).twist.vx > 0.2
-    assert make(disc="point", slow_force=100.0).avoid(given(scan, twist=(0.5, 0.0))).twist.vx == 0.0
+    assert (
+        make(Vff, disc="point", slow_force=100.0, arc_check=False).avoid(given(scan, twist=(0.5, 0.0))).twist.vx > 0.2
+    )
+    assert make(Vff, disc="point", slow_force=100.0).avoid(given(scan, twist=(0.5, 0.0))).twist.vx == 0.0
 
 
 def test_reset_forgets_window_trap_and_turn_rate(avoider):
@@ -193,7 +159,7 @@ def test_no_tick_compiles_after_warm_up(avoider):
     st.booleans(),
 )
 def test_commands_are_finite_and_within_the_limits(ranges, heading, target, speed, is_literal):
-    avoider = make(**(paper_literal() if is_literal else {}))
+    avoider = make(Vff, **(paper_literal() if is_literal else {}))
     for _ in range(4):
         answer = avoider.avoid(given(sonars(ranges), heading=heading, target=target, twist=(speed, 0.0)))
         assert 0.0 <= answer.twist.vx <= 0.5
@@ -211,7 +177,7 @@ def test_turning_robot_target_and_world_by_quarters_turns_the_answer(ranges, qua
         target = Point2D(0.05 + 5.0 * math.cos(bearing + turn), 0.05 + 5.0 * math.sin(bearing + turn))
         estimate = PoseEstimate(0, pose, Twist2D(0.3, 0.0, 0.0), np.zeros((3, 3)))
         scan = sonars(ranges)
-        answers.append(make().avoid(AvoiderInput(0, (scan,), estimate, target, 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)))
+        answers.append(make(Vff).avoid(AvoiderInput(0, (scan,), estimate, target, 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)))
     first, second = answers
     if np.array_equal(np.rot90(first.diagnostics.window, -quarters), second.diagnostics.window):
         assert second.twist.vx == pytest.approx(first.twist.vx, abs=1e-6)

@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-import math
+from functools import partial
 
+import avoider_drives
 import numpy as np
 import pytest
+from avoider_drives import BOTH_KINDS, BOUNDS, CROSSTALK, MIRRORS, PAIRS, UP, all_of, assignments, told, way_past
 from navloom import Box, Place, World
 from navloom.config import load_config
 from navloom.study.episode import run_episode
 from navloom_vff.params import paper_literal
-from vff_drives import (
-    CROSSTALK,
-    LASER,
-    MIRRORS,
-    PAIRS,
-    SONARS,
-    all_of,
-    dead_end,
-    door,
-    drive,
-    field,
-    sudden,
-    told,
-    way_past,
-)
 
-BOUNDS = (-8.0, -8.0, 8.0, 10.0)
-UP = 0.5 * math.pi
-BOTH_KINDS = pytest.mark.parametrize("sensors", [SONARS, LASER], ids=["sonars", "laser"])
+drive, field = partial(avoider_drives.drive, avoider="vff"), partial(avoider_drives.field, avoider="vff")
+door, dead_end = partial(avoider_drives.door, avoider="vff"), partial(avoider_drives.dead_end, avoider="vff")
+sudden = partial(avoider_drives.sudden, avoider="vff")
 
 
 def literal(**changed: object) -> list[str]:
     """The parameters of the printed text as TOML assignments."""
-    values = paper_literal() | changed
-    return [f"{key}={str(value).lower() if isinstance(value, bool) else repr(value)}" for key, value in values.items()]
+    return assignments(paper_literal() | changed)
 
 
 @pytest.mark.slow

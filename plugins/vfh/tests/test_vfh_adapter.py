@@ -4,53 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from avoider_scans import FREE, LIMIT, SQUARE, given, laser, make, sonars
 from hypothesis import given as examples
 from hypothesis import settings
 from hypothesis import strategies as st
-from navloom import (
-    AvoiderInput,
-    Context,
-    Discovery,
-    Point2D,
-    Pose2D,
-    PoseEstimate,
-    RangeScan,
-    RobotSpec,
-    Twist2D,
-)
+from navloom import Discovery, Twist2D
 from navloom.avoidance import certainty, clearance, himm
 from navloom_vfh import costs, lookahead, survey, turning
 from navloom_vfh.adapter import Vfh, VfhPlus, VfhStar
 from navloom_vfh.params import paper_literal
 from pydantic import ValidationError
 
-SQUARE = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
-BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
-LIMIT = math.radians(25.0)
 ALL = (Vfh, VfhPlus, VfhStar)
 EACH = pytest.mark.parametrize("method", ALL, ids=[method.name for method in ALL])
-
-
-def make(method, footprint=SQUARE, **params):
-    robot = RobotSpec(footprint, 1.2, 0.05, 0.3, 0.5, LIMIT, 0.5, 1.0)
-    context = Context("main", 0.05, robot, lambda name: np.random.default_rng(0), Pose2D(0.0, 0.0, 0.0))
-    return method(method.Params(**params), context)
-
-
-def sonars(ranges):
-    origins = 0.4 * np.column_stack((np.cos(BEARINGS), np.sin(BEARINGS)))
-    return RangeScan(0, origins, BEARINGS, np.full(8, math.radians(15.0)), np.zeros(8), np.array(ranges), 0.3, 4.0)
-
-
-def laser(ranges):
-    n = len(ranges)
-    bearings = np.linspace(-1.5, 1.5, n)
-    return RangeScan(0, np.zeros((n, 2)), bearings, np.zeros(n), np.zeros(n), np.array(ranges), 0.1, 80.0)
-
-
-def given(*scans, x=0.0, heading=0.0, target=(5.0, 0.0), twist=(0.0, 0.0)):
-    estimate = PoseEstimate(0, Pose2D(x, 0.0, heading), Twist2D(twist[0], 0.0, twist[1]), np.zeros((3, 3)))
-    return AvoiderInput(0, scans, estimate, Point2D(*target), 0.5, Twist2D(0.3, 0.0, 0.0), 1.0)
 
 
 def is_in_a_slot(angle, diagnostics):
@@ -58,7 +24,6 @@ def is_in_a_slot(angle, diagnostics):
     return bool(((angle - first) % (2.0 * math.pi) <= last - first).any())
 
 
-FREE = [math.inf] * 8
 POST_AHEAD = [math.inf, math.inf, math.inf, 0.5, 0.6, math.inf, math.inf, math.inf]
 
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
-from navloom import Box, Place, World
-from navloom.config import load_config
-from navloom.study.episode import run_episode
-from navloom_vfh.params import paper_literal
-from vff_drives import (
+from avoider_drives import (
+    BOTH_KINDS,
+    BOUNDS,
     CROSSTALK,
-    LASER,
     MIRRORS,
     PAIRS,
-    SONARS,
+    UP,
     all_of,
+    assignments,
     dead_end,
     door,
     drive,
@@ -25,18 +21,18 @@ from vff_drives import (
     told,
     way_past,
 )
+from navloom import Box, Place, World
+from navloom.config import load_config
+from navloom.study.episode import run_episode
+from navloom_vfh.params import paper_literal
 
-UP = 0.5 * math.pi
-BOUNDS = (-8.0, -8.0, 8.0, 10.0)
 NAMES = ("vfh", "vfh_plus", "vfh_star")
 EACH = pytest.mark.parametrize("avoider", NAMES)
-BOTH_KINDS = pytest.mark.parametrize("sensors", [SONARS, LASER], ids=["sonars", "laser"])
 
 
 def literal(name: str, **changed: object) -> list[str]:
     """The parameters of one printed text as TOML assignments."""
-    values = paper_literal(name) | changed
-    return [f"{key}={str(value).lower() if isinstance(value, bool) else repr(value)}" for key, value in values.items()]
+    return assignments(paper_literal(name) | changed)
 
 
 @EACH

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SPEED_ERROR", "TURN_ERROR", "Motors"]
+from navloom.avoidance.robot import Robot
+
+__all__ = ["Motors"]
 
 SPEED_ERROR, TURN_ERROR = 0.1, 0.2
 """Deviation from its command at which a robot does not follow it, m/s and rad/s."""
@@ -34,6 +37,11 @@ class Motors:
         self._count = max(1, math.ceil(dead_time / period - 1e-9))
         self.reset()
 
+    @classmethod
+    def of(cls, robot: Robot, period: float) -> Self:
+        """Of a robot, for commands that are a period apart, s."""
+        return cls(robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration)
+
     def reset(self) -> None:
         """Forget every command."""
         self._passed = deque([(0.0, 0.0)] * self._count, self._count)
@@ -42,6 +50,10 @@ class Motors:
     def give(self, v: float, w: float) -> None:
         """Record the command of this tick: m/s and rad/s."""
         self._sent = (v, w)
+
+    def obeyed(self, twist: tuple[float, float]) -> bool:
+        """Whether the robot does what it was given last; one that was stopped, or is driven by another, does not."""
+        return abs(twist[0] - self._sent[0]) < SPEED_ERROR and abs(twist[1] - self._sent[1]) < TURN_ERROR
 
     def in_flight(self, twist: tuple[float, float], share: float) -> NDArray[np.float64]:
         """(n, 2) m/s and rad/s: commands not followed yet, a period apart, the newest last. Call it once per tick.

@@ -1,4 +1,4 @@
-"""`navloom --version`, and what the options before a command are."""
+"""`navloom --version`, and the other options before a command."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def about(
 ) -> None:
     """Plugin-based navigation for mobile robots."""
     if trace_hooks:
-        os.environ[TRACE_HOOKS] = "1"  # what the command starts inherits it
+        os.environ[TRACE_HOOKS] = "1"  # child processes inherit it
     if version:
         print_versions(as_json)
         raise typer.Exit()

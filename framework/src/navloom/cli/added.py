@@ -1,4 +1,4 @@
-"""Commands that distributions add: listed by their metadata alone, and imported when they are used."""
+"""Commands that distributions add: listed from their metadata, imported on first use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Commands", "blamed"]
 
 
 class Commands(TyperGroup):
-    """The commands of navloom, then those of entry points `command.NAME` whose names navloom does not have itself."""
+    """The commands of navloom, then those of entry points `command.NAME` whose names navloom does not use itself."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help."""
@@ -26,7 +26,7 @@ class Commands(TyperGroup):
         return super().get_command(ctx, cmd_name) or self._added.get(cmd_name)
 
     def whole(self) -> dict[str, Any]:
-        """Every command with its options. Those of distributions are imported; one that fails is as the help has it."""
+        """Every command with its options. Those of distributions are imported; a broken one appears as in the help."""
         return {**self.commands, **{name: command.made_or_listed() for name, command in self._added.items()}}
 
     @cached_property
@@ -35,17 +35,17 @@ class Commands(TyperGroup):
 
 
 class AddedCommand(TyperCommand):
-    """A distribution's command: to the help its name and the distribution's summary, else what its module registers."""
+    """A distribution's command: the help shows the distribution's summary; the module is imported when it is used."""
 
     used: ClassVar[CommandPoint | None] = None
-    """The one that this process runs."""
+    """The added command that this process runs; None if it runs none."""
 
     def __init__(self, point: CommandPoint) -> None:
         super().__init__(point.name, help=point.summary or f"Of {point.distribution}.")
         self._point = point
 
     def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
-        """Import it: the context is of the real command."""
+        """Import the real command and create its context."""
         made = self._made()
         AddedCommand.used = self._point
         return made.make_context(info_name, args, parent=parent, **extra)
@@ -60,7 +60,7 @@ class AddedCommand(TyperCommand):
             return self
 
     def _made(self) -> Any:
-        """What its module registers, as typer makes it. Raises PluginError."""
+        """The command that its module registers, made by typer. Raises PluginError."""
         from navloom.plugins import Discovery, PluginError
         from navloom.plugins.blame import raised_in
 
@@ -74,7 +74,7 @@ class AddedCommand(TyperCommand):
             else:
                 around.command(name)(given)
             made: Any = typer.main.get_command(around)
-        except Exception as error:  # typer's own of many kinds, of annotations that no option can have
+        except Exception as error:  # typer raises many kinds for annotations that no option can have
             raise PluginError(
                 f"command {name!r}: typer cannot make a command of it: {raised_in(error, given)}"
             ) from error

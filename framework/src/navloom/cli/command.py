@@ -1,4 +1,4 @@
-"""How a function becomes a command: groups of options, the options of every command, and a help in sections."""
+"""Turns functions into commands: option groups, the options of every command, and help in sections."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typer.core import TyperCommand
 from navloom.entry_kinds import TRACEBACK
 from navloom.logs import Level, set_up_logging
 
-__all__ = ["App", "Command", "EveryCommand", "with_groups", "with_groups_within"]
+__all__ = ["App", "EveryCommand", "SectionedCommand", "with_groups", "with_groups_within"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 SECTION = "Every command"
@@ -23,7 +23,7 @@ SECTION = "Every command"
 
 @dataclass(frozen=True)
 class EveryCommand:
-    """Options of every command. A field added here is an option of all of them; `begin` acts on it."""
+    """Options of every command. Each field is an option of all commands; `begin` applies them."""
 
     log_level: Annotated[
         Level,
@@ -47,17 +47,17 @@ class EveryCommand:
     ] = False
 
     def begin(self) -> None:
-        """What is done before the command."""
+        """Apply the options before the command runs."""
         if self.traceback:
-            os.environ[TRACEBACK] = "1"  # what the command starts inherits it
+            os.environ[TRACEBACK] = "1"  # child processes inherit it
         set_up_logging(self.log_level, self.log_json)
 
 
-class Command(TyperCommand):
+class SectionedCommand(TyperCommand):
     """A command whose help lists its options in sections, by their `rich_help_panel`."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Arguments, the command's own options, then those of each group."""
+        """Write the arguments, the command's own options, then those of each group."""
         sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
         for param in self.get_params(ctx):
             if (record := param.get_help_record(ctx)) is not None:
@@ -70,13 +70,13 @@ class Command(TyperCommand):
 
 
 class App(typer.Typer):
-    """Commands whose functions may take groups of options, and that have the options of every command."""
+    """Typer app whose functions may take option groups, and whose commands have the options of every command."""
 
     def command(
         self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **settings: Any
     ) -> Callable[[F], F]:
-        """As typer has it."""
-        register = super().command(name, cls=cls or Command, **settings)
+        """Register a command as typer does, with its option groups expanded."""
+        register = super().command(name, cls=cls or SectionedCommand, **settings)
 
         def registered(function: F) -> F:
             register(with_groups(function))
@@ -86,9 +86,9 @@ class App(typer.Typer):
 
 
 def with_groups(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that typer can read: each parameter that is a dataclass of options becomes those options.
+    """Wrap a function for typer: each parameter whose type is a dataclass of options is replaced by those options.
 
-    The options of every command follow, but those that the function has itself.
+    The options of every command follow, except those that the function already has.
     """
     parameters = inspect.signature(function, eval_str=True).parameters
     groups: dict[str, Any] = {name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)}
@@ -109,7 +109,7 @@ def with_groups(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def with_groups_within(app: typer.Typer) -> typer.Typer:
-    """The same for every command of a distribution's app."""
+    """Apply `with_groups` to every command of a distribution's app."""
     for command in app.registered_commands:
         if command.callback is not None and not isinstance(app, App):
             command.callback = with_groups(command.callback)
@@ -127,7 +127,7 @@ def _options(group: Any, parameter: inspect.Parameter) -> Iterator[inspect.Param
 
 
 def _fields_of(group: Any) -> Iterator[inspect.Parameter]:
-    """The fields of a dataclass of options as parameters of a function."""
+    """The fields of a dataclass of options, as function parameters."""
     hints = get_type_hints(group, include_extras=True)
     for field in fields(group):
         default = inspect.Parameter.empty if field.default is MISSING else field.default

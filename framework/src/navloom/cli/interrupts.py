@@ -1,4 +1,4 @@
-"""How a command that runs until it is interrupted ends in order."""
+"""Orderly shutdown of a command that runs until it is interrupted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["ending"]
 
 @contextmanager
 def ending() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set; a second Ctrl-C ends at once."""
+    """Yield an event that Ctrl-C and SIGTERM set; a second Ctrl-C raises KeyboardInterrupt."""
     event = threading.Event()
 
     def end(number: int, frame: Any) -> None:

@@ -1,4 +1,4 @@
-"""How the process of a command ends where a plugin's thread would keep it alive for ever."""
+"""Ends the process of a command even if a plugin's thread would keep it alive."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from navloom.cli.output import LOG
 __all__ = ["end_in_time"]
 
 PATIENCE = 2.0
-"""How long threads may take to end after their command, s."""
+"""Time that threads may take to end after the command, s."""
 
 
 def end_in_time(code: int, patience: float = PATIENCE) -> None:
-    """Have the process end soon with an exit code, whatever threads still run; they are named, with who started them.
+    """Exit with a code after `patience` seconds at most, and log which threads still run and who started them.
 
-    Python waits for threads that are no daemons, and ends idle executors meanwhile.
+    Without it Python would wait for every non-daemon thread. Idle executor threads end by themselves meanwhile.
     """
     if not _others():
         return

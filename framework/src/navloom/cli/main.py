@@ -68,7 +68,7 @@ app.add_typer(config.app, name="config")
 
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
-"""A disk, or a share of one, that takes no more."""
+"""Error numbers of a full disk or an exhausted quota."""
 
 
 def main() -> None:
@@ -133,6 +133,6 @@ def _place(error: Exception) -> str:
 
 
 def _say(text: str, error: BaseException) -> None:
-    if not logging.getLogger("navloom").handlers:  # the command did not begin
+    if not logging.getLogger("navloom").handlers:  # the command has not begun
         set_up_logging(Level.INFO, as_json=False)
     logging.getLogger("navloom.cli").error(text, extra=with_traceback(error))

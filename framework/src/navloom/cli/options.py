@@ -1,6 +1,7 @@
 """Options that several commands share: each is declared once, and those that belong together are one dataclass.
 
-A command takes such a dataclass as one parameter; `navloom.cli.command.App` turns it into its options.
+A command takes such a dataclass as one parameter; `navloom.cli.command.App` turns it into its options. Commands of
+other distributions may take them too.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ __all__ = [
     "ConfigOptions",
     "Insecure",
     "Keys",
+    "MapOptions",
     "PluginFiles",
     "Record",
     "RobotName",
@@ -41,12 +43,12 @@ __all__ = [
     "seconds",
 ]
 
-ROBOT, VIEWING = "Which robot", "Viewer"
+ROBOT, VIEWING, IMPORTED = "Which robot", "Viewer", "Imported log"
 """Sections of the help."""
 
 
 def a_number(value: float | None) -> float | None:
-    """Check of an option or argument: any number, but no NaN and no infinity."""
+    """Check of an option or argument: any finite number."""
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter(f"got {value}, expected a finite number")
     return value
@@ -141,7 +143,7 @@ class RobotOptions:
         return join(self.robot, self.connect, self.keys, insecure=self.insecure)
 
     def navigator(self) -> Navigator:
-        """What an operator asks the robot with."""
+        """A navigator for the robot, with an operator's certificate."""
         from navloom.operating.navigator import Navigator
 
         return Navigator(self.robot, self.connect, self.keys, self.insecure)
@@ -183,6 +185,33 @@ class RunOptions(ConfigOptions):
 
 
 @dataclass(frozen=True)
+class MapOptions:
+    """The map of an imported log, and where in it the robot is when the log begins."""
+
+    map_: Annotated[
+        str | None,
+        typer.Option(
+            "--map", metavar="WORLD", help="Map for replays, a world or a map's .yaml.", rich_help_panel=IMPORTED
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            metavar="X,Y,HEADING_DEG",
+            help="Where the robot is at first, in the map.",
+            rich_help_panel=IMPORTED,
+        ),
+    ] = None
+
+    def pose(self) -> tuple[float, float, float] | None:
+        """The start, x, y, m, heading, rad; None if it was not given. Raises ConfigError."""
+        from navloom.recording.imported import start_option
+
+        return None if self.start is None else start_option(self.start)
+
+
+@dataclass(frozen=True)
 class ViewerOptions:
     """Where something is shown."""
 
@@ -211,7 +240,7 @@ class ViewerOptions:
     ] = None
 
     def where(self, view: bool, *, keeps: bool = True) -> Where:
-        """The options as what to show it in; `keeps` if --rerun is one of them.
+        """The place to show it, from these options. `keeps`: the command has the option --rerun.
 
         Raises:
             ViewerError: Two of them contradict each other, the viewer is not installed, or there is no display for it.
@@ -236,6 +265,6 @@ class ViewOptions(ViewerOptions):
     view: Annotated[bool, typer.Option("--view", help="Show it in the viewer.", rich_help_panel=VIEWING)] = False
 
     def asked(self) -> Where | None:
-        """What to show the run in; None if none of the options is given. Raises ViewerError."""
+        """The place to show the run; None if none of the options is given. Raises ViewerError."""
         is_asked = self.view or self.web or self.viewer is not None or self.rerun is not None
         return self.where(self.view) if is_asked else None

@@ -25,11 +25,11 @@ __all__ = [
 LOG = logging.getLogger("navloom.cli")
 """Logger of what is not the answer of a command."""
 WIDE = 1000
-"""Width of a table that goes to a file or another program: nothing is cut."""
+"""Width of a table that goes to a file or another program, columns; wide enough that nothing is cut."""
 
 
 def print_json(value: Any) -> None:
-    """One JSON value on standard output; numbers that JSON lacks become null."""
+    """Print one JSON value to standard output; numbers that JSON lacks become null."""
     import json
 
     print(json.dumps(_plain(value), indent=2, ensure_ascii=False))
@@ -58,11 +58,11 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table for people, as wide as its contents. On a narrower terminal, entries continue in the next line.
+    """Print a table for people, as wide as its contents. On a narrower terminal, entries continue on the next line.
 
     Args:
-        columns: Their names; all empty for a table without a head.
-        rows: As many entries each.
+        columns: Names of the columns; all empty for a table without a head.
+        rows: Rows with one entry for each column.
     """
     from rich.console import Console
     from rich.table import Column, Table
@@ -88,12 +88,12 @@ def shown(value: Any) -> str:
 
 
 def say_so(text: str) -> None:
-    """Log a note of the command line. It appears above a line of progress."""
+    """Log a note of the command line. It appears above a progress line."""
     LOG.info(text)
 
 
 def log_of(house: str) -> logging.Logger:
-    """The logger of a house, for what is handed to it as `say`."""
+    """The logger of a house, whose methods can be passed as `say`."""
     return logging.getLogger(f"navloom.{house}")
 
 
@@ -123,10 +123,10 @@ def stage(quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[float,
 
 @contextmanager
 def progress_line(text: str, total: float | None = None) -> Iterator[Callable[..., None]]:
-    """One line of progress on a terminal's standard error, never two: what does not fit is cut. It vanishes at its end.
+    """A progress line on the standard error of a terminal, cut to one line. It is removed at the end.
 
-    Gives a function that takes `description`, `completed`, `advance` and `total`, each by name. What is printed to
-    `sys.stderr` meanwhile goes above the line.
+    Yields a function that takes `description`, `completed`, `advance` and `total`, each by name. Text printed to
+    `sys.stderr` in the meantime appears above the line.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn

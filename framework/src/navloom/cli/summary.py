@@ -31,7 +31,7 @@ LABELS = {
 
 
 def is_reached(summary: Mapping[str, Any]) -> bool:
-    """The goal was reached, by the robot's word and by the ground truth if there is one."""
+    """Whether the goal was reached according to the robot, and to the ground truth if there is one."""
     return summary["outcome"] == "succeeded" and summary["truly_reached"] is not False
 
 
@@ -50,7 +50,7 @@ def tell_faults(episode: Any, summary: Mapping[str, Any], recording: Path | None
 
 
 def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
-    """A run's result for people."""
+    """Print a run's result for people."""
     rows: list[tuple[str, Any]] = [(label, summary[key]) for key, label in LABELS.items() if summary[key] is not None]
     if summary["pose_error_m"] is not None:
         error = summary["pose_error_m"]
@@ -70,7 +70,7 @@ def print_summary(episode: Any, summary: Mapping[str, Any]) -> None:
 
 
 def _print_shadows(shadows: Sequence[Mapping[str, Any]]) -> None:
-    """The differences of the alternatives in shadow, for people."""
+    """Print the differences of the shadows for people."""
     from navloom.engine.differences import UNITS
 
     lines = []

@@ -11,7 +11,7 @@ __all__ = ["with_traceback", "with_traceback_of"]
 
 
 def with_traceback(error: BaseException) -> Mapping[str, str]:
-    """What a log record of an error carries beside its message: the traceback, if it was asked for."""
+    """Extra of an error's log record: the traceback, if it was requested."""
     if not os.environ.get(TRACEBACK):
         return {}
     from navloom.plugins.blame import traceback_of, whole_traceback
@@ -20,7 +20,7 @@ def with_traceback(error: BaseException) -> Mapping[str, str]:
 
 
 def with_traceback_of(message: str) -> Mapping[str, str]:
-    """The same, of an error that became a part of a message."""
+    """Extra of a log record whose message contains an error's text: its traceback, if it was requested."""
     if not os.environ.get(TRACEBACK):
         return {}
     from navloom.plugins.blame import traceback_of

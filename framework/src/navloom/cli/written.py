@@ -1,4 +1,4 @@
-"""Files that a run wrote beside its answer: listed for people and scripts; incomplete ones set the exit code."""
+"""Files that a run wrote, listed for people and scripts. Incomplete files set the exit code."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ __all__ = ["File", "Written", "record_of", "rerun_of", "tell_out"]
 
 @dataclass(frozen=True)
 class File:
-    """A file that grew during a run. If it is incomplete, that was logged when it happened.
+    """A file that was written during a run. If it is incomplete, that was logged when it happened.
 
     Attributes:
-        path, messages, size, is_whole: Where it is, and what is in it: messages and bytes.
+        path: Its path.
+        messages: Number of messages in it.
+        size: Its size, bytes.
+        is_whole: Whether it is complete.
     """
 
     path: Path
@@ -32,20 +35,20 @@ class File:
     is_whole: bool
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """The entry of this file for `--json`."""
         return {"file": str(self.path), "messages": self.messages, "bytes": self.size, "complete": self.is_whole}
 
 
 @dataclass(frozen=True)
 class Written:
-    """What `--out`, `--record` and `--rerun` asked for; None for a file that was not asked for."""
+    """The files of `--out`, `--record` and `--rerun`; None for a file that was not requested."""
 
     out: OutFolder
     record: File | None = None
     rerun: File | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`: by option."""
+        """The entries of all files for `--json`, by option."""
         found: dict[str, Any] = {}
         if self.out.folder is not None:
             found["out"] = {"folder": str(self.out.folder), "files": self.out.names, "missing": self.out.missing}
@@ -53,7 +56,7 @@ class Written:
         return found | {option: file.to_json() for option, file in files.items() if file is not None}
 
     def tell(self, as_json: bool) -> bool:
-        """List the files, unless JSON does, and log what is missing. Returns whether everything is complete."""
+        """Print the files, unless the JSON output lists them, and log missing ones. Returns whether all are whole."""
         is_whole = tell_out(self.out, as_json)
         for word, file in (("recorded in", self.record), ("viewer file", self.rerun)):
             if file is not None:
@@ -64,7 +67,7 @@ class Written:
 
 
 def tell_out(out: OutFolder, as_json: bool) -> bool:
-    """List the folder of `--out`, unless JSON does, and log what is missing. Returns whether nothing is missing."""
+    """Print the files of `--out`, unless the JSON output lists them, and log missing ones. Returns whether none is."""
     if out.names and not as_json:
         typer.echo(f"written to {out.folder}: {', '.join(out.names)}")
     if out.failure:

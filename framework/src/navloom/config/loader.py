@@ -67,7 +67,7 @@ class Loaded:
         if not self.gives("robot.footprint"):
             shape = self.config.robot.footprint
             size = f"{{ length = {shape.length:g}, width = {shape.width:g} }}"
-            said.append(f"{self.name}: robot.footprint: is missing, the default holds: {size}, in m; give your robot's")
+            said.append(f"{self.name}: robot.footprint: is missing; default {size}, in m: give your robot's size")
         return said
 
     def gives(self, place: str) -> bool:
@@ -140,7 +140,7 @@ def _located(problems: Iterable[str], name: str, text: str, sources: dict[str, S
         else:
             line = line_of(text, place) if text and " " not in place else None
             lines.append((line or 0, f"{name}:{line}: {problem}" if line else f"{name}: {problem}"))
-    more = [f"{name}: more problems; mend the first {SHOWN}"] if len(first) > SHOWN else []
+    more = [f"{name}: more problems; fix the first {SHOWN}"] if len(first) > SHOWN else []
     return ConfigError(*(text for _, text in sorted(lines, key=lambda entry: entry[0])), *more)
 
 

@@ -40,7 +40,7 @@ _EXPECTED = {
 
 _PATTERNS = {
     r"^[A-Za-z0-9_-]+$": "letters, digits, _ and -",
-    r"^[a-z][A-Za-z0-9_]*$": "a small letter, then letters, digits and _",
+    r"^[a-z][A-Za-z0-9_]*$": "a lower-case letter, then letters, digits and _",
 }
 """Patterns of names, as text."""
 

@@ -20,7 +20,7 @@ from navloom.config.tables import (
     MapTable,
     NavigationTable,
     NodeTable,
-    Placed,
+    PlacedTable,
     PluginsTable,
     RobotTable,
     RoleTable,
@@ -178,12 +178,12 @@ class Config(Table):
         assert isinstance(table, RoleTable)
         return table
 
-    def role_tables(self) -> list[Placed]:
+    def role_tables(self) -> list[PlacedTable]:
         """The table of every instance; initially active ones come first."""
         return [
-            *(Placed(role, role, self.role_table(role)) for role in ROLE_TABLES),
-            *(Placed(f"node.{number}", table.name, table) for number, table in enumerate(self.node)),
-            *(Placed(f"alternative.{number}", table.role, table) for number, table in enumerate(self.alternative)),
+            *(PlacedTable(role, role, self.role_table(role)) for role in ROLE_TABLES),
+            *(PlacedTable(f"node.{number}", table.name, table) for number, table in enumerate(self.node)),
+            *(PlacedTable(f"alternative.{number}", table.role, table) for number, table in enumerate(self.alternative)),
         ]
 
     def without(self, nodes: Collection[str]) -> Config:

@@ -27,7 +27,7 @@ __all__ = [
     "OffsetTable",
     "OpenTable",
     "PlaceTable",
-    "Placed",
+    "PlacedTable",
     "PluginsTable",
     "PointTable",
     "ROLE_TABLES",
@@ -72,7 +72,7 @@ class OpenTable(StrictModel):
 class RunTable(Table):
     """One run."""
 
-    seed: int = Field(default=0, ge=0, lt=2**63, description="of every random stream")
+    seed: int = Field(default=0, ge=0, lt=2**63, description="seed of every random stream")
     period: float = Field(default=0.05, ge=0.001, le=1.0, description="length of a control tick, s")
     stop_after: float = Field(default=120.0, gt=0.0, le=1e6, description="longest run, s of robot time")
 
@@ -107,7 +107,7 @@ class RobotTable(Table):
     max_deceleration: Positive = Field(default=1.0, description="m/s²")
     max_angular_acceleration_deg: Positive | None = Field(default=None, description="deg/s²; default: no limit")
     motor_lag: float = Field(default=0.0, ge=0.0, le=2.0, description="time constant of the wheels' speed, s")
-    dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command to the wheels, s")
+    dead_time: float = Field(default=0.0, ge=0.0, le=2.0, description="from a command until it acts on the wheels, s")
 
     @property
     def max_angular(self) -> float:
@@ -133,14 +133,14 @@ class WorldTable(Table):
     """The world of a simulated robot."""
 
     ref: str = Field(min_length=1, description="a name, a .toml file or scheme:argument")
-    start_offset: OffsetTable = Field(default=OffsetTable(), description="the true start less navigation.start")
+    start_offset: OffsetTable = Field(default=OffsetTable(), description="of the true start from navigation.start")
 
 
 class MapTable(Table):
     """A map known before the run, for plugins that need one."""
 
-    ref: str = Field(default="world", description='a world reference, or "world" for the one of the run')
-    resolution: float = Field(default=0.05, ge=0.005, le=1.0, description="m, where the reference has no raster")
+    ref: str = Field(default="world", description='a world reference, or "world" for the world of the run')
+    resolution: float = Field(default=0.05, ge=0.005, le=1.0, description="edge of a cell, m, without a raster")
 
 
 class RoleTable(OpenTable):
@@ -152,7 +152,7 @@ class RoleTable(OpenTable):
     )
     sensors: list[str] | None = Field(default=None, description="sensors that it reads; default: all that it supports")
     inputs: dict[str, str] | None = Field(
-        default=None, description="by name of an input, the stream it reads, as people.tracks; default the only one"
+        default=None, description="stream of each input, as people.tracks; default: the only stream that fits"
     )
     rate_hz: Positive | None = Field(default=None, description="must divide the tick rate")
     latency: float = Field(default=0.0, ge=0.0, le=60.0, description="delay of its outputs in lockstep, s")
@@ -170,7 +170,7 @@ class NodeTable(RoleTable):
     """A node plugin."""
 
     name: str = Field(
-        max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="takes a role's place in keys and lists"
+        max_length=LONGEST_NAME, pattern=r"^[a-z][A-Za-z0-9_]*$", description="name of the node, used like a role's"
     )
     required: bool = Field(default=False, description="the gate stops the robot when the node is gone")
 
@@ -187,7 +187,7 @@ class AlternativeTable(RoleTable):
     shadow: bool = True
 
 
-class Placed(NamedTuple):
+class PlacedTable(NamedTuple):
     """The table of an instance, with its place in the file and its role or node."""
 
     place: str
@@ -225,22 +225,20 @@ class NavigationTable(Table):
     via: list[PointTable] = Field(default_factory=list, description="points to pass, in order")
     drive: bool = Field(default=True, description="drive to the goal at once; false waits for goals")
     goal_tolerance: Positive | None = Field(default=None, description="m; default: the world's, else 0.2")
-    heading_tolerance_deg: Positive = Field(default=5.0, description="where the goal has a heading")
-    speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="m/s, of the reference")
-    lateral_acceleration: Positive = Field(default=0.3, description="m/s², bounds the speed in bends")
+    heading_tolerance_deg: Positive = Field(default=5.0, description="if the goal has a heading")
+    speed: tuple[Positive, Positive] = Field(default=(0.2, 0.4), description="limits of the reference, m/s")
+    lateral_acceleration: Positive = Field(default=0.3, description="limits the speed in curves, m/s²")
     look_ahead: Positive = Field(default=1.2, description="m, from the robot to the avoider's target")
-    corridor_margin: float = Field(default=0.04, ge=0.0, description="m, beside the robot's half width")
+    corridor_margin: float = Field(default=0.04, ge=0.0, description="added to the robot's half width, m")
     handover: Literal["when_blocked", "always", "never"] = "when_blocked"
-    handover_own_way: bool = Field(
-        default=True, description="the hand-over also checks the path that the robot takes next"
-    )
-    handover_release: float = Field(default=0.5, ge=0.0, description="s the corridor must be free to hand back")
-    stuck_after: Positive = Field(default=15.0, description="s without progress")
+    handover_own_way: bool = Field(default=True, description="also check the way that the robot itself takes next")
+    handover_release: float = Field(default=0.5, ge=0.0, description="time the corridor must be free to hand back, s")
+    stuck_after: Positive = Field(default=15.0, description="time without progress, s")
     max_recoveries: int = Field(default=3, ge=0)
-    map_timeout: Positive = Field(default=10.0, description="s to wait for a map")
-    plan_timeout: Positive = Field(default=10.0, description="s to wait for a plan")
-    replan_when_blocked: bool = Field(default=True, description="replan when a new map blocks the trajectory")
-    replan_period: float = Field(default=0.0, ge=0.0, description="s between two plans while driving; 0: none")
+    map_timeout: Positive = Field(default=10.0, description="longest wait for a map, s")
+    plan_timeout: Positive = Field(default=10.0, description="longest wait for a plan, s")
+    replan_when_blocked: bool = Field(default=True, description="plan again when a new map blocks the trajectory")
+    replan_period: float = Field(default=0.0, ge=0.0, description="interval of plans while driving, s; 0: none")
     replan_gain: float = Field(
         default=0.1, ge=0.0, lt=1.0, description="share by which such a plan must be shorter to be driven"
     )
@@ -257,14 +255,14 @@ class GateTable(Table):
 
     stop_deadline: Positive = Field(default=0.10, description="longest lag of a command behind the platform, s")
     sensor_timeout: Positive = Field(default=0.5, description="longest silence of a required sensor, s")
-    monitor: bool = Field(default=True, description="look at the range sensors before a command passes")
+    monitor: bool = Field(default=True, description="check commands against the range sensors")
     range_sigma: Positive = Field(default=0.03, description="standard deviation of a range that the monitor reads, m")
 
 
 class EventTable(Table):
     """An operator's action at a given time."""
 
-    at: float = Field(ge=0.0, description="s of robot time")
+    at: float = Field(ge=0.0, description="robot time, s")
     do: Literal["swap", "goal", "cancel", "set", "stop", "resume"]
     x: float | None = None
     y: float | None = None

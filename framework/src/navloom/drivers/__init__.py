@@ -1,1 +1,1 @@
-"""What drivers of real robots share: ports, a reader thread that reconnects, and clocks of devices. No robot in it."""
+"""Common parts of drivers for real robots: ports, a reader thread that reconnects, and device clocks."""

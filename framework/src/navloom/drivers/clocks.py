@@ -1,4 +1,4 @@
-"""Clocks of devices against clocks of this host: by the message that was quickest on its way."""
+"""Converts device clocks to this host's clock, by the message with the shortest delay."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from collections import deque
 __all__ = ["ClockOffset"]
 
 DRIFT = 200e-6
-"""How much faster or slower a device's clock may run, s/s: what a quartz is allowed, twice."""
+"""Largest drift of a device's clock, s/s: twice the tolerance of a quartz."""
 BACK_NS = 100_000_000
-"""A stamp this far before the last one, ns, is of a device that has started again: datagrams overtake by less."""
+"""Backward jump of a stamp from which the device counts as restarted, ns; reordered datagrams jump by less."""
 
 
 class ClockOffset:
-    """Turns times of another clock into times of this host's monotonic clock.
+    """Converts times of a device's clock to times of this host's monotonic clock.
 
-    A message takes some time on its way, never less than none. So the smallest difference between its arrival and its
-    stamp is the offset of the clocks, plus the shortest way. It is taken over a window, as clocks drift.
+    The delay of a message is never negative. So the smallest difference between arrival time and stamp is the offset
+    of the clocks plus the shortest delay. It is taken over a window, because clocks drift.
 
     Args:
-        window: s that a difference counts.
-        modulus_ns: Where the device's clock wraps, ns, as 2**32 * 1000 for 32 bits of µs; 0 for never.
+        window: Time for which a difference is used, s.
+        modulus_ns: Period at which the device's clock wraps, ns, as 2**32 * 1000 for 32 bits of µs; 0 for never.
 
     Attributes:
-        restarts: How often the device's clock ran back, as when it was switched off.
+        restarts: Number of times the device's clock jumped back, as after a power cycle.
     """
 
     def __init__(self, window: float = 10.0, modulus_ns: int = 0) -> None:
@@ -34,11 +34,11 @@ class ClockOffset:
         self._wraps_ns = self._newest_ns = 0
 
     def local(self, device_ns: int, received_ns: int) -> int:
-        """When a stamp of the device was, on this host's clock: not after it was received, and never running back.
+        """Time of a device's stamp on this host's clock, ns: never after its receipt, and never decreasing.
 
         Args:
             device_ns: The stamp, ns.
-            received_ns: When its message came, monotonic clock, ns.
+            received_ns: Receive time of its message, monotonic clock, ns.
         """
         if self._last is not None:
             self._follow(device_ns, received_ns)
@@ -58,11 +58,11 @@ class ClockOffset:
 
     @property
     def offset_ns(self) -> int:
-        """Local time less the device's, ns; 0 before the first stamp."""
+        """Local time minus device time, ns; 0 before the first stamp."""
         return self._least[0][1] if self._least else 0
 
     def _follow(self, device_ns: int, received_ns: int) -> None:
-        """See a wrap, or a restart, in the next stamp."""
+        """Detect a wrap or a restart in the next stamp."""
         assert self._last is not None
         before_ns, then_ns = self._last
         if self._modulus_ns:

@@ -1,4 +1,4 @@
-"""A device behind a port: one thread reads it, keeps it alive, and opens it again whenever it is gone."""
+"""A device behind a port: one thread reads it, sends heartbeats, and reconnects."""
 
 from __future__ import annotations
 
@@ -11,38 +11,37 @@ from navloom.errors import NavloomError
 
 __all__ = ["DriverError", "Link"]
 
-Pauses = tuple[float, float]
 FIRST, MOST = 0.05, 1.0
-"""Pauses between two tries to open, s: the first, which doubles up to the most."""
+"""First and longest pause between attempts to open, s; the pause doubles from one to the other."""
 SLICE = 0.05
-"""Longest wait of one read, s: so soon the thread sees that it is to end."""
+"""Longest wait of one read, s, and so the longest delay before the thread ends."""
 WRITE = 0.02
-"""Longest wait for a device to take what is written, s: a command must not hold up the platform's loop."""
+"""Longest wait for a device to accept a write, s: a command must not block the platform's loop."""
 JOIN = 1.0
 """Longest wait for the thread to end, s."""
 
 
 class DriverError(NavloomError, RuntimeError):
-    """The device cannot be used now; the text says why, and the gate's reason has it."""
+    """The device cannot be used now; the text says why, and becomes part of the gate's reason."""
 
     exit_code = 1
 
 
 class Link:
-    """Reads a device in a thread of its own. Whatever fails, the port is closed, and opened again after a pause.
+    """Reads a device in a separate thread. After any failure the port is closed, and reopened after a pause.
 
     Args:
-        name: What to call the device in errors, as "base at /dev/ttyUSB0".
-        open_port: Opens the port; OSError where it cannot.
-        received: Called in the thread with what was read and the monotonic time, ns. What it raises is a fault of the
-            driver: the port is opened again, and `fault` says so.
-        opened: Called in the thread when the port was opened, to forget what was half read.
-        beat: Called in the thread every `beat_period` while the port is open, as to repeat a command.
-        beat_period: s; at least 0.001.
-        silence: Time without a byte after which the port is opened again, s: some adapters fail without an error.
+        name: Name of the device in errors, as "base at /dev/ttyUSB0".
+        open_port: Opens the port; raises OSError on failure.
+        received: Called in the thread with the bytes read and the monotonic time, ns. An exception is a fault of the
+            driver: the port is reopened, and `fault` reports it.
+        opened: Called in the thread after the port was opened, to discard partial input.
+        beat: Called in the thread every `beat_period` while the port is open, for example to repeat a command.
+        beat_period: Interval of `beat`, s; at least 0.001.
+        silence: Time without a byte after which the port is reopened, s: some adapters fail without an error.
 
     Attributes:
-        openings: How often the port was opened.
+        openings: Number of times the port was opened.
     """
 
     def __init__(
@@ -66,7 +65,7 @@ class Link:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Begin to open and read; once."""
+        """Start to open and read the port. Call it once."""
         self._thread.start()
 
     @property
@@ -80,7 +79,7 @@ class Link:
         return f"{self.name}: {self._fault}" if self._fault else ""
 
     def write(self, data: bytes) -> None:
-        """Send all of the data, from any thread. Raises DriverError where the device is gone or does not take it."""
+        """Send all of the data, from any thread. Raises DriverError if the device is gone or does not accept it."""
         with self._lock:
             if self._port is None:
                 raise DriverError(self.fault)
@@ -90,7 +89,7 @@ class Link:
                 raise DriverError(f"{self.name}: {_words(error)}") from None
 
     def close(self) -> None:
-        """End the thread and give up the port. Takes at most a second."""
+        """End the thread and close the port, within a second."""
         self._ends.set()
         if self.is_started:
             self._thread.join(JOIN)
@@ -112,7 +111,7 @@ class Link:
             pause = min(2.0 * pause, MOST)
 
     def _serve(self, port: Port) -> str:
-        """Read until it fails. Gives the reason."""
+        """Read until a failure, and return its reason."""
         with self._lock:
             self._port, self._fault, self.openings = port, "", self.openings + 1
         try:
@@ -132,9 +131,9 @@ class Link:
                     return f"nothing came for {self._silence:g} s"
         except OSError as error:
             return f"lost: {_words(error)}"
-        except DriverError as error:  # of a beat that could not be written
+        except DriverError as error:  # a heartbeat that could not be written
             return str(error).removeprefix(f"{self.name}: ")
-        except Exception as error:  # a bug of the driver must not end its only reader
+        except Exception as error:  # a bug in the driver must not end its only reader
             return f"the driver failed: {type(error).__name__}: {error}"
         return "closed"
 

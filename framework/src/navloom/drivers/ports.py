@@ -1,4 +1,4 @@
-"""Ports of a device: a serial line, UDP, TCP. None waits longer than it is told to, to read or to write."""
+"""Ports of devices: serial line, UDP, TCP. Reads and writes have a time limit."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from typing import Protocol
 __all__ = ["Port", "SerialPort", "TcpPort", "UdpPort"]
 
 PIECE = 65536
-"""Most bytes of one read; the largest datagram."""
+"""Most bytes of one read: the largest datagram."""
 
 
 class Port(Protocol):
-    """What a link reads and writes. Every method but `close` raises OSError where the device is gone."""
+    """Interface of a port. Every method except `close` raises OSError if the device is gone."""
 
     def read(self, wait: float) -> bytes:
-        """What is there, after at most `wait` s for the first byte; empty where nothing came."""
+        """Read available bytes, after at most `wait` s for the first one; empty if none came."""
 
     def write(self, data: bytes, wait: float) -> None:
-        """All of the data, within at most `wait` s. Raises TimeoutError where the device does not take it."""
+        """Write all of the data within `wait` s. Raises TimeoutError if the device does not accept it."""
 
     def close(self) -> None:
-        """Give it up; more than once does no harm."""
+        """Close the port; further calls do nothing."""
 
 
 class _Descriptor:
-    """A port with a file descriptor that does not block."""
+    """A port with a non-blocking file descriptor."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -61,20 +61,20 @@ class _Descriptor:
     def _is_ready(self, event: int, wait: float) -> bool:
         poll = select.poll()
         poll.register(self._descriptor, event)
-        # A device that is gone is reported as an event too, and the read or write then says so.
+        # A lost device is reported as an event too; the read or write then raises.
         return bool(poll.poll(wait * 1000.0))
 
 
 class SerialPort(_Descriptor):
-    """A serial line, raw, 8N1, for this process alone.
+    """A raw serial line, 8N1, opened exclusively.
 
     Args:
-        path: As /dev/ttyUSB0, or better its lasting name below /dev/serial/by-id.
-        baud: Bits per second, one that the system names.
+        path: Device, as /dev/ttyUSB0, or better its persistent name below /dev/serial/by-id.
+        baud: Baud rate that the system supports, bit/s.
 
     Raises:
-        OSError: It is not there, or another process has it.
-        ValueError: No such baud rate.
+        OSError: The device is missing, or another process uses it.
+        ValueError: The baud rate is not supported.
     """
 
     def __init__(self, path: str, baud: int) -> None:
@@ -120,7 +120,7 @@ class TcpPort(_Socket):
         wait: Longest wait for the connection, s.
 
     Raises:
-        OSError: Nobody answers there.
+        OSError: The connection is refused or times out.
     """
 
     def __init__(self, address: tuple[str, int], wait: float = 1.0) -> None:
@@ -130,14 +130,14 @@ class TcpPort(_Socket):
 
 
 class UdpPort(_Socket):
-    """Datagrams from one device; those of others are passed over, and one `read` gives one datagram.
+    """Datagrams from one device; those of other senders are ignored. One `read` returns one datagram.
 
     Args:
-        local: Address and port to listen at: 127.0.0.1, or that of the interface that the device is on.
-        device: Address of the device; None to take datagrams of anybody.
+        local: Address and port to listen at: 127.0.0.1, or the address of the device's network interface.
+        device: Address of the device; None accepts datagrams from any sender.
 
     Raises:
-        OSError: The address is not of this host, or taken.
+        OSError: The address does not belong to this host, or is taken.
     """
 
     def __init__(self, local: tuple[str, int], device: str | None) -> None:
@@ -157,7 +157,7 @@ class UdpPort(_Socket):
             return b""
         try:
             data, sender = self._socket.recvfrom(PIECE)
-        except (BlockingIOError, ConnectionRefusedError):  # the latter is of a datagram that was sent before
+        except (BlockingIOError, ConnectionRefusedError):  # the latter refers to an earlier sent datagram
             return b""
         if self._device is not None and sender[0] != self._device:
             return b""
@@ -165,14 +165,14 @@ class UdpPort(_Socket):
         return data
 
     def write(self, data: bytes, wait: float) -> None:
-        """See `Port`: to where the last datagram came from."""
+        """See `Port`; the data goes to the sender of the last datagram."""
         if self._from is None:
             raise TimeoutError("the device has not sent anything yet, so its port is not known")
         self._socket.sendto(data, self._from)
 
 
 def _make_raw(descriptor: int, speed: int) -> None:
-    termios.tcgetattr(descriptor)  # raises where it is no terminal
+    termios.tcgetattr(descriptor)  # raises if it is not a terminal
     marks: list[bytes | int] = [b"\0"] * 32
     marks[termios.VMIN], marks[termios.VTIME] = 1, 0
     flags = termios.CS8 | termios.CREAD | termios.CLOCAL

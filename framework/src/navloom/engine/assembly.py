@@ -10,9 +10,11 @@ from navloom.engine.build import stride_of
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import Lockstep, Observer
 from navloom.engine.making import configure, role_nodes
-from navloom.engine.node import Node
-from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
-from navloom.engine.reference import ReferenceNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.node import Node
+from navloom.engine.nodes.operator import OperatorNode
+from navloom.engine.nodes.reference import ReferenceNode
 from navloom.engine.stepper import Stepper
 from navloom.engine.system import System
 from navloom.engine.trace import TraceWriter

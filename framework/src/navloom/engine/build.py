@@ -154,7 +154,7 @@ def _known_map(loaded: Loaded, discovery: Discovery, world: World | None) -> Occ
         world = _resolve(loaded, discovery, "map.ref", reference)
     if world is None:
         raise ConfigError(
-            'map.ref: is "world", but there is no [world], and the platform tells none; name a map, as in '
+            'map.ref: is "world", but there is no [world], and the platform has none; name a map, as in '
             'ref = "rosmap:F.yaml"'
         )
     return grid_of(world, resolution, loaded.config.robot.height)

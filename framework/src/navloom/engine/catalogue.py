@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 from navloom.config.schema import Config
-from navloom.engine.node import Node
-from navloom.engine.node_plugin import NodePlugin
-from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.nodes.avoider import AvoiderNode
+from navloom.engine.nodes.controller import ControllerNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.localizer import LocalizerNode
+from navloom.engine.nodes.mapper import MapperNode
+from navloom.engine.nodes.node import Node
+from navloom.engine.nodes.node_plugin import NodePlugin
+from navloom.engine.nodes.operator import OperatorNode
+from navloom.engine.nodes.planner import PlannerNode
+from navloom.engine.nodes.platform import PlatformNode
+from navloom.engine.nodes.recovery import RecoveryNode
+from navloom.engine.nodes.reference import ReferenceNode
 from navloom.engine.ports import Port, Wired
-from navloom.engine.reference import ReferenceNode
-from navloom.engine.role_nodes import (
-    AvoiderNode,
-    ControllerNode,
-    LocalizerNode,
-    MapperNode,
-    PlannerNode,
-    PlatformNode,
-    RecoveryNode,
-)
 from navloom.messages import Message
 from navloom.navigation.handover import HandOverRule
 from navloom.plugins import Discovery, PluginError
-from navloom.roles import ROLES, Avoider, Planner, Role
+from navloom.roles import ROLES, Avoider, Planner, Platform, Role, SensorSpec
 
 __all__ = ["FRAMEWORK", "NODES", "Catalogue", "catalogue_of", "role_node"]
 
@@ -118,16 +118,25 @@ def node_plugin(discovery: Discovery, name: str) -> type[NodePlugin]:
     return cls
 
 
-def role_node(plugin: Role, rule: HandOverRule | None = None, look_ahead: float = 0.0, tolerance: float = 0.0) -> Node:
+def role_node(
+    plugin: Role,
+    rule: HandOverRule | None = None,
+    look_ahead: float = 0.0,
+    tolerance: float = 0.0,
+    sensors: Iterable[SensorSpec] = (),
+) -> Node:
     """The node for a plugin.
 
     Args:
         plugin: The plugin.
         rule, look_ahead: For an avoider: the hand-over rule, and how far it looks along the robot's own way, m.
         tolerance: For a planner: how near to its goal the robot must come, m.
+        sensors: For a platform: those it is to provide.
     """
     if isinstance(plugin, NodePlugin):
         return plugin
+    if isinstance(plugin, Platform):
+        return PlatformNode(plugin, sensors)
     if isinstance(plugin, Planner):
         return PlannerNode(plugin, tolerance)
     if isinstance(plugin, Avoider):

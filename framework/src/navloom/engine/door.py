@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import Any, Generic, NoReturn, TypeVar
 
@@ -39,6 +39,7 @@ from navloom.roles import (
     PlatformInput,
     PlatformOutput,
     Role,
+    SensorSpec,
     verb_of,
 )
 
@@ -90,11 +91,16 @@ class _Door:
 
 
 class PlatformDoor(_Door):
-    """Checks the answers of a platform: declared message types, stamps that do not go back, only requested sweeps."""
+    """Checks the answers of a platform: declared message types, stamps that do not go back, only requested sweeps.
 
-    def __init__(self, plugin: Platform) -> None:
+    Args:
+        plugin: The platform.
+        sensors: Those it is to provide.
+    """
+
+    def __init__(self, plugin: Platform, sensors: Iterable[SensorSpec]) -> None:
         super().__init__(plugin)
-        self._sensors = {spec.name: plugin.sensor_kinds.get(spec.kind, Message) for spec in plugin.context.sensors}
+        self._sensors = {spec.name: plugin.sensor_kinds.get(spec.kind, Message) for spec in sensors}
         self._newest = dict.fromkeys(self._sensors, 0)
         self._odometry_ns = self._now_ns = 0
         self._asked = 0
@@ -122,7 +128,7 @@ class PlatformDoor(_Door):
         if not isinstance(answer.odometry, Odometry):
             self.refuse(f"gave odometry={brief(answer.odometry)}", "Odometry")
         if not isinstance(answer.contact, Contact):
-            self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) where nothing is felt")
+            self.refuse(f"gave contact={brief(answer.contact)}", "Contact: Contact(False) for no contact")
         if answer.truth is not None and not isinstance(answer.truth, Truth):
             self.refuse(f"gave truth={brief(answer.truth)}", "Truth or None")
         if answer.scans.__class__ is not dict and not isinstance(answer.scans, Mapping):
@@ -194,9 +200,7 @@ class MapperDoor(_Door):
             )
         self._newest = answer.stamp_ns
         if not answer.grid.cells.size:
-            self.refuse(
-                f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell; None where there is no map"
-            )
+            self.refuse(f"gave a grid of shape {answer.grid.cells.shape}", "at least one cell, or None for no map")
         return answer
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from navloom.engine.node import Node, Tick
+from navloom.engine.nodes.node import Node, Tick
 from navloom.engine.ports import Input, NodeSpec, When
 from navloom.engine.stepper import Stepper
 from navloom.engine.wiring import Slot, Wire

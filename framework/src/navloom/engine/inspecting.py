@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from navloom.engine.door import verb_place
-from navloom.engine.node import Outputs, Tick
+from navloom.engine.nodes.node import Outputs, Tick
 from navloom.engine.run_warnings import RunWarnings
 from navloom.engine.stepper import Stepper
 from navloom.plugins.owners import home_of
@@ -72,7 +72,7 @@ class StepInspector:
             self._found.add(
                 "clock",
                 source,
-                f"looks at the wall clock in its step ({seen.clock}): the same run gives other results; take the time "
+                f"reads the wall clock in its step ({seen.clock}): repeated runs will differ; take the time "
                 "from the stamp of its input",
             )
         if seen.random or _random_state() != before:
@@ -81,7 +81,7 @@ class StepInspector:
             self._found.add(
                 "random",
                 source,
-                f"uses random state of the whole process in its step{where}: the same run gives other results; take a "
+                f"uses random state of the whole process in its step{where}: repeated runs will differ; take a "
                 "generator from self.context.stream(NAME)",
             )
         return outputs

@@ -11,8 +11,10 @@ from typing import Protocol, TypeVar
 
 from navloom.engine.catalogue import Catalogue
 from navloom.engine.inspecting import StepInspector
-from navloom.engine.node import Outputs, Tick
-from navloom.engine.own_nodes import GateNode, GoalNode, OperatorNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.node import Outputs, Tick
+from navloom.engine.nodes.operator import OperatorNode
 from navloom.engine.ports import When
 from navloom.engine.stepper import Read, Stepper, waiting_words
 from navloom.engine.trace import TraceWriter

@@ -145,7 +145,7 @@ def role_nodes(system: System, only: Collection[tuple[str, str]] | None = None) 
         if key[0] == "avoider":
             rule = HandOverRule(rules.handover, rules.handover_release, margin=rules.corridor_margin)
         look_ahead = rules.look_ahead if rules.handover_own_way else 0.0
-        nodes[key] = role_node(system.plugin(*key), rule, look_ahead, system.goal_tolerance)
+        nodes[key] = role_node(system.plugin(*key), rule, look_ahead, system.goal_tolerance, system.sensors)
     return nodes
 
 

@@ -12,7 +12,7 @@ from navloom.config.schema import Config
 from navloom.config.tables import RoleTable
 from navloom.engine.catalogue import Catalogue, carries_truth, node_plugin
 from navloom.engine.graph import GraphError, order
-from navloom.engine.node_plugin import NodePlugin
+from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.ports import Declared, NodeSpec, Port, SensorGroup, Wired
 from navloom.messages import Message
 from navloom.plugins import Discovery, PluginError
@@ -142,13 +142,15 @@ def _port_of(
 ) -> Port[Any]:
     """The port that one input reads."""
     if carries_truth(carries):
-        raise ConfigError(f"{part.place}.plugin: {part.cls.name} reads {carries.__name__}: the truth reaches no plugin")
+        raise ConfigError(
+            f"{part.place}.plugin: {part.cls.name} reads {carries.__name__}: no plugin may read the ground truth"
+        )
     found = {str(port): port for port in ports if issubclass(port.carries, carries) and port.role != part.role}
     place, words = f"{part.place}.inputs.{name}", f"{part.cls.name} reads {carries.__name__}"
     listed = ", ".join(found)
     if chosen is not None:
         if chosen not in found:
-            known = f"; there are {listed}" if found else ", and nothing does"
+            known = f"; there are {listed}" if found else ", and there is none"
             raise ConfigError(f'{place}: is "{chosen}", expected a stream of {carries.__name__}{known}')
         return found[chosen]
     if not found:

@@ -125,8 +125,8 @@ def slow_steps(found: RunWarnings, system: System, spent_ns: Mapping[Source, Seq
                 "slow",
                 source,
                 f"is slow: {late} of its {spent.size} steps took longer than the {limit * 1e3:g} ms to the next one, "
-                f"p99 {p99 * 1e3:.3g} ms; a live robot would stop for it: give it a lower rate_hz, or run.period more "
-                "time",
+                f"p99 {p99 * 1e3:.3g} ms; a live robot would stop for it: lower its rate_hz, or raise "
+                "run.period",
                 {"steps": spent.size, "late": late, "limit_ms": limit * 1e3, "p99_ms": p99 * 1e3},
             )
 
@@ -232,7 +232,7 @@ def silent_sensors(found: RunWarnings, system: System, heard: Heard) -> None:
 
 def staying_thread(found: RunWarnings, owned: Owned, name: str) -> None:
     """Warn of a non-daemon thread that a plugin started: the process would wait for it at its end."""
-    text = f"started the thread {name!r}, which still runs and is no daemon ({owned.place})"
+    text = f"started the thread {name!r}, which still runs and is not a daemon ({owned.place})"
     found.add("thread", owned.source, f"{text}: a process would wait for it at its end", about=name)
 
 
@@ -241,4 +241,4 @@ def waiting_nodes(found: RunWarnings, steppers: Iterable[Stepper]) -> None:
     for stepper in steppers:
         if stepper.enabled and stepper.lacks:
             streams = " and ".join(stepper.lacks)
-            found.add("waiting", (stepper.role, stepper.name), f"never stepped: nothing came on {streams}")
+            found.add("waiting", (stepper.role, stepper.name), f"never stepped: no message came on {streams}")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from time import monotonic_ns
 from typing import Any
 
-from navloom.engine.node import Node, Outputs, Tick
+from navloom.engine.nodes.node import Node, Outputs, Tick
 from navloom.engine.ports import NodeSpec
 from navloom.engine.wiring import Slot, Wire
 from navloom.plugins.blame import raised_in

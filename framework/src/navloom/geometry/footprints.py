@@ -63,9 +63,7 @@ def polygon(corners: ArrayLike) -> Floats:
         outline = outline[::-1].copy()
     _check_turns(outline)
     if _edge_distances(outline).min() <= 0.0:
-        raise FootprintError(
-            f"footprint {outline.tolist()} does not contain the base frame's origin (0, 0): shift it round the axle"
-        )
+        raise FootprintError(f"footprint {outline.tolist()} does not contain the base frame's origin (0, 0): shift it")
     outline.flags.writeable = False
     return outline
 
@@ -90,7 +88,7 @@ def _check_turns(outline: Floats) -> None:
         place = (_first(turns <= 0.0) + 1) % len(outline) if (turns <= 0.0).any() else 0
         raise FootprintError(
             f"footprint is not convex at the corner {outline[place].tolist()}, or crosses itself: "
-            "expected corners in order round a convex outline; give the convex hull"
+            "expected corners in order around a convex outline; give the convex hull"
         )
 
 

@@ -62,7 +62,7 @@ def _refuse_doubles(network: Network, sources: Sequence[Source]) -> None:
         while there := [source for source in sources if bus.alive(keys.alive(*source, "*"))]:
             if time.monotonic() - began > LEFT:
                 raise DirectoryError(
-                    f"{', '.join(' '.join(source) for source in there)} of robot {keys.prefix}: is there already, and "
+                    f"{', '.join(' '.join(source) for source in there)} of robot {keys.prefix}: runs already, and "
                     "two would both publish; `navloom list` shows where it runs: end that one first"
                 )
             time.sleep(0.1)
@@ -76,7 +76,9 @@ def _host_of(system: System, names: Sequence[str]) -> str | None:
         raise ConfigError(f"node {' '.join(names)}: --here takes one process of live.processes: {known}")
     hosts = [host for host, processes in live.hosts.items() if names[0] in processes]
     if live.hosts and not hosts:
-        raise ConfigError(f"node {names[0]}: live.hosts has it on no host, so --here does not say what runs beside it")
+        raise ConfigError(
+            f"node {names[0]}: live.hosts has it on no host, so --here cannot tell which processes run with it"
+        )
     return hosts[0] if hosts else None
 
 

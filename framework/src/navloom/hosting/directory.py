@@ -141,7 +141,7 @@ class RobotFolder:
         before, self._lock = self._lock, None
         if not self.lock():
             self._lock = before
-            raise DirectoryError(f"runtime folder {self.path} was deleted, and another process is this robot now")
+            raise DirectoryError(f"runtime folder {self.path} was deleted, and another process has claimed the robot")
         if before is not None:
             os.close(before)
         if self._running is not None:

@@ -38,13 +38,13 @@ class FolderKeeper:
             if self._folder.is_held and not self._folder.is_there():
                 self._folder.renew()
                 is_new = True
-                self._tell(f"runtime folder {self._folder.path} was deleted: it is there again, and the robot goes on")
+                self._tell(f"runtime folder {self._folder.path} was deleted and is made again; the robot continues")
             for name in self._names:
                 self._keep(name)
             if not is_new:
                 self._told = ""
         except (OSError, DirectoryError) as error:
-            self._tell(f"{error}; the robot goes on, but no command finds it: `kill {os.getpid()}` ends it")
+            self._tell(f"{error}; the robot continues, but no command finds it: `kill {os.getpid()}` ends it")
         return is_new
 
     def forget(self, name: str) -> None:

@@ -20,7 +20,7 @@ from navloom.hosting.process import (
     end_unless_called,
     link_from_json,
     link_to_json,
-    write_heedlessly,
+    tolerate_write_errors,
 )
 from navloom.live.placing import goes_first
 
@@ -36,7 +36,7 @@ def main() -> int:
     The watch in this process cannot see a node that holds the GIL: if the node computes, a system timer ends the
     process, and if it sleeps, the supervisor does.
     """
-    write_heedlessly()
+    tolerate_write_errors()
     dump_when_broken()
     spec = json.loads(Path(sys.argv[1]).read_text("utf-8"))
     die_with_parent(int(spec["parent"]))

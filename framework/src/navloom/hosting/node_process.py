@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from navloom.engine.assembly import own_node
 from navloom.engine.catalogue import FRAMEWORK, Catalogue
 from navloom.engine.making import configure, make_plugins, role_nodes
-from navloom.engine.node import Node
-from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.node import Node
 from navloom.engine.system import System
 from navloom.hosting.forking import keep_from_children
 from navloom.hosting.heartbeat import StopDetector
@@ -321,7 +322,7 @@ class NodeProcess:
                     self.hung = f"{' '.join(source)} has been in one step for {allowed:g} s{_at(source, stepper.node)}"
                     return
             if not all(thread.is_alive() for thread in threads):
-                self.hung = "a node's thread ended by itself"
+                self.hung = "a node's thread ended unexpectedly"
                 return
             alive()
 

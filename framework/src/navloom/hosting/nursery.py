@@ -27,20 +27,20 @@ from navloom.hosting.descendants import MARK, PROCESS, Descendant, descendants, 
 from navloom.hosting.directory import RobotFolder
 from navloom.hosting.shared_memory import remove_orphans
 
-__all__ = ["READY", "Born", "Nursery", "main"]
+__all__ = ["READY", "ForkedProcess", "Nursery", "main"]
 
 PR_SET_CHILD_SUBREAPER, PR_SET_NAME = 36, 15
 READY = 60.0
 """How long the nursery may take to import everything, s."""
 LAST = 4.5
 """How long forked processes may take to end after the supervisor's death, s; a little more than their own limit."""
-BIRTH = 5.0
+FORK = 5.0
 """Longest time of a fork, s; it normally takes some ms."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of the nursery: libraries must not start threads before the fork."""
 
 
-class Born:
+class ForkedProcess:
     """A process that was forked from the nursery and is this process's child, with the needed part of `Popen`."""
 
     def __init__(self, pid: int) -> None:
@@ -119,7 +119,7 @@ class Nursery:
         """ID of the nursery's process; None while there is none."""
         return None if self._process is None else self._process.pid
 
-    def bear(self, name: str, module: str, spec: Path, log: Path, patience: float) -> Born | None:
+    def fork(self, name: str, module: str, spec: Path, log: Path, patience: float) -> ForkedProcess | None:
         """Fork a process that runs `module.main()` with a file's path; None if it must be started without the nursery.
 
         Args:
@@ -133,9 +133,9 @@ class Nursery:
             return None
         order = {"name": name, "module": module, "spec": str(spec), "log": str(log)}
         try:
-            self._line.settimeout(BIRTH)
+            self._line.settimeout(FORK)
             self._line.sendall(json.dumps(order).encode() + b"\n")
-            return Born(int(self._line.recv(32)))
+            return ForkedProcess(int(self._line.recv(32)))
         except (OSError, ValueError):
             self.close()
             return None
@@ -165,7 +165,7 @@ def main() -> None:
     """Fork a process for each line received, until the supervisor is gone; then end all forked processes."""
     dump_when_broken()
     supervisor = int(sys.argv[2])
-    borne: list[int] = []
+    forked: list[int] = []
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = socket.socket(fileno=int(sys.argv[1]))
     _import_all()
@@ -174,9 +174,9 @@ def main() -> None:
     with contextlib.suppress(OSError):
         line.sendall(b"+")
         for order in line.makefile("rb"):
-            borne.append(_bear(json.loads(order), line, supervisor))
-            line.sendall(b"%d" % borne[-1])
-    _end(borne)
+            forked.append(_fork_child(json.loads(order), line, supervisor))
+            line.sendall(b"%d" % forked[-1])
+    _end(forked)
     end_all(lambda: _others(supervisor))
     remove_orphans()
     _clear_sockets()
@@ -207,18 +207,18 @@ def _writable(path: Path) -> IO[bytes]:
         return open(os.devnull, "wb")
 
 
-def _end(borne: Sequence[int]) -> None:
+def _end(forked: Sequence[int]) -> None:
     """End processes: with SIGTERM (and SIGCONT, since a stopped process receives no signal), then with SIGKILL."""
     for number in (signal.SIGTERM, signal.SIGCONT):
-        _send(borne, number)
+        _send(forked, number)
     limit = time.monotonic() + LAST
-    while any(map(_is_there, borne)) and time.monotonic() < limit:
+    while any(map(_is_there, forked)) and time.monotonic() < limit:
         time.sleep(0.02)
-    _send(borne, signal.SIGKILL)
+    _send(forked, signal.SIGKILL)
 
 
-def _send(borne: Sequence[int], number: int) -> None:
-    for pid in filter(_is_there, borne):
+def _send(forked: Sequence[int], number: int) -> None:
+    for pid in filter(_is_there, forked):
         with contextlib.suppress(OSError):
             os.kill(pid, number)
 
@@ -237,7 +237,7 @@ def _import_all() -> None:
     import navloom.hosting.node_main  # noqa: F401
 
 
-def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
+def _fork_child(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
     """Fork twice, so that the second process becomes a child of the supervisor; returns its process ID."""
     reading, writing = os.pipe()
     first = os.fork()
@@ -249,7 +249,7 @@ def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
             os._exit(0)
         for number in (line.fileno(), reading, writing):
             os.close(number)
-        _live(order, supervisor)
+        _run_child(order, supervisor)
     os.waitpid(first, 0)
     pid = int(os.read(reading, 32))
     os.close(reading)
@@ -257,9 +257,9 @@ def _bear(order: dict[str, str], line: socket.socket, supervisor: int) -> int:
     return pid
 
 
-def _live(order: dict[str, str], supervisor: int) -> None:
+def _run_child(order: dict[str, str], supervisor: int) -> None:
     """In the new process: run what was ordered, and exit."""
-    limit = time.monotonic() + BIRTH
+    limit = time.monotonic() + FORK
     while os.getppid() != supervisor and time.monotonic() < limit:
         time.sleep(0.001)
     os.setpgid(0, 0)

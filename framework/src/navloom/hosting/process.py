@@ -24,7 +24,7 @@ __all__ = [
     "end_unless_called",
     "link_from_json",
     "link_to_json",
-    "write_heedlessly",
+    "tolerate_write_errors",
 ]
 
 PR_SET_PDEATHSIG = 1
@@ -73,7 +73,7 @@ def end_unless_called(seconds: float) -> Callable[[], None]:
     return alive
 
 
-class _Heedless(io.FileIO):
+class _LossyFile(io.FileIO):
     """A file whose writes never fail, and that keeps of a single write no more than a log keeps."""
 
     def write(self, data: Any) -> int:
@@ -84,10 +84,10 @@ class _Heedless(io.FileIO):
         return len(whole)
 
 
-def write_heedlessly() -> None:
+def tolerate_write_errors() -> None:
     """Make `print` in this process never fail, and never fill the log with one call."""
     for name in ("stdout", "stderr"):
-        raw = _Heedless(1 if name == "stdout" else 2, "wb", closefd=False)
+        raw = _LossyFile(1 if name == "stdout" else 2, "wb", closefd=False)
         stream = io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", "backslashreplace", line_buffering=True)
         setattr(sys, name, stream)
 

@@ -181,11 +181,11 @@ class LiveRobot:
             for child in self.supervisor.poll(restarts=not self.barrier):
                 if self.barrier or child.state == "failed" or child.why == "ended with code 2":
                     raise StartError(
-                        f"process {child.task.name} {child.why}: {self.supervisor.tail(child) or 'it said nothing'}"
+                        f"process {child.task.name} {child.why}: {self.supervisor.tail(child) or 'no output'}"
                     )
             if time.monotonic() > limit:
                 names = ", ".join(f"{role} {name}" for role, name in missing)
-                raise StartError(f"not there after {timeout:g} s: {names}; {self._advice(missing)}")
+                raise StartError(f"not up after {timeout:g} s: {names}; {self._advice(missing)}")
             with self._changed:
                 self._changed.wait(0.2)
         self._await_reachable(ends)

@@ -19,7 +19,7 @@ from navloom.engine.changes import changed_params
 from navloom.engine.checks import place_problem
 from navloom.engine.door import notes_of
 from navloom.engine.making import configure
-from navloom.engine.role_nodes import LocalizerNode
+from navloom.engine.nodes.localizer import LocalizerNode
 from navloom.engine.system import System
 from navloom.entry_kinds import TRACEBACK
 from navloom.hosting.process_warnings import ProcessWarnings
@@ -307,9 +307,9 @@ class Services:
             node = " ".join(runner.cell.source)
             if waits or not begun.acquire(blocking=False):
                 raise ServiceError(
-                    f"{node} has been in one step for {patience:.1f} s: this is done once that has ended"
+                    f"{node} has been in one step for {patience:.1f} s: the request is done when this step ends"
                 )
-            raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; ask again")
+            raise ServiceError(f"{node} has been in one step for {patience:.1f} s: nothing was changed; try again")
         if failure:
             raise ServiceError(str(failure[0]))
 

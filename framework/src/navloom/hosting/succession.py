@@ -65,20 +65,20 @@ class Router:
         try:
             settings(link)
         except LinkError as error:
-            self._say(f"new certificates are not taken, the old ones stay in force: {error}")
+            self._say(f"new certificates are refused, the old ones stay in use: {error}")
             return
         first = self._bus
         for end in link.listen:
             _stop_listening(Endpoint.parse(end).port)
         self._bus, self._link = self._open(link), link
-        self._say("new certificates are in force for who joins from now on")
+        self._say("new connections use the new certificates")
         _await_streams(first, self._bus, link, ending)
         first.tell(f"{link.realm}/{link.robot}/{MOVED}")
         limit = time.monotonic() + LEAVE
         while first.clients() and time.monotonic() < limit and not ending.wait(0.05):
             pass
         first.close()
-        self._say("new certificates are in force for all")
+        self._say("all connections use the new certificates")
 
     def _open(self, link: Link) -> Bus:
         bus = Bus(link)

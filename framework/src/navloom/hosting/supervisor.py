@@ -24,7 +24,7 @@ from navloom.hosting.folder_keeper import FolderKeeper
 from navloom.hosting.heartbeat import HeartMonitor
 from navloom.hosting.node_main import share_to_json
 from navloom.hosting.node_process import HUNG, Share, longest_seizure
-from navloom.hosting.nursery import READY, Born, Nursery
+from navloom.hosting.nursery import READY, ForkedProcess, Nursery
 from navloom.hosting.process import SEIZED, link_to_json
 from navloom.hosting.process_log import LARGEST_LOG, ProcessLog, last_crash, older_log
 from navloom.hosting.shared_memory import remove_orphans
@@ -100,7 +100,7 @@ class Worker:
     task: ProcessTask
     log: ProcessLog
     heart: HeartMonitor
-    process: subprocess.Popen[bytes] | Born | None = None
+    process: subprocess.Popen[bytes] | ForkedProcess | None = None
     started: float = 0.0
     again_at: float = 0.0
     wait: float = FIRST_WAIT
@@ -148,7 +148,7 @@ class Supervisor:
         """End what is left of an earlier supervisor's processes, then start all processes."""
         left = end_all(lambda: left_of(self._folder.path), STOP_WAIT)
         if left:
-            self._say(f"ended what was left of an earlier robot of this name: {_listed(left)}")
+            self._say(f"ended processes left by an earlier robot of this name: {_listed(left)}")
         if self._nursery is not None:
             self._nursery.start()
         for child in self.children.values():
@@ -207,7 +207,7 @@ class Supervisor:
         left = end_all(lambda: [one for one in descendants() if (one.supervisor, one.folder) == (me, path)])
         reap_orphans(self._groups, self._own_pids())
         if left:
-            self._say(f"ended what its processes left: {_listed(left)}")
+            self._say(f"ended programs that its processes had started: {_listed(left)}")
         for child in self.children.values():
             child.log.close()
             child.heart.close()
@@ -230,7 +230,7 @@ class Supervisor:
         child.log.reopen()
         child.process = None
         if self._nursery is not None and module == NODE:
-            child.process = self._nursery.bear(name, module, spec, child.log.shared, patience)
+            child.process = self._nursery.fork(name, module, spec, child.log.shared, patience)
         if child.process is None:
             self._end_descendants(name)  # the nursery may have forked one nevertheless, and answered too late
             child.process = _popen(module, spec, child.log, {**mark(self._folder.path), PROCESS: name})
@@ -271,8 +271,8 @@ class Supervisor:
             self._write_again = min(self._write_again, time.monotonic() + WRITE_AGAIN)
             if not before:
                 self._say(
-                    f"process {child.task.name} writes much: of {child.log.path} and {older_log(child.log.path).name} "
-                    f"the last {LARGEST_LOG >> 20} MB each are kept"
+                    f"process {child.task.name} writes too much: the last {LARGEST_LOG >> 20} MB each are kept of "
+                    f"{child.log.path} and {older_log(child.log.path).name}"
                 )
 
     def _own_pids(self) -> set[int]:
@@ -293,7 +293,7 @@ class Supervisor:
 
         ended = end_all(left)
         if ended:
-            self._say(f"ended what process {name} left: {_listed(ended)}")
+            self._say(f"ended programs that process {name} had started: {_listed(ended)}")
 
     def _reap(self, child: Worker, now: float) -> None:
         assert child.process is not None
@@ -335,7 +335,7 @@ class Supervisor:
             self._write_again = time.monotonic() + WRITE_AGAIN
             if self._cannot_write != str(error):
                 self._cannot_write = str(error)
-                self._say(f"{error}; the robot goes on, `navloom doctor` does not see what becomes of its processes")
+                self._say(f"{error}; the robot continues, but `navloom doctor` does not see the state of its processes")
         else:
             self._cannot_write, self._write_again = "", math.inf
 

@@ -1,1 +1,1 @@
-"""Files from outside: how large each kind may be, and how each is read without building more than that."""
+"""Untrusted files: size bounds of each kind, and readers that keep them."""

@@ -1,6 +1,6 @@
-"""The bounds of files that are read, and reading no more than a bound.
+"""Size bounds of input files, and bounded reading.
 
-`NAVLOOM_MAX_INPUT_MB` replaces every bound in MB below. What grows without a size, as nesting, has a fixed bound.
+`NAVLOOM_MAX_INPUT_MB` replaces every bound in MB below. Properties other than size, such as nesting, have fixed bounds.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ __all__ = [
 VARIABLE = "NAVLOOM_MAX_INPUT_MB"
 """Environment variable that replaces every bound in MB."""
 YAML_MB = 0.25
-"""Bound of a YAML file, MB: its parser takes 1 s for about 100 kB."""
+"""Bound of a YAML file, MB; the parser takes 1 s for about 100 kB."""
 TEXT_MB = 16.0
 """Bound of a text that is parsed into objects (TOML, JSON, CSV, PEM), MB."""
 ARRAYS_MB = 256.0
-"""Bound of an `.npz` file, and of the numbers that are unpacked from it as float64, MB."""
+"""Bound of an `.npz` file, and of its numbers unpacked as float64, MB."""
 IMAGE_MB = 512.0
-"""Bound of the file of a map, an image or a journal, packed or unpacked, MB."""
+"""Bound of a map, image or journal file, packed and unpacked, MB."""
 CHUNK_MB = 512.0
-"""Bound of what one chunk of a recording unpacks to, MB."""
+"""Bound of an unpacked chunk of a recording, MB."""
 BAG_MB = 1024.0
-"""Bound of the memory that reading a ROS bag takes, and of the files that one unpacks to on the disk, MB."""
+"""Bound of the memory for reading a ROS bag, and of its unpacked files on disk, MB."""
 LOG_MB = 512.0
-"""Bound of a text log that is read line by line, packed or unpacked, MB."""
+"""Bound of a text log that is read line by line, packed and unpacked, MB."""
 DEEPEST = 64
 """Deepest nesting of TOML, JSON and YAML, and most parts of a dotted key. Fixed: a robot's config needs 5."""
 
 Refusal = Callable[[str], Exception]
-"""Makes the error of whoever reads a file from its text."""
+"""Makes the caller's error from a text."""
 
 _KINDS = (
     (stat.S_ISFIFO, "a pipe"),
@@ -48,11 +48,11 @@ _KINDS = (
 
 
 def bytes_of(megabytes: float, refusal: Refusal) -> int:
-    """A bound in bytes: that of the environment variable where it is set.
+    """A bound, bytes, from the environment variable if it is set.
 
     Args:
-        megabytes: The bound where it is not.
-        refusal: Makes the error of a value that is no number > 0.
+        megabytes: The bound if the variable is not set, MB.
+        refusal: Makes the error for a value that is not a number > 0.
     """
     given = os.environ.get(VARIABLE, "")
     if not given:
@@ -67,20 +67,20 @@ def bytes_of(megabytes: float, refusal: Refusal) -> int:
 
 
 def too_large(what: str, limit: int) -> str:
-    """Text of the error that something is larger than its bound.
+    """Error text for something larger than its bound.
 
     Args:
-        what: The place, and what is too large, as "F.npz: unpacks to 4000 MB".
+        what: The place and the size, as "F.npz: unpacks to 4000 MB".
         limit: The bound, bytes.
     """
     return f"{what}, expected at most {limit / 1e6:g} MB; set {VARIABLE} to read more"
 
 
 def open_file(path: Path, refusal: Refusal) -> BinaryIO:
-    """A file opened for reading. What is no file is refused: a pipe may wait for ever, a device may have no end.
+    """A file opened for reading. Other kinds are refused: a pipe may block forever, a device may be endless.
 
     Raises:
-        OSError: It is missing, a folder, or may not be read.
+        OSError: The file is missing, a folder, or not readable.
     """
     number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     mode = os.fstat(number).st_mode
@@ -94,15 +94,15 @@ def open_file(path: Path, refusal: Refusal) -> BinaryIO:
 
 
 def read_file(path: Path, megabytes: float, refusal: Refusal) -> bytes:
-    """All of a file that is no larger than a bound; a file that grows meanwhile is read up to the bound.
+    """The contents of a file within a bound; a file that grows in the meantime is read up to the bound.
 
     Args:
         path: The file.
         megabytes: The bound, MB.
-        refusal: Makes the error of a file that is larger, or no file.
+        refusal: Makes the error for a larger file, or for something other than a file.
 
     Raises:
-        OSError: It is missing or cannot be read.
+        OSError: The file is missing or cannot be read.
     """
     limit = bytes_of(megabytes, refusal)
     with open_file(path, refusal) as file:

@@ -1,4 +1,4 @@
-"""Arrays of an `.npz` file: the size of each is checked before anything is unpacked or allocated for it."""
+"""Reads the arrays of an `.npz` file; the size of each is checked before it is unpacked or allocated."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from navloom.inputs.bounds import ARRAYS_MB, Refusal, bytes_of, read_file, too_l
 __all__ = ["Arrays"]
 
 MOST_MEMBERS = 10_000
-"""Most arrays of a file: `zipfile` makes an object of each before any is asked for."""
+"""Most arrays of a file; `zipfile` creates an object for each when it opens the file."""
 _ENTRY = b"PK\x01\x02"
 
 
 class _Refused(Exception):
-    """What is wrong with an array, without its file's name."""
+    """A fault of an array, without the file's name."""
 
 
 class Arrays:
@@ -31,7 +31,7 @@ class Arrays:
 
     Args:
         path: The file.
-        refusal: Makes the error of a file that is damaged, too large, or holds anything but numbers.
+        refusal: Makes the error for a file that is damaged, too large, or contains anything but numbers.
 
     Raises:
         OSError: The file is missing or cannot be read.
@@ -45,13 +45,13 @@ class Arrays:
             raise refusal(f"{path}: more than {MOST_MEMBERS} arrays, expected at most {MOST_MEMBERS}")
         try:
             self._archive = zipfile.ZipFile(io.BytesIO(self._content))
-        except Exception as error:  # `zipfile` and numpy give no list of what they raise at damaged files
+        except Exception as error:  # `zipfile` and numpy do not document what they raise for damaged files
             raise refusal(f"{path}: damaged .npz file: {_words(error)}; copy the file again") from None
         self.names = tuple(name.removesuffix(".npy") for name in self._archive.namelist())
-        """Of the arrays."""
+        """Names of the arrays."""
 
     def read(self, name: str) -> NDArray[Any]:
-        """One array of numbers or truth values, as it was stored. Raises the caller's error."""
+        """One array of numbers or booleans, as it was stored. Raises the caller's error."""
         try:
             return self._read(name)
         except _Refused as error:
@@ -64,12 +64,12 @@ class Arrays:
     def _read(self, name: str) -> NDArray[Any]:
         member = self._archive.getinfo(f"{name}.npy")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            # `zipfile` bounds what it unpacks of these two only; numpy writes no other.
+            # `zipfile` bounds the unpacked size only for these two methods; numpy writes no other.
             raise _Refused(f" is packed by method {member.compress_type}, expected numpy's own, 0 or 8")
         with self._archive.open(member) as file:
             if npy.read_magic(file) != (1, 0):
                 raise _Refused(" has no header of version 1.0, expected plain numbers")
-            with warnings.catch_warnings():  # of headers by Python 2, which are read all the same
+            with warnings.catch_warnings():  # about headers written by Python 2, which can be read
                 warnings.simplefilter("ignore")
                 shape, column_first, dtype = npy.read_array_header_1_0(file)
             if dtype.kind not in "biuf" or dtype.itemsize > 16 or any(size < 0 for size in shape):

@@ -1,4 +1,4 @@
-"""TOML, JSON and YAML from outside: nesting is bounded before anything is built, and every fault is one error."""
+"""Parses untrusted TOML, JSON and YAML: nesting is bounded before parsing, and every fault becomes one error."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TOML_TOKENS = re.compile(
     r"|[\[\]{}.=,\n]",
     re.DOTALL,
 )
-"""What nests in TOML; strings and comments, which do not, are one match each."""
+"""Tokens of nesting in TOML; strings and comments, which do not nest, are one match each."""
 _JSON = re.compile(r'"[^"\\]*+(?:\\.[^"\\]*+)*+"|[\[\]{}]', re.DOTALL)
 
 
@@ -32,8 +32,8 @@ def toml_of(text: str, where: str, refusal: Refusal) -> dict[str, Any]:
 
     Args:
         text: The document.
-        where: What to call it in an error.
-        refusal: Makes the error of a document that cannot be read, or is nested too deeply.
+        where: Name of the document in errors.
+        refusal: Makes the error for a document that cannot be parsed or is nested too deeply.
     """
     refuse_deep_toml(text, where, refusal)
     try:
@@ -45,7 +45,7 @@ def toml_of(text: str, where: str, refusal: Refusal) -> dict[str, Any]:
 
 
 def refuse_deep_toml(text: str, where: str, refusal: Refusal) -> None:
-    """Refuse brackets in brackets and dotted keys that the parser recurses over, or takes quadratic time for."""
+    """Refuse deep brackets and dotted keys, on which the parser recurses or takes quadratic time."""
     depth = dots = 0
     for match in TOML_TOKENS.finditer(text):
         token = match[0]
@@ -64,7 +64,7 @@ def refuse_deep_toml(text: str, where: str, refusal: Refusal) -> None:
 
 
 def json_of(content: str | bytes, where: str, refusal: Refusal) -> Any:
-    """A JSON document; arguments as for `toml_of`."""
+    """A JSON document; for the arguments see `toml_of`."""
     try:
         text = content if isinstance(content, str) else content.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -77,24 +77,24 @@ def json_of(content: str | bytes, where: str, refusal: Refusal) -> Any:
             raise refusal(f"{where}: more than {DEEPEST} brackets deep, expected at most {DEEPEST}")
     try:
         return json.loads(text)
-    except ValueError as error:  # also of whole numbers of more than 4300 digits
+    except ValueError as error:  # also raised for integers of more than 4300 digits
         raise refusal(f"{where}: not JSON: {_words(error)}") from None
 
 
 def yaml_of(content: bytes, where: str, refusal: Refusal) -> Any:
-    """A YAML document of plain values; arguments as for `toml_of`."""
+    """A YAML document of plain values; for the arguments see `toml_of`."""
     import yaml
 
     refuse_hostile_yaml(content, where, refusal)
     try:
         return yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
-        # Beside its own errors, PyYAML lets those of the value types through (dates, integers).
+        # In addition to its own errors, PyYAML raises those of the value types (dates, integers).
         raise refusal(f"{where}: not YAML: {_words(error)}") from None
 
 
 def refuse_hostile_yaml(content: bytes, where: str, refusal: Refusal) -> None:
-    """Refuse aliases, with which a short file describes an endless one, and nesting that the parser recurses over."""
+    """Refuse aliases, which can expand a short file without limit, and deep nesting, on which the parser recurses."""
     import yaml
 
     depth = 0
@@ -114,13 +114,13 @@ def refuse_hostile_yaml(content: bytes, where: str, refusal: Refusal) -> None:
 
 
 def shortened(given: object, most: int = 60) -> str:
-    """A value as Python writes it, cut to a length: for the text of an error."""
+    """A value's repr, cut to a length, for error texts."""
     text = repr(given[: most + 1] if isinstance(given, str | bytes) else given)
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def refuse_deep_tree(tree: Any, where: str, refusal: Refusal) -> None:
-    """Dotted keys in tables in brackets: each short enough, and yet deep together."""
+    """Refuse tables that are too deep in total, though each bracket and dotted key is within its bound."""
     level: list[Any] = [[tree]]
     for _ in range(DEEPEST + 1):
         level = [

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from navloom.engine.node import Tick
-from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.node import Tick
 from navloom.engine.system import System
 from navloom.engine.wiring import QueueWire
 from navloom.live.barrier import Barrier, BarrierEnded

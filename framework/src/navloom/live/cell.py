@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from navloom.engine.node import Node, Outputs, Tick
+from navloom.engine.nodes.node import Node, Outputs, Tick
 from navloom.engine.stepper import Stepper, waiting_words
 from navloom.engine.wiring import Slot, Wire
 from navloom.live.mailbox import Inlet, Mailbox

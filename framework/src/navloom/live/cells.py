@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from navloom.engine.assembly import make_stepper
 from navloom.engine.catalogue import Catalogue
-from navloom.engine.node import Node
+from navloom.engine.nodes.node import Node
 from navloom.engine.ports import Input
 from navloom.engine.streams import GatePorts, OperatorPorts, PlatformPorts
 from navloom.engine.system import System

@@ -167,6 +167,5 @@ class Conductor:
             behind = min(self._barrier.progress[source].done for source in sources)
             named = [f"{r} {n}" for r, n in sources if self._barrier.progress[(r, n)].done == behind]
             raise BarrierError(
-                f"tick {self._tick}: nothing moved for {STALL:g} s; "
-                f"not reported since tick {behind}: {', '.join(named)}"
+                f"tick {self._tick}: no progress for {STALL:g} s; not reported since tick {behind}: {', '.join(named)}"
             )

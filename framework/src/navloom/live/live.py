@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from navloom.engine.node import Outputs, Tick
+from navloom.engine.nodes.node import Outputs, Tick
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted
 from navloom.live.mailbox import Inlet

@@ -6,10 +6,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 
-from navloom.engine.node import Tick
-from navloom.engine.own_nodes import GateNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.told import Obeyed
 from navloom.engine.system import System
-from navloom.engine.told import Obeyed
 from navloom.live.cell import Feed, Source
 from navloom.live.cells import Hosted, all_sources
 from navloom.live.live import LiveRunner

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.own_nodes import GoalNode
+from navloom.engine.nodes.goal import GoalNode
 from navloom.live.cell import Source
 from navloom.live.cells import Hosted
 from navloom.live.live import BACKWARDS, LiveRunner

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from navloom.engine.node import Outputs, Tick
-from navloom.engine.role_nodes import PlatformNode
+from navloom.engine.nodes.node import Outputs, Tick
+from navloom.engine.nodes.platform import PlatformNode
 from navloom.engine.stepper import fault_text
 from navloom.live.cell import Feed
 from navloom.live.cells import Hosted
@@ -99,7 +99,7 @@ class LivePlatform(LiveRunner):
         """
         self._follow_gate()
         if self._untold_since is not None and time.monotonic() - self._untold_since > UNTOLD:
-            raise RuntimeError(f"the wheels could not be told anything for {UNTOLD:g} s: {self._refusal or self.fault}")
+            raise RuntimeError(f"commands to the wheels failed for {UNTOLD:g} s: {self._refusal or self.fault}")
         now_ns = self._now_ns()
         if now_ns < self._next * self.period_ns:
             return

@@ -25,7 +25,7 @@ class Misrouted(CodecError):
     """
 
     def __init__(self, origin: str, key: str) -> None:
-        super().__init__(f"a message of stream {origin} came by {key}")
+        super().__init__(f"a message of stream {origin} arrived on {key}")
         self.origin = origin
 
 
@@ -76,7 +76,7 @@ class Packet:
         if self._key is not None and envelope.key != self._key:
             raise Misrouted(envelope.key, self._key)
         if self._kind is not None and not isinstance(message, self._kind):
-            raise CodecError(f"{type(message).__name__} came by {self._key}, which carries {self._kind.__name__}")
+            raise CodecError(f"{type(message).__name__} arrived on {self._key}, which carries {self._kind.__name__}")
         return message, envelope
 
     def try_open(self) -> tuple[Message, Envelope] | None:
@@ -296,7 +296,7 @@ class Inlet:
                 if age is not None and age < -AHEAD and not self._tells_time:
                     # If kept, it would count as the newest message until the clock catches up with it.
                     self.counts.malformed += 1
-                    self.counts.complaint = f"it derives from what the platform will say in {-age:.1f} s"
+                    self.counts.complaint = f"it derives from a platform stamp {-age:.1f} s in the future"
                     continue
                 if age is not None:
                     self.counts.ages.append(age)

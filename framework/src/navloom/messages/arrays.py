@@ -37,7 +37,7 @@ def views(table: Any, memory: Memory, start: int) -> list[NDArray[Any]]:
             raise MessageError(f"array {number} is {brief(entry)}, expected dtype, shape and offset") from None
         except ValueError:
             raise MessageError(
-                f"array {number} is {brief(entry)}, expected it to lie at a multiple of {ALIGNMENT} "
+                f"array {number} is {brief(entry)}, expected it at a multiple of {ALIGNMENT} "
                 f"within the {len(memory)} bytes given"
             ) from None
         if not array.flags.aligned:  # numba kernels would be compiled again for unaligned arrays

@@ -54,7 +54,7 @@ def _int_checker(cls: str, kind: Kind) -> Check:
             raise MessageError(f"{cls}.{name}: got {brief(value)}, expected int")
         number = int(value)
         if not -(2**63) <= number < 2**63:
-            raise MessageError(f"{cls}.{name}: got {brief(number)}, expected a number of 64 bits with sign")
+            raise MessageError(f"{cls}.{name}: got {brief(number)}, expected a signed 64-bit number")
         if kind.rule == "stamp" and number < 0:
             raise MessageError(f"{cls}.{name}: got {number}, expected a run clock in ns, at least 0")
         return number

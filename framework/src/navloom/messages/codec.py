@@ -27,7 +27,7 @@ from navloom.messages.schema import SCHEMAS
 from navloom.messages.typed import SHORT, SHORT_LIST, Typed, typed_reader
 
 __all__ = ["CodecError", "UnknownSchema", "add_blocks", "decode", "encode", "lead_of", "pack_time", "read_envelope",
-           "schema_label"]  # fmt: skip
+           "redirected", "schema_label"]  # fmt: skip
 
 _LENGTH = struct.Struct("<I")
 _pack_length = _LENGTH.pack
@@ -153,6 +153,29 @@ def read_envelope(data: bytes | memoryview) -> Envelope:
         return _envelope(_header(view[4:end], None).get("envelope"))
     except MessageError as error:
         raise CodecError(str(error)) from None
+
+
+def redirected(data: bytes | memoryview, key: str) -> tuple[bytes, Envelope]:
+    """A message under another key, and its envelope then. Its class need not be known: nothing else is touched.
+
+    Raises:
+        CodecError: Bytes without an envelope.
+    """
+    envelope = read_envelope(data)._replace(key=key)
+    view = memoryview(data).cast("B")
+    end = 4 + _LENGTH.unpack_from(view)[0]
+    unpacker = msgpack.Unpacker(max_buffer_size=end)
+    unpacker.feed(view[4:end])
+    lead, rest = b"", view[4:end]
+    for _ in range(unpacker.read_map_header()):
+        name, begin = unpacker.unpack(), 4 + unpacker.tell()
+        unpacker.skip()
+        if name == "envelope":  # the last of that name counts, as in decoding
+            lead, rest = bytes(view[4:begin]) + pack(envelope), view[4 + unpacker.tell() : end]
+    length, arrays = len(lead) + len(rest), view[end + -end % ALIGNMENT :]
+    return b"".join(
+        [_pack_length(length), lead, rest, PAD[-(4 + length) % ALIGNMENT] if arrays else b"", arrays]
+    ), envelope
 
 
 def _header(packed: bytes | memoryview, cls: type[Message] | None) -> dict[Any, Any]:

@@ -36,7 +36,7 @@ class StepRecord(NamedTuple):
         trigger: Input (or "tick") that made it step.
         consumed: Inputs with the sequence numbers read, see `InputRead`.
         params_version: Increases with each change of the parameters.
-        resets: How often the instance was reset.
+        resets: How often the instance was reset: 0, as a run makes new objects instead.
         duration_ns: Duration of the step on this machine; never in a message or a trace.
         stamp_ns: Run clock of the tick.
         epoch: Epoch of the selection.

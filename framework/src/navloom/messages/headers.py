@@ -91,7 +91,7 @@ class _Header:
         """Refuse bytes after the end."""
         left = len(self._packed) - self._unpacker.tell()
         if left:
-            raise MessageError(f"the header has {left} bytes behind its end")
+            raise MessageError(f"the header has {left} bytes after its end")
 
     def _reader(self, name: str, kind: Kind) -> Read:
         if kind.message is not None:

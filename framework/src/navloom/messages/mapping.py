@@ -50,8 +50,10 @@ class MapUpdate(Message):
     Attributes:
         stamp_ns: Run clock of the newest data in it.
         grid: Raster map, map frame.
-        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has two equal ends.
-        counts: Number of input points by outcome (used, or why not); the numbers sum to all input points.
+        segments: (n, 4) x1, y1, x2, y2 of the obstacles' outlines, m, map frame; a point has two equal ends. A mapper
+            without outlines leaves it empty, (0, 4): planners then read the grid.
+        counts: Number of input points by outcome (used, or why not); the numbers sum to all input points. It may be
+            empty.
     """
 
     stamp_ns: Stamp

@@ -183,12 +183,12 @@ class Command(Message):
 
 @message()
 class TrackingCommand(Message):
-    """A controller's answer.
+    """A controller's answer. The robot drives by the twist; the errors are for people and studies.
 
     Attributes:
         twist: Requested velocity, base frame.
-        e1, e2: Longitudinal and lateral error, m, in the base frame: eq. (4).
-        e3: Heading error, rad in [-π, π).
+        e1, e2: How far the reference is ahead and to the left of the robot, m, base frame: eq. (4).
+        e3: Heading of the reference less that of the robot, rad in [-π, π).
     """
 
     twist: Twist2D

@@ -42,11 +42,11 @@ class StepReport(Message):
         published: Every port with its mark after this tick.
         enabled: It steps when triggered; a waiting alternative, or a plugin that failed in lockstep, does not.
         params_version: Increases with each change of the parameters.
-        resets: How often the instance was reset.
+        resets: How often the instance was reset: 0, as a run makes new objects instead.
         duration_ns: Duration of the step on its machine.
         fault: Exception that the plugin raised in this tick, as text; empty for none.
         told: What the executor told the node in addition to its inputs, as a JSON object; empty for nothing. See
-            `engine.told`.
+            `engine.nodes.told`.
     """
 
     trigger: Name

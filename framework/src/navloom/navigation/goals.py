@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from navloom.messages import (
-    AvoiderStatus,
     ClearRequest,
     Drive,
-    Feedback,
     Goal,
     GoalResult,
     Message,
@@ -21,7 +19,7 @@ from navloom.messages import (
     RecoveryRequest,
     SweepRequest,
 )
-from navloom.navigation.gate import OBSTACLE
+from navloom.navigation.active_goal import ActiveGoal, feedback_of
 from navloom.navigation.goal_rules import GoalRules, GoalView
 from navloom.navigation.replanning import Replanning
 
@@ -32,51 +30,11 @@ LOST = 30.0
 """How long a goal waits for a silent platform before it ends with an error, s."""
 UNSURE = 5.0
 """How long a goal waits for a localizer that is not tracking before it ends lost, s."""
-BLOCKED = 2.0
-"""How long the gate may stop the robot for an obstacle before the goal starts a recovery, s."""
 SILENT_RECOVERY = 10.0
 """Longest silence of a recovery, s."""
-UNFOLLOWED = 2.0
-"""How long a path may stay without a reference before it counts as lost on the network, s."""
-MISSED = 1.0
-"""How long the robot may be at the end of a trajectory, but not at the goal, before another path is requested, s."""
-END = 0.01
-"""Remaining length of a trajectory at which the robot counts as being at its end, m."""
-MISSES = 3
-"""How often a goal or via point may be missed like this before it counts as no progress."""
 ASKS = 3
 """How often a map or a plan is requested within its timeout, live, where request and answer can be lost."""
 REJECTING = {"start_occupied", "goal_occupied", "outside_map"}
-
-
-@dataclass
-class _Active:
-    """The active goal."""
-
-    goal: Goal
-    legs: list[Point2D]
-    since: float
-    deadline: float
-    recoveries: int = 0
-    best: float = math.inf
-    moved_at: float = 0.0
-    followed_at: float = 0.0
-    free_at: float = 0.0
-    first_path: int = 0
-    """Number of the first path of this drive; references of older paths are ignored."""
-    ended_at: float | None = None
-    """When the robot reached the end of its trajectory, s; None before."""
-    misses: int = 0
-    asked_ns: int = 0
-    plan_id: int = 0
-    asked: tuple[str, Message] | None = None
-    """Port and message of the newest request."""
-    asked_at: float = 0.0
-    heard: float = -math.inf
-    why: str = ""
-    avoider: AvoiderStatus | None = None
-    """Avoider status at the newest recovery: it is outdated for the drive after that."""
-    has_driven: bool = False
 
 
 class GoalMachine:
@@ -89,7 +47,7 @@ class GoalMachine:
     def __init__(self, rules: GoalRules) -> None:
         self.rules = rules
         self.state = "idle"
-        self._active: _Active | None = None
+        self._active: ActiveGoal | None = None
         self._drive = NO_DRIVE
         self._requests = 0
         self._has_scanned = False
@@ -117,7 +75,7 @@ class GoalMachine:
             self._finish("cancelled", f"pre-empted by goal {goal.goal_id}", seen)
         legs = [*goal.via, Point2D(goal.x, goal.y)]
         deadline = self.rules.deadline + (seen.time if self.rules.is_live else 0.0)
-        self._active = _Active(goal, legs, seen.time, deadline)
+        self._active = ActiveGoal(goal, legs, seen.time, deadline)
         if keeps.path_id:
             self._set_drive(replace(keeps, goal_id=goal.goal_id, turn_to=None, stop_here=False))
         self._need_map(seen)
@@ -193,7 +151,7 @@ class GoalMachine:
 
     # --- the states -----------------------------------------------------------------------------------------------
 
-    def _while_mapping(self, active: _Active, seen: GoalView) -> None:
+    def _while_mapping(self, active: ActiveGoal, seen: GoalView) -> None:
         if seen.map is not None and seen.map.stamp_ns >= active.asked_ns:
             self._ask_plan(active, seen)
         elif seen.time - active.since > self.rules.map_timeout and seen.map is not None and active.recoveries:
@@ -203,7 +161,7 @@ class GoalMachine:
         else:
             self._ask_again(active, self.rules.map_timeout, seen)
 
-    def _while_planning(self, active: _Active, seen: GoalView) -> None:
+    def _while_planning(self, active: ActiveGoal, seen: GoalView) -> None:
         answer = seen.answer
         if answer is None or answer.request_id != active.plan_id:
             if seen.time - active.since > self.rules.plan_timeout:
@@ -215,34 +173,33 @@ class GoalMachine:
         else:
             self._set_drive(Drive(active.goal.goal_id, answer.request_id, None, False))
             self.state = "driving"
-            active.best, active.has_driven = math.inf, True
-            active.moved_at = active.followed_at = active.free_at = seen.time
-            active.first_path, active.ended_at = answer.request_id, None
+            active.start_drive(answer.request_id, seen.time)
 
-    def _while_driving(self, active: _Active, seen: GoalView) -> None:
+    def _while_driving(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
         pose = seen.estimate.pose
         target = active.legs[0]
         if math.hypot(target.x - pose.x, target.y - pose.y) <= self.rules.tolerance or self._drive.stop_here:
             self._arrive(active, pose, seen)
             return
+        path_id = self._drive.path_id
         said = seen.avoider if seen.avoider is not active.avoider else None
         trapped = said is not None and said.status == "trapped"
         if trapped and seen.handover is not None and seen.handover.engaged:
             self._recover(active, "trapped", seen)
-        elif self._is_blocked(active, seen):
+        elif active.is_blocked(seen):
             self._recover(active, "blocked", seen)
-        elif self._makes_no_progress(active, seen):
+        elif active.makes_no_progress(path_id, seen, self.rules.stuck_after):
             self._recover(active, "no_progress", seen)
-        elif self._is_unfollowed(active, seen):
+        elif active.is_unfollowed(path_id, seen):
             self._ask_plan(active, seen)
-        elif self._has_missed(active, seen):
+        elif active.has_missed(path_id, seen):
             active.misses += 1
             self._ask_plan(active, seen)
         else:
             self._replan(active, seen)
 
-    def _while_recovering(self, active: _Active, seen: GoalView) -> None:
+    def _while_recovering(self, active: ActiveGoal, seen: GoalView) -> None:
         step = seen.recovery
         if step is None or seen.time == active.since:
             if seen.time - max(active.heard, active.since) > SILENT_RECOVERY:
@@ -259,11 +216,11 @@ class GoalMachine:
         elif step.state == "failed":
             self._recover(active, active.why, seen)
 
-    def _while_waiting(self, active: _Active, seen: GoalView) -> None:
+    def _while_waiting(self, active: ActiveGoal, seen: GoalView) -> None:
         if seen.time - active.since > LOST:
             self._finish("error", f"the platform has been silent for {LOST:g} s", seen)
 
-    def _while_searching(self, active: _Active, seen: GoalView) -> None:
+    def _while_searching(self, active: ActiveGoal, seen: GoalView) -> None:
         """The localizer is not tracking: the robot stays stopped until it is, and then plans from there."""
         estimate = seen.estimate
         assert estimate is not None
@@ -273,7 +230,7 @@ class GoalMachine:
             why = f"the localizer has not been tracking for {UNSURE:g} s: {estimate.reason}"
             self._finish("lost", why.removesuffix(": "), seen)
 
-    def _replan(self, active: _Active, seen: GoalView) -> None:
+    def _replan(self, active: ActiveGoal, seen: GoalView) -> None:
         """Request another path without stopping, and take it if it is better."""
         watch = self._replanning
         watch.look(seen.map, seen.trajectory, seen.reference)
@@ -290,7 +247,7 @@ class GoalMachine:
         elif isinstance(answer, Path):
             if watch.takes(answer, seen.reference):
                 self._set_drive(replace(self._drive, path_id=answer.request_id))
-                active.best, active.followed_at = math.inf, seen.time
+                active.change_path(seen.time)
             active.plan_id = self._drive.path_id
         else:
             active.plan_id = self._drive.path_id
@@ -299,7 +256,7 @@ class GoalMachine:
 
     # --- what they share ------------------------------------------------------------------------------------------
 
-    def _pause(self, active: _Active, state: str, seen: GoalView) -> None:
+    def _pause(self, active: ActiveGoal, state: str, seen: GoalView) -> None:
         """Stop the drive, or the recovery, and wait."""
         if self.state == "recovering":
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
@@ -331,12 +288,12 @@ class GoalMachine:
             return
         self.state = "mapping"
 
-    def _ask_plan(self, active: _Active, seen: GoalView) -> None:
+    def _ask_plan(self, active: ActiveGoal, seen: GoalView) -> None:
         self._scan = None
         self._request_plan(active, seen)
         self.state = "planning"
 
-    def _fail_plan(self, active: _Active, failure: PlanFailure, seen: GoalView) -> None:
+    def _fail_plan(self, active: ActiveGoal, failure: PlanFailure, seen: GoalView) -> None:
         """End the goal; but recover if the robot has driven, since the obstacle may be gone from a cleared map."""
         if active.has_driven and active.recoveries < self.rules.max_recoveries:
             self._recover(active, f"{failure.kind}: {failure.detail}", seen)
@@ -345,26 +302,22 @@ class GoalMachine:
         reason = failure.detail if failure.kind == outcome else f"{failure.kind}: {failure.detail}"
         self._finish(outcome, reason, seen, failure.place)
 
-    def _request_plan(self, active: _Active, seen: GoalView) -> None:
+    def _request_plan(self, active: ActiveGoal, seen: GoalView) -> None:
         assert seen.estimate is not None
         self._requests += 1
-        leg = active.legs[0]
-        last = len(active.legs) == 1 and active.goal.heading is not None
-        heading = active.goal.heading if last and active.goal.heading is not None else 0.0
-        goal = Pose2D(leg.x, leg.y, heading)
         active.plan_id, active.since = self._requests, seen.time
-        self._ask(active, "plan", PlanRequest(self._requests, seen.estimate.pose, goal), seen)
+        self._ask(active, "plan", PlanRequest(self._requests, seen.estimate.pose, active.next_place()), seen)
 
-    def _ask(self, active: _Active, port: str, request: Message, seen: GoalView) -> None:
+    def _ask(self, active: ActiveGoal, port: str, request: Message, seen: GoalView) -> None:
         active.asked, active.asked_at = (port, request), seen.time
         self._out.append((port, request))
 
-    def _ask_again(self, active: _Active, patience: float, seen: GoalView) -> None:
+    def _ask_again(self, active: ActiveGoal, patience: float, seen: GoalView) -> None:
         """Repeat a request under the same number: it or its answer may have been lost on the network."""
         if self.rules.is_live and active.asked is not None and seen.time - active.asked_at > patience / ASKS:
             self._ask(active, *active.asked, seen)
 
-    def _arrive(self, active: _Active, pose: Pose2D, seen: GoalView) -> None:
+    def _arrive(self, active: ActiveGoal, pose: Pose2D, seen: GoalView) -> None:
         if len(active.legs) > 1:
             active.legs.pop(0)
             active.misses = 0
@@ -380,43 +333,7 @@ class GoalMachine:
         elif seen.time - active.moved_at > self.rules.stuck_after:
             self._finish("stuck", "the heading asked for was not reached", seen)
 
-    def _is_unfollowed(self, active: _Active, seen: GoalView) -> bool:
-        """Whether the reference node has not followed the path for too long: the network may have lost the path."""
-        if seen.reference is not None and seen.reference.path_id == self._drive.path_id:
-            active.followed_at = seen.time
-        return seen.time - active.followed_at > UNFOLLOWED
-
-    def _has_missed(self, active: _Active, seen: GoalView) -> bool:
-        """Whether the robot stays at the end of its trajectory without being within the tolerance of the goal.
-
-        This happens if an avoider drove until shortly before the end. This trajectory cannot bring the robot nearer.
-        """
-        reference = seen.reference
-        held = seen.gate is not None and seen.gate.latched
-        if held or reference is None or reference.path_id != self._drive.path_id or reference.remaining > END:
-            active.ended_at = None
-        elif active.ended_at is None:
-            active.ended_at = seen.time
-        return active.ended_at is not None and seen.time - active.ended_at >= MISSED and active.misses < MISSES
-
-    def _is_blocked(self, active: _Active, seen: GoalView) -> bool:
-        """Whether the gate has stopped the robot for an obstacle for too long."""
-        if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
-            active.free_at = seen.time
-        return seen.time - active.free_at > BLOCKED
-
-    def _makes_no_progress(self, active: _Active, seen: GoalView) -> bool:
-        held = seen.gate is not None and seen.gate.latched
-        reference = seen.reference
-        if held or reference is None:
-            active.moved_at = seen.time
-        elif reference.path_id == self._drive.path_id and reference.remaining < active.best - 0.05:
-            if math.isfinite(active.best):  # the first reference of a path is no progress
-                active.moved_at = seen.time
-            active.best = reference.remaining
-        return seen.time - active.moved_at > self.rules.stuck_after
-
-    def _recover(self, active: _Active, why: str, seen: GoalView) -> None:
+    def _recover(self, active: ActiveGoal, why: str, seen: GoalView) -> None:
         if active.recoveries >= self.rules.max_recoveries:
             self._out.append(("recovery", RecoveryRequest(False, active.recoveries, "")))
             self._finish("stuck", why, seen)
@@ -427,7 +344,7 @@ class GoalMachine:
         self._out.append(("recovery", RecoveryRequest(True, active.recoveries, why)))
         self.state = "recovering"
 
-    def _react_to_swaps(self, active: _Active, seen: GoalView) -> None:
+    def _react_to_swaps(self, active: ActiveGoal, seen: GoalView) -> None:
         """Plan again after a swap of mapper or planner, and give a pending instance the input that warms it up."""
         pending = seen.gate.pending if seen.gate is not None else ()
         selected = self._selected
@@ -467,24 +384,7 @@ class GoalMachine:
             self._out.append(("drive", drive))
 
     def _report(self, seen: GoalView) -> None:
-        active = self._active
-        estimate = seen.estimate
-        certainty = "tracking" if estimate is None else estimate.state
-        now = (self.goal_id, self.state, certainty)
-        if now == self._said and (active is None or seen.tick % self.rules.feedback_ticks):
-            return
-        self._said = now
-        reference = seen.reference if self.state == "driving" else None
-        if reference is not None and active is not None and reference.path_id < active.first_path:
-            reference = None  # the new path has no reference yet
-        left = reference.remaining if reference is not None else 0.0
-        feedback = Feedback(
-            goal_id=now[0],
-            state=self.state,  # type: ignore[arg-type]
-            distance=left,
-            time_left=left / reference.speed if reference is not None else 0.0,
-            cross_track=reference.cross_track if reference is not None else 0.0,
-            recoveries=active.recoveries if active else 0,
-            localizer="" if estimate is None or certainty == "tracking" else f"{certainty}: {estimate.reason}",
-        )
-        self._out.append(("feedback", feedback))
+        now = (self.goal_id, self.state, "tracking" if seen.estimate is None else seen.estimate.state)
+        if now != self._said or (self._active is not None and seen.tick % self.rules.feedback_ticks == 0):
+            self._said = now
+            self._out.append(("feedback", feedback_of(self._active, self.state, seen)))

@@ -15,8 +15,8 @@ __all__ = ["WaitAndReplan"]
 class WaitParams(Params):
     """How long to wait."""
 
-    wait: float = Field(2.0, ge=0.0, le=600.0, description="s to stand still")
-    clear_map: bool = Field(True, description="Ask for a fresh map, and so for a sweep where there is one.")
+    wait: float = Field(2.0, ge=0.0, le=600.0, description="how long the robot stays stopped, s")
+    clear_map: bool = Field(True, description="clear the map afterwards, and request a sweep if the mapper needs one")
 
 
 class WaitAndReplan(Recovery[WaitParams]):

@@ -1,4 +1,4 @@
-"""What tools ask of a live robot, over its own network."""
+"""Requests that tools send to a live robot over its network."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from navloom.transport.zenoh_bus import TIMED_OUT, Answer, Bus
 __all__ = ["AGAIN", "OPEN", "Client", "ClientError", "Refused", "Unanswered"]
 
 AGAIN = 0.1
-"""s between two questions of one kind: a router drops what comes sooner, see `access.PACES`."""
+"""Shortest time between two requests of one kind, s: a router drops requests that come sooner, see `access.PACES`."""
 JOIN = 2.0
-"""s until a tool has found the robot's processes."""
+"""Longest time in which a tool discovers the robot's processes, s."""
 ATTEMPT = 2.4
-"""s to wait for an answer before asking again, which is longer than a service takes."""
-UNKNOWN = "whether it was done is not known: `navloom status` shows it, `navloom doctor` why there was no answer"
+"""Wait for an answer before a retry, s; longer than a service takes."""
+UNKNOWN = "it may or may not have been done: `navloom status` shows which, `navloom doctor` why there was no answer"
 
 OPEN: Mapping[str, Any] = {
     **dict.fromkeys(("plugin", "process", "pid", "host", "active", "enabled", "tick", "epoch")),
@@ -39,7 +39,7 @@ OPEN: Mapping[str, Any] = {
     "shares_memory": False,
     "shared_memory_mb": None,
 }
-"""What a node that does not answer leaves open, and one of another version perhaps."""
+"""Defaults of a description, for a node that does not answer or whose version lacks an entry."""
 _NUMBER, _NONE = (int, float), type(None)
 _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("process", "host", "config_sha256", "fault"), str),
@@ -51,32 +51,32 @@ _TYPES: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("versions", "published", "carries", "streams", "places", "hosts"), dict),
     "plugin": (str, _NONE),
 }
-"""What an instance says of itself, as far as others reckon with it."""
+"""Types of the entries of an instance's description that tools rely on."""
 _COUNTED = frozenset({"received", "dropped", "malformed", "late", "latest"})
-"""What it says of each stream that it reads."""
+"""Counters that a description holds for each stream that the instance reads."""
 
 
 class ClientError(NavloomError, RuntimeError):
-    """Nobody answers; the text says who was asked and what to do."""
+    """No node answers; the text says which was asked and what to do."""
 
     exit_code = 1
 
 
 class Unanswered(ClientError):
-    """It was asked and gave no answer, so that it may have been done or not."""
+    """A node received the request, but no answer came: the request may or may not have been carried out."""
 
 
 class Refused(NavloomError, ValueError):
-    """The robot answered, but does not do it; the text says why."""
+    """The robot answered and refused the request; the text says why."""
 
 
 class Client:
-    """Asks the nodes of one robot.
+    """Sends requests to the nodes of one robot.
 
     Args:
         bus: A session on its network.
-        keys: Its names.
-        home: Its folder, where it was started on this host.
+        keys: Its key space.
+        home: Its folder, if it was started on this host.
     """
 
     def __init__(self, bus: Bus, keys: KeySpace, home: RobotFolder | None = None) -> None:
@@ -84,34 +84,32 @@ class Client:
 
     @property
     def was_ended(self) -> bool:
-        """Whether what ran the robot on this host does so no more."""
+        """Whether the robot was started on this host and its supervisor has ended."""
         return self._home is not None and not self._home.is_claimed()
 
     def has_nodes(self) -> bool:
-        """Whether any node of the robot is there."""
+        """Whether any node of the robot is alive."""
         return bool(self.bus.alive(self.keys.alive("*", "*", "*")))
 
     def lives(self, role: str, instance: str) -> set[str]:
-        """Lives in which an instance is there: one, of which another takes the place when it begins anew."""
+        """Identifiers of the current lives of an instance: usually one, replaced when the instance restarts."""
         return {key.rpartition("/")[2] for key in self.bus.alive(self.keys.alive(role, instance, "*"))}
 
     def call(self, role: str, instance: str, service: str, given: Mapping[str, Any], timeout: float = 5.0) -> Any:
-        """What an instance answers, within this many s.
+        """Call a service of an instance and return its answer, within `timeout` seconds.
 
-        The request has a name of its own, so that the instance does it once, however often it is asked again because
-        an answer was lost. Where another life of the instance has taken over meanwhile, it is not asked again.
+        Each request has a unique name, so that the instance carries it out once even if it is retried after a lost
+        answer. A request is not retried if the instance has restarted in the meantime.
 
         Raises:
-            Refused: It says no; ClientError: nobody is there; Unanswered: somebody is, and no answer came.
+            Refused: The instance refuses; ClientError: it is not there; Unanswered: it is there, but no answer came.
         """
         who, data = f"{role} {instance}", json.dumps({**given, REQUEST: uuid.uuid4().hex}).encode()
         began, asked = time.monotonic(), frozenset[str]()
         while (left := began + timeout - time.monotonic()) > 0.0:
             lives = self.lives(role, instance)
             if asked and lives - asked:
-                raise Unanswered(
-                    f"robot {self.keys.prefix}: {who} began anew while it was asked ({service}); {UNKNOWN}"
-                )
+                raise Unanswered(f"robot {self.keys.prefix}: {who} restarted during the request ({service}); {UNKNOWN}")
             answer = (
                 self._asked_once(self.keys.port(role, instance, service), data, min(ATTEMPT, left)) if lives else None
             )
@@ -127,7 +125,7 @@ class Client:
         if asked:
             raise Unanswered(
                 f"robot {self.keys.prefix}: {who} does not answer within {timeout:g} s ({service}); {UNKNOWN}; "
-                "a certificate may not be let ask this"
+                "the certificate may not allow this request"
             )
         raise ClientError(
             f"robot {self.keys.prefix}: {who} does not answer ({service}): it is not there; `navloom list` shows who "
@@ -135,7 +133,7 @@ class Client:
         )
 
     def _asked_once(self, key: str, data: bytes, timeout: float) -> Answer | None:
-        """One try: the answer, or None where there was none. Raises Refused."""
+        """One attempt: the answer, or None if there was none. Raises Refused."""
         for answer in self.bus.ask(key, data, timeout):
             if answer.refusal in ("", TIMED_OUT, TOO_MANY):
                 return None if answer.refusal else answer
@@ -143,7 +141,7 @@ class Client:
         return None
 
     def last(self, role: str, instance: str, port: str, timeout: float = 1.0) -> Message | None:
-        """The last message of a stream whose publisher keeps it; None where there is none."""
+        """The last message of a stream whose publisher retains it; None if there is none."""
         for answer in self.ask_again(self.keys.port(role, instance, port), timeout):
             if not answer.refusal:
                 with contextlib.suppress(CodecError):
@@ -151,7 +149,7 @@ class Client:
         return None
 
     def ask_again(self, key: str, timeout: float) -> list[Answer]:
-        """What answers there are; where there is none, it is asked once more, in case it came too soon."""
+        """All answers to a query; without any, the query is sent once more in case the first came too soon."""
         answers = list(self.bus.ask(key, timeout=timeout))
         if not answers:
             time.sleep(AGAIN)
@@ -159,7 +157,7 @@ class Client:
         return answers
 
     def describe(self, timeout: float = 1.0) -> list[dict[str, Any]]:
-        """Every instance that answers, in order of role and name."""
+        """Description of every instance that answers, sorted by role and name."""
         found = {}
         for answer in self.ask_again(self.keys.port("*", "*", "describe"), timeout):
             if not answer.refusal:
@@ -169,9 +167,9 @@ class Client:
         return [found[key] for key in sorted(found)]
 
     def described(self, answer: Answer) -> dict[str, Any] | None:
-        """What an instance says of itself; None for what is no description.
+        """An instance's description of itself; None if the answer is not a valid description.
 
-        Who it is its key tells: a shadow's plugin may answer anything, but only under its own name.
+        Role and instance come from the key: a shadow's plugin may answer anything, but only under its own key.
         """
         try:
             given = json.loads(answer.data)
@@ -184,7 +182,7 @@ class Client:
 
 
 def _is_description(given: Any) -> bool:
-    """It has no entry of another type than others reckon with; what it leaves out is open."""
+    """Whether all entries have the types that tools rely on; entries may be missing."""
     if not isinstance(given, dict):
         return False
     if not all(isinstance(given[name], kinds) for name, kinds in _TYPES.items() if name in given):

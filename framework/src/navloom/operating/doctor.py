@@ -1,4 +1,4 @@
-"""What is wrong with a live robot, and what to do about it: from the way to it down to its streams."""
+"""Finds what is wrong with a live robot and how to fix it, from the connection down to its streams."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from navloom.transport.zenoh_bus import BusError
 __all__ = ["Diagnosis", "diagnose", "examine"]
 
 CLOCKS = 0.5
-"""s two hosts' wall clocks may differ. The robot minds no difference; its logs and recordings do."""
+"""Largest difference of two hosts' wall clocks without a finding, s. It matters to logs and recordings, not driving."""
 FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "platform": (),
     "localizer": ("platform",),
@@ -52,7 +52,7 @@ FOLLOWS: Mapping[str, tuple[str, ...]] = {
     "reference": ("platform", "localizer"),
     "gate": ("platform",),
 }
-"""Roles that step with the platform, whether there is a goal or not, with those that each of them waits for."""
+"""Roles that step with the platform whether or not there is a goal, each with the roles it waits for."""
 AGAIN = "run this again in a moment"
 ADVICE = {
     NO_PATH: f"{AGAIN}; if it persists, `navloom cancel` it and send the goal again",
@@ -64,20 +64,20 @@ ADVICE = {
     "host, or make gate.stop_deadline longer",
     "old_selection": f"{AGAIN}; if it persists, restart the process of {{who}}",
 }
-"""What to do about a stop where no finding names its cause, by how its reason begins: the first that fits."""
+"""Remedy for a stop whose cause no finding names, by the start of its reason; the first match counts."""
 ADVANCE = 2.0
-"""s within which each of them must have stepped."""
+"""Time within which each of these roles must step, s."""
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was found of a robot.
+    """Result of an examination.
 
     Attributes:
-        robot: REALM/NAME; empty where no robot was found.
-        nodes: How many are there.
-        findings: Problems first.
-        rate: How fast its processes go round; None before it has driven.
+        robot: REALM/NAME; empty if no robot was found.
+        nodes: Number of nodes found.
+        findings: All findings, problems first.
+        rate: Loop rate of its processes; None before it has driven.
     """
 
     robot: str
@@ -87,7 +87,7 @@ class Diagnosis:
 
     @property
     def is_healthy(self) -> bool:
-        """There are notes at most."""
+        """Whether there is no problem; notes may remain."""
         return all(finding.severity == "note" for finding in self.findings)
 
 
@@ -98,11 +98,11 @@ def diagnose(
     identity: str = "viewer",
     insecure: bool = False,
 ) -> Diagnosis:
-    """Examine a robot; see `join` for the arguments. That it cannot be reached is a finding, too.
+    """Examine a robot; see `join` for the arguments. An unreachable robot is a finding too.
 
     Raises:
-        DirectoryError: Several robots are up and none was named, or what was named is no REALM/NAME.
-        LinkError: An endpoint or certificates that are refused before anybody is asked.
+        DirectoryError: Several robots are up and none was named, or the name is not REALM/NAME.
+        LinkError: The endpoint or the certificates are refused before a connection is tried.
     """
     here = [*left_behind(), *left_running()] if connect is None else []
     folder, config = None, "CONFIG"
@@ -124,38 +124,38 @@ def diagnose(
 
 
 def examine(client: Client, folder: RobotFolder | None, config: str) -> tuple[int, list[Finding]]:
-    """Everything about a robot whose network was joined.
+    """Examine a robot whose network was joined.
 
     Args:
-        client: Of the robot.
-        folder: Where it was started on this host, else None.
-        config: What it was started with.
+        client: Client of the robot.
+        folder: Folder of the robot if it was started on this host, else None.
+        config: Config that it was started with.
 
     Returns:
-        Nodes that are there, and the findings.
+        Number of nodes found, and the findings.
     """
     nodes = listing(client)
     gone = missing(nodes)
     silent = {one.process for one in gone} | {node["process"] for node in nodes if not node["answers"]}
     again = restarting(folder, silent) if folder is not None else []
     if not nodes:
-        return 0, [*again, _nobody(client)]
+        return 0, [*again, _no_nodes(client)]
     answering = [node for node in nodes if node["answers"]]
     found = [*_absent(gone, folder, config), *_mute(nodes, folder), *again]
     for check in (failing, lagging, flowing, differing, unheard, sharing):
         found += check(answering)
     found += _clocks(client, answering)
     ill = {one.role for one in gone} | {node["role"] for node in nodes if not node["answers"] or _is_ill(node)}
-    stands = _standing(client, answering)
-    found = _with_waiting(found, stands, ill, folder)
+    halted = _not_stepping(client, answering)
+    found = _with_waiting(found, halted, ill, folder)
     is_slowed = any(is_slow(node) and node["active"] for node in answering)
     words = last_words(client)
     found += _unsure(words["goal/feedback"])
-    return len(nodes), found + _stopped(words, has_cause=bool(stands or ill or is_slowed))
+    return len(nodes), found + _stopped(words, has_cause=bool(halted or ill or is_slowed))
 
 
 def _is_ill(node: Mapping[str, Any]) -> bool:
-    """An active node with a finding for which others may not step."""
+    """Whether a node is active and has a fault that may keep other nodes from stepping."""
     return node["active"] and bool(node["faulted"] or is_stuck(node) or node.get("waits_for"))
 
 
@@ -163,11 +163,11 @@ def _diagnosis(robot: str, nodes: int, found: Sequence[Finding]) -> Diagnosis:
     return Diagnosis(robot, nodes, tuple(sorted(found, key=lambda finding: finding.severity == "note")))
 
 
-# --- the way to it --------------------------------------------------------------------------------------------------
+# --- the connection -------------------------------------------------------------------------------------------------
 
 
 def _first_step(text: str) -> Finding:
-    """No such robot is up here."""
+    """Finding: no such robot is up on this host."""
     what, _, remedy = text.partition(": start one")
     if remedy:
         return Finding("problem", what, f"start one{remedy}")
@@ -175,7 +175,7 @@ def _first_step(text: str) -> Finding:
 
 
 def _no_way(text: str) -> Finding:
-    """Its network cannot be joined."""
+    """Finding: its network cannot be joined."""
     if "nothing listens" in text:
         remedy = "start the robot (`navloom up CONFIG`) or its router (`navloom router ENDPOINT`), or correct --connect"
     elif "no host is called" in text:
@@ -190,15 +190,15 @@ def _no_way(text: str) -> Finding:
 
 
 def _expiring(text: str) -> Finding:
-    """Certificates of this host expire soon, or have expired."""
+    """Finding: certificates of this host expire soon or have expired."""
     what, _, remedy = text.partition("; ")
     return Finding("problem" if "expired" in what else "note", what, f"{remedy}; a link ends when its certificate does")
 
 
-def _nobody(client: Client) -> Finding:
+def _no_nodes(client: Client) -> Finding:
     others = neighbours_names(client)
     known = f"; there are {', '.join(others)}: choose with --robot" if others else ""
-    remedy = "`navloom up` starts its processes; a certificate that is revoked, or another robot's, sees no node either"
+    remedy = "`navloom up` starts its processes; a revoked certificate, or another robot's, sees no nodes either"
     return Finding("problem", f"the network is up, but no node of robot {client.keys.prefix} is{known}", remedy)
 
 
@@ -206,7 +206,7 @@ def _nobody(client: Client) -> Finding:
 
 
 def _absent(gone: Sequence[Missing], folder: RobotFolder | None, config: str) -> list[Finding]:
-    """Nodes that are missing, by the process they belong to."""
+    """Findings for missing nodes, one for each process."""
     fates = folder.fates() if folder is not None else {}
     found = []
     for process in dict.fromkeys(one.process for one in gone):
@@ -226,7 +226,7 @@ def _absent(gone: Sequence[Missing], folder: RobotFolder | None, config: str) ->
 
 
 def _mute(nodes: Sequence[Mapping[str, Any]], folder: RobotFolder | None) -> list[Finding]:
-    """Nodes that are announced, but do not answer, by process."""
+    """Findings for nodes that are announced but do not answer, one for each process."""
     fates = folder.fates() if folder is not None else {}
     mute = [node for node in nodes if not node["answers"]]
     found = []
@@ -256,12 +256,12 @@ def _clocks(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Finding]
     ]
 
 
-def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Nodes that should step with every tick and do not."""
+def _not_stepping(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Nodes that should step with every tick but do not."""
     left = {named(node): node for node in nodes if node["role"] in FOLLOWS and node["active"]}
     limit, is_late = time.monotonic() + ADVANCE, False
     while left and not is_late:
-        is_late = time.monotonic() > limit  # asked once more after the limit: this process may have been held up itself
+        is_late = time.monotonic() > limit  # check once more after the limit: this process itself may have been delayed
         time.sleep(0.1)
         now = {named(node): node["tick"] for node in client.describe()}
         left = {name: node for name, node in left.items() if now.get(name) in (None, node["tick"])}
@@ -269,25 +269,25 @@ def _standing(client: Client, nodes: Sequence[Mapping[str, Any]]) -> list[Mappin
 
 
 def _with_waiting(
-    found: Sequence[Finding], stands: Sequence[Mapping[str, Any]], ill: Container[str], folder: RobotFolder | None
+    found: Sequence[Finding], halted: Sequence[Mapping[str, Any]], ill: Container[str], folder: RobotFolder | None
 ) -> list[Finding]:
-    """Findings and what follows from them: a node that does not step waits for the first before it that is ill.
+    """Add the nodes that do not step: as findings of their own, or to the finding of the node that they wait for.
 
     Args:
-        found: So far.
-        stands: Nodes that do not step.
-        ill: Roles of which something is found already.
-        folder: Of the robot, where it was started on this host.
+        found: Findings so far.
+        halted: Nodes that do not step.
+        ill: Roles that already have a finding.
+        folder: Folder of the robot if it was started on this host.
     """
     told = list(found)
-    still = {node["role"] for node in stands}
-    for node in stands:
+    still = {node["role"] for node in halted}
+    for node in halted:
         if node["role"] in ill or any(role in ill or role in still for role in FOLLOWS[node["role"]]):
             continue
         since = "has not stepped so far" if node["tick"] < 0 else f"has not stepped since tick {node['tick']}"
         told.append(Finding("problem", f"{named(node)} {since} ({where(node)})", _restart(node, folder)))
     for cause in ("platform", "localizer"):
-        names = [named(node) for node in stands if cause in FOLLOWS[node["role"]]]
+        names = [named(node) for node in halted if cause in FOLLOWS[node["role"]]]
         place = next((n for n, one in enumerate(told) if one.what.startswith(f"{cause} ")), None)
         if names and place is not None and (cause in ill or cause in still):
             waiting = f"{', '.join(names)} wait{'s' if len(names) == 1 else ''} for it"
@@ -303,14 +303,14 @@ def _restart(node: Mapping[str, Any], folder: RobotFolder | None) -> str:
 
 
 def _unsure(feedback: Message | None) -> list[Finding]:
-    """A localizer that is not tracking, as the goal heard it."""
+    """Finding for a localizer that is not tracking, according to the goal's feedback."""
     if not isinstance(feedback, Feedback) or not feedback.localizer:
         return []
     return [Finding("problem", f"the localizer is {feedback.localizer}", WHERE_IT_IS)]
 
 
 def _stopped(words: Mapping[str, Message | None], has_cause: bool) -> list[Finding]:
-    """A robot that is kept from driving. What is missing or ill has been told already, and stops it as well."""
+    """Finding for a robot that is kept from driving, unless an earlier finding already explains the stop."""
     status, feedback, result = words["gate/status"], words["goal/feedback"], words["goal/result"]
     if not isinstance(status, GateStatus) or not status.stopped or (has_cause and not status.latched):
         return []

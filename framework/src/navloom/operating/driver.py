@@ -1,4 +1,4 @@
-"""An operator's own driving: commands to the gate, each made on a platform stamp that was just heard."""
+"""Manual driving by an operator: commands to the gate, each derived from the newest platform stamp."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from navloom.transport.quality import most_of, quality_of
 __all__ = ["Driver", "limit_in_words"]
 
 HEAR = 3.0
-"""s to wait for the platform."""
+"""Longest wait for the platform, s."""
 
 
 SAME = 0.005
-"""Speeds, m/s or rad/s, that differ by less are the same."""
+"""Tolerance below which two speeds count as equal, m/s or rad/s."""
 
 
 def limit_in_words(asked: Twist2D, granted: Twist2D, before: Twist2D, status: GateStatus | None) -> str:
-    """What the gate makes of an operator's command, where that is less than was asked for; empty where it is not.
+    """How the gate limits an operator's command; empty if it grants all of it.
 
     Args:
-        asked: By the operator.
-        granted, before: The gate's newest two commands.
-        status: Of the gate; None where it is not known.
+        asked: The operator's command.
+        granted, before: The gate's newest command and the one before it.
+        status: Status of the gate; None if it is not known.
     """
     if status is not None and status.stopped:
         return "not taken yet" if status.reason == NO_PATH else f"stopped: {why_stopped(status)[0]}"
@@ -45,20 +45,20 @@ def limit_in_words(asked: Twist2D, granted: Twist2D, before: Twist2D, status: Ga
 
 
 class Driver:
-    """Drives a live robot by hand, in a `with` statement; at its end the robot is left to itself.
+    """Drives a live robot manually within a `with` statement, then releases it to its own navigation.
 
     Args:
-        client: On the robot's network.
-        enters_unseen: The gate lets it into space that no sensor saw, and says so.
+        client: Client on the robot's network.
+        enters_unseen: The gate lets it enter space that no sensor has seen, and reports that.
 
     Attributes:
-        asked: Last command.
-        granted, before: What the gate made of it, and its command before that.
+        asked: Last command sent.
+        granted, before: The gate's newest command and the one before it.
         measured: Velocity that the platform measured last.
-        status: Of the gate, or None.
+        status: Status of the gate, or None.
 
     Raises:
-        ClientError: The platform is not heard, or the robot is stopped until `resume`.
+        ClientError: No message comes from the platform, or the robot is stopped until `resume`.
     """
 
     def __init__(self, client: Client, enters_unseen: bool = False) -> None:
@@ -76,11 +76,11 @@ class Driver:
         self._publication = bus.publication(self._key, quality_of(Command))
         bus.subscribe(keys.port("platform", "*", "odometry"), self._hear, most_of(Odometry))
         if not self._heard.wait(HEAR):
-            raise ClientError(f"robot {keys.prefix}: its platform is not heard; `navloom doctor` says why")
+            raise ClientError(f"robot {keys.prefix}: its platform is silent; `navloom doctor` says why")
         for port, kind in (("status", GateStatus), ("command", Command)):
             bus.subscribe(keys.port("gate", "main", port), self._hear_gate, most_of(kind))
         self._heed(self._client.last("gate", "main", "status"))
-        self._refuse_where_it_stands()
+        self._refuse_if_latched()
         if self._enters_unseen:
             self._client.call("gate", "main", "enter_unseen", {})
         return self
@@ -92,11 +92,15 @@ class Driver:
             self._client.call("gate", "main", "release", {})
 
     def send(self, vx: float, wz_deg: float) -> None:
-        """Ask for a speed, m/s, and a turn rate, deg/s. Without the platform nothing is sent, and the gate stops it."""
+        """Command a speed, m/s, and a turn rate, deg/s. Without platform messages nothing is sent.
+
+        Raises:
+            ClientError: The platform went silent, or the robot is stopped until `resume`.
+        """
         stamp_ns, tick, heard = self._newest
         if time.monotonic() - heard > HEAR:
-            raise ClientError("the platform is not heard any more; the robot has stopped by itself")
-        self._refuse_where_it_stands()
+            raise ClientError("the platform has gone silent; the robot has stopped by itself")
+        self._refuse_if_latched()
         self._sequence += 1
         envelope = Envelope(self._key, self._sequence, tick, stamp_ns, stamp_ns, 0)
         self.asked = Twist2D(vx, 0.0, math.radians(wz_deg))
@@ -104,10 +108,10 @@ class Driver:
 
     @property
     def limit(self) -> str:
-        """What keeps the robot from doing what was asked for; empty for nothing."""
+        """What limits the operator's command; empty if nothing does."""
         return limit_in_words(self.asked, self.granted, self.before, self.status)
 
-    def _refuse_where_it_stands(self) -> None:
+    def _refuse_if_latched(self) -> None:
         if self._latched:
             raise ClientError(f"robot {self._client.keys.prefix} is stopped: {self._latched}")
 

@@ -1,4 +1,4 @@
-"""A live robot in the text format of Prometheus: rates, ages, stops by reason, deadlines, processor and memory."""
+"""Metrics of a live robot in the Prometheus text format: rates, ages, stops by reason, deadlines, CPU and memory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["CONTENT_TYPE", "Stops", "exposition"]
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 MOST_REASONS = 32
-"""Reasons of stops that are counted by name; further ones are counted together."""
+"""Largest number of stop reasons that are counted by name; further ones are counted together as `other`."""
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 PAGE = os.sysconf("SC_PAGE_SIZE")
 Labels = Mapping[str, Any]
@@ -26,30 +26,30 @@ Sample = tuple[str, Labels, float]
 
 _HELP = {
     "navloom_up": ("gauge", "1 while a node of the robot answers."),
-    "navloom_nodes_missing": ("gauge", "Nodes of the config that are not there."),
+    "navloom_nodes_missing": ("gauge", "Nodes of the config that are missing."),
     "navloom_node_answers": ("gauge", "1 while the node answers, 0 while it is announced and silent."),
     "navloom_node_active": ("gauge", "1 where the node is the active instance of its role."),
     "navloom_node_step_seconds": ("gauge", "Median duration of the node's newest steps."),
-    "navloom_node_busy_seconds": ("gauge", "How long the step under way takes; 0 between steps."),
+    "navloom_node_busy_seconds": ("gauge", "Duration of the current step so far; 0 between steps."),
     "navloom_node_faults": ("gauge", "Steps in a row in which the node's plugin failed."),
-    "navloom_messages_published_total": ("counter", "Messages of a stream."),
+    "navloom_messages_published_total": ("counter", "Messages that a node published on a port."),
     "navloom_messages_received_total": ("counter", "Messages that a node received of a stream."),
     "navloom_messages_dropped_total": ("counter", "Messages of a stream that a node's full queue dropped."),
     "navloom_messages_malformed_total": ("counter", "Messages of a stream that a node could not decode."),
     "navloom_message_age_seconds": ("gauge", "Age of messages where a node received them, since the platform's stamp."),
-    "navloom_platform_silence_seconds": ("gauge", "Time since a node heard of the platform."),
+    "navloom_platform_silence_seconds": ("gauge", "Time since the last platform message at a node."),
     "navloom_platform_ticks_total": ("counter", "Ticks of the platform."),
     "navloom_platform_late_ticks_total": ("counter", "Ticks that began more than half a period late or were skipped."),
     "navloom_platform_driven_ticks_total": ("counter", "Ticks in which the wheels turned."),
     "navloom_platform_own_ticks_total": ("counter", "Driven ticks whose own command came before the next tick."),
     "navloom_platform_stops_total": ("counter", "Stops by the platform itself because the gate's command was stale."),
     "navloom_gate_chain_seconds": ("gauge", "From a tick of the platform to its command at the gate."),
-    "navloom_gate_stopped": ("gauge", "1 while the gate holds the robot still."),
-    "navloom_gate_stops_total": ("counter", "Stops by the gate since this program listens, by reason."),
+    "navloom_gate_stopped": ("gauge", "1 while the gate stops the robot."),
+    "navloom_gate_stops_total": ("counter", "Stops by the gate since this program started, by reason."),
     "navloom_process_cpu_seconds_total": ("counter", "Processor time of a process of this host."),
     "navloom_process_resident_bytes": ("gauge", "Memory of a process of this host."),
 }
-"""Kind and meaning of each metric."""
+"""Type and help text of each metric."""
 _PLATFORM = {
     "ticks": "navloom_platform_ticks_total",
     "late_ticks": "navloom_platform_late_ticks_total",
@@ -60,11 +60,11 @@ _PLATFORM = {
 
 
 class Stops:
-    """Counts what the gate says of its stops.
+    """Counts the stops that the gate reports.
 
     Attributes:
-        is_stopped: Whether the robot is; None before the gate said anything.
-        counts: Stops by reason, since the first word of the gate.
+        is_stopped: Whether the robot is stopped; None before the gate's first status.
+        counts: Stops by reason, since the gate's first status.
     """
 
     def __init__(self) -> None:
@@ -73,7 +73,7 @@ class Stops:
         self._reason = ""
 
     def take(self, told: Told) -> None:
-        """Take a message of the gate."""
+        """Count a status message of the gate."""
         status = told.message
         if not isinstance(status, GateStatus):
             return
@@ -85,13 +85,13 @@ class Stops:
 
 
 def exposition(robot: str, nodes: Sequence[Mapping[str, Any]], missing: int, stops: Stops) -> str:
-    """All metrics of a robot, as `/metrics` gives them.
+    """All metrics of a robot, in the format of `/metrics`.
 
     Args:
         robot: realm/name.
-        nodes: As `navloom.operating.looking.listing` has them.
-        missing: Nodes that are not there.
-        stops: Of its gate.
+        nodes: From `navloom.operating.looking.listing`.
+        missing: Number of missing nodes.
+        stops: Stops of its gate.
     """
     by_name: dict[str, list[str]] = {}
     realm, _, name = robot.partition("/")
@@ -153,7 +153,7 @@ def _of_node(node: Mapping[str, Any]) -> Iterator[Sample]:
 
 
 def _of_process(process: str, pid: int) -> Iterator[Sample]:
-    """Processor and memory of a process of this host; nothing where it has just ended."""
+    """CPU time and memory of a process of this host; nothing if it has just ended."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text("ascii", "replace")
         resident = int(Path(f"/proc/{pid}/statm").read_text("ascii").split()[1]) * PAGE

@@ -1,4 +1,4 @@
-"""What is wrong with a live robot, as far as its nodes' own words tell, and what to do about it."""
+"""Findings about a live robot from its nodes' own descriptions, each with a remedy."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = ["Finding", "LoopRate", "differing", "failing", "flowing", "is_slow", 
            "sharing", "unheard"]  # fmt: skip
 
 LOW = 8.0
-"""MB of free shared memory below which a process that starts cannot join."""
+"""Free shared memory below which a new process cannot join, MB."""
 POOL = links.POOL / 2**20
-"""MB of shared memory a process takes for large messages."""
+"""Shared memory that a process takes for large messages, MB."""
 BUSY, BUSY_LONG = 0.5, 5.0
-"""s in one step after which a node is said to be busy, and one that may compute for long."""
+"""Time in one step after which a node counts as stuck, s: in general, and for a node whose steps may be long."""
 SILENT = 1.0
-"""s without the platform after which a process does not hear it."""
+"""Time without a platform message after which a process counts as cut off from the platform, s."""
 FEW = 20
-"""Messages a node may lose, or ticks that may be late, before it is said."""
+"""Number of lost messages, or of late ticks, that is tolerated without a finding."""
 OLD = 0.05
-"""Share of a robot's ticks that may be driven by the command of an earlier tick."""
+"""Share of a robot's ticks that may be driven by the command of an earlier tick without a finding."""
 SMALL = ("odometry", "contact", "truth", "step", "parameters")
-"""Ports of a platform that are no sensor's."""
+"""Ports of a platform that are not sensors."""
 
 Node = Mapping[str, Any]
 Severity = Literal["problem", "note"]
@@ -36,12 +36,12 @@ Severity = Literal["problem", "note"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Something about a robot that its people should know.
+    """Something about a robot that its operators should know.
 
     Attributes:
-        severity: "problem" where the robot does not do what it should, else "note".
-        what: What there is.
-        remedy: What to do.
+        severity: "problem" if the robot does not do what it should, else "note".
+        what: What was found.
+        remedy: What to do about it.
     """
 
     severity: Severity
@@ -60,31 +60,31 @@ def where(node: Node) -> str:
 
 
 def _is_patient(node: Node) -> bool:
-    """Its step may take long: no motor waits for it."""
+    """Whether its step may take long, because no motor waits for it."""
     said: bool = node.get("is_patient", is_patient(node["role"]))
     return said
 
 
 def is_slow(node: Node) -> bool:
-    """Its usual step takes longer than its period. A mapper or a planner may: nothing waits for it in each tick."""
+    """Whether its usual step exceeds its period. Mappers and planners may: nothing waits for them in each tick."""
     return not _is_patient(node) and (node["step_s"] or 0.0) > (node["period_s"] or math.inf)
 
 
 def is_stuck(node: Node) -> bool:
-    """It has been in one step for longer than its role may take."""
+    """Whether its current step has taken longer than its role may take."""
     return (node["busy_s"] or 0.0) > (BUSY_LONG if _is_patient(node) else BUSY)
 
 
 def failing(nodes: Sequence[Node]) -> list[Finding]:
-    """Plugins that raise, hang, are late or ask for far too much.
+    """Findings for plugins that raise, hang, are late or command far more than is allowed.
 
-    Ticks of a platform that is slow itself are late for that.
+    Late ticks are not reported for a platform whose own steps are slow: that is their cause.
     """
     found = []
     for node in nodes:
         if node["faulted"]:
             times = "in its last step" if node["faulted"] == 1 else f"{node['faulted']} steps in a row"
-            remedy = f"repair the plugin; {_instead(node, nodes)}"
+            remedy = f"fix the plugin; {_instead(node, nodes)}"
             found.append(Finding("problem", f"{named(node)} failed {times}: {node['fault']}", remedy))
         if node["active"] and node.get("waits_for"):
             found.append(Finding("problem", *waiting(named(node), " and ".join(node["waits_for"]))))
@@ -109,7 +109,7 @@ def failing(nodes: Sequence[Node]) -> list[Finding]:
 
 
 def lagging(nodes: Sequence[Node]) -> list[Finding]:
-    """A robot that is driven by commands of earlier ticks, with what it could be run at."""
+    """Findings for a robot that is driven by commands of earlier ticks, with the rate that it could hold."""
     found = []
     for node in nodes:
         driven, old = node.get("driven_ticks", 0), node.get("driven_ticks", 0) - node.get("own_ticks", 0)
@@ -126,11 +126,11 @@ def lagging(nodes: Sequence[Node]) -> list[Finding]:
 
 @dataclass(frozen=True)
 class LoopRate:
-    """How fast a robot's processes go round.
+    """Loop time of a robot's processes and the rate that they can hold.
 
     Attributes:
-        median_s, most_s: From a platform stamp to the tick's last command at the gate: median, 99th percentile.
-        holds_hz: Ticks per s at which 99 of 100 would be driven by commands of their own.
+        median_s, most_s: Time from a platform stamp to the tick's last command at the gate: median, 99th percentile.
+        holds_hz: Highest tick rate at which 99 of 100 ticks would be driven by their own commands.
     """
 
     median_s: float
@@ -143,7 +143,7 @@ class LoopRate:
 
 
 def loop_rate(nodes: Sequence[Node]) -> LoopRate | None:
-    """As the gate has seen it in its last drives; None where it has seen too little."""
+    """Loop rate measured by the gate in its last drives; None if it has measured too little."""
     for node in nodes:
         if node.get("chain_p99_s", 0.0) > 0.0:
             return LoopRate(node["chain_p50_s"], node["chain_p99_s"], held_rate(node["chain_p99_s"]))
@@ -151,7 +151,7 @@ def loop_rate(nodes: Sequence[Node]) -> LoopRate | None:
 
 
 def _instead(node: Node, nodes: Sequence[Node]) -> str:
-    """What can be put in the place of a node that does not do its work."""
+    """How to replace a node that fails."""
     role = node["role"]
     if node["plugin"] is None:
         return "it is a node of navloom itself: report this with the log of its process"
@@ -167,7 +167,7 @@ def _instead(node: Node, nodes: Sequence[Node]) -> str:
 
 
 def flowing(nodes: Sequence[Node]) -> list[Finding]:
-    """Streams with messages that nobody could read, or that were dropped unread where each counts."""
+    """Findings for streams with unreadable messages, or with dropped messages where each one counts."""
     found = []
     for node in nodes:
         for stream, counts in node["streams"].items():
@@ -184,7 +184,7 @@ def flowing(nodes: Sequence[Node]) -> list[Finding]:
 
 
 def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
-    """Messages of other streams: a few come of restarts, many of somebody who publishes under a wrong key."""
+    """Finding for messages of other streams: a few come from restarts, many from a publisher with a wrong key."""
     what = f"{which} belong to another stream and were refused, the last to {counts.get('origin', 'an unknown one')}"
     if counts["misrouted"] <= FEW:
         remedy = "Zenoh can confuse two streams when a process restarts; nothing to do while the count does not rise"
@@ -194,7 +194,7 @@ def _misrouted(which: str, counts: Mapping[str, Any]) -> Finding:
 
 
 def differing(nodes: Sequence[Node]) -> list[Finding]:
-    """Versions and configs that are not the same everywhere."""
+    """Findings for versions and configs that differ between processes."""
     found = []
     for package in sorted({package for node in nodes for package in node["versions"]}):
         by_version = _grouped((node["versions"].get(package, "none"), where(node)) for node in nodes)
@@ -210,7 +210,7 @@ def differing(nodes: Sequence[Node]) -> list[Finding]:
 
 
 def unheard(nodes: Sequence[Node]) -> list[Finding]:
-    """Processes that do not hear a platform which is heard by others."""
+    """Findings for processes that do not receive the platform's messages while others do."""
     silent = {where(node): node for node in nodes if node["silence_s"] is not None}
     if not silent or min(node["silence_s"] for node in silent.values()) > SILENT:
         return []
@@ -220,14 +220,14 @@ def unheard(nodes: Sequence[Node]) -> list[Finding]:
         if node["silence_s"] > SILENT:
             remedy = "the network between them is cut or full: `navloom hz platform/odometry` there shows it"
             if node["host"] in home:
-                remedy = f"it hangs, or its host gives it no time: `kill -KILL {node['pid']}` restarts it"
-            what = f"process {process} has not heard the platform for {node['silence_s']:.1f} s"
+                remedy = f"it hangs, or its host gives it no CPU time: `kill -KILL {node['pid']}` restarts it"
+            what = f"process {process} has not received a platform message for {node['silence_s']:.1f} s"
             found.append(Finding("problem", what, remedy))
     return found
 
 
 def sharing(nodes: Sequence[Node]) -> list[Finding]:
-    """Shared memory that is short, and large messages that cannot pass through it."""
+    """Findings for too little shared memory, and for large messages that cross hosts and cannot use it."""
     found = []
     for host, free in {node["host"]: node["shared_memory_mb"] for node in nodes if node["shares_memory"]}.items():
         remedy = f"give /dev/shm {POOL:.0f} MB for each process there (containers: --shm-size)"

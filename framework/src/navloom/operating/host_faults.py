@@ -1,4 +1,4 @@
-"""What is wrong on this host: robots that died and left their folder, processes that do not stay up."""
+"""Faults on this host: stale folders of dead robots, orphans, and processes that do not stay up."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["fate_in_words", "is_stopped", "left_behind", "left_running", "restar
 
 
 def left_behind() -> list[Finding]:
-    """Folders of robots that say they are up and are not. The next `navloom up` of that robot clears its own."""
+    """Stale folders of robots that are no longer up. The next `navloom up` of that robot removes its folder."""
     found = []
     for path in sorted(runtime_folder().glob("*.*/robot.json")):
         realm, _, robot = path.parent.name.partition(".")
@@ -32,7 +32,7 @@ def left_behind() -> list[Finding]:
 
 
 def strays(robot: str | None = None) -> dict[str, list[Descendant]]:
-    """Processes of this user's robots whose `navloom up` is gone, by REALM/NAME; of one robot, or of all."""
+    """Orphans of this user's robots, whose `navloom up` is gone, by REALM/NAME; for one robot or all."""
     found: dict[str, list[Descendant]] = {}
     for one in descendants():
         realm, _, name = one.folder.name.partition(".")
@@ -43,7 +43,7 @@ def strays(robot: str | None = None) -> dict[str, list[Descendant]]:
 
 
 def left_running() -> list[Finding]:
-    """Processes that robots which are down have left."""
+    """Findings for orphans of robots that are down."""
     return [
         Finding(
             "problem",
@@ -55,7 +55,12 @@ def left_running() -> list[Finding]:
 
 
 def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
-    """Processes of a robot of this host that were started again, or are left down; without those told of already."""
+    """Findings for processes of a robot on this host that were restarted or have failed.
+
+    Args:
+        folder: Folder of the robot.
+        told: Processes that already have a finding.
+    """
     found = []
     for name, fate in folder.fates().items():
         if fate.state == "failed" and name not in told:
@@ -72,7 +77,7 @@ def restarting(folder: RobotFolder, told: Container[str]) -> list[Finding]:
 
 
 def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, str]:
-    """The state of a process, and the remedy."""
+    """State of a process in words, and the remedy."""
     log = folder.path / f"{process}.log"
     if fate.state == "running":
         if fate.pid is not None and is_stopped(fate.pid):
@@ -82,12 +87,12 @@ def fate_in_words(folder: RobotFolder, process: str, fate: Fate) -> tuple[str, s
     said = folder.last_words(process)
     what = f"it {fate.why}" + (f" and its last message was: {said}" if said else "")
     if fate.state == "failed":
-        return f"{what}; it stays down", "repair what it says, then `navloom down` and `navloom up`"
+        return f"{what}; it stays down", "fix what it reports, then `navloom down` and `navloom up`"
     return what, f"`navloom up` restarts it; its log is {log}"
 
 
 def is_stopped(pid: int) -> bool:
-    """A process of this host is suspended, by Ctrl-Z or SIGSTOP."""
+    """Whether a process of this host is suspended, by Ctrl-Z or SIGSTOP."""
     with contextlib.suppress(OSError, IndexError):
         return status_of(pid)[1] in ("T", "t")
     return False

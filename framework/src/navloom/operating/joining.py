@@ -1,4 +1,4 @@
-"""How a tool finds and joins a robot that is up."""
+"""Finds a running robot and joins its network."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ LOG = logging.getLogger("navloom.operating")
 
 
 def find_robot(robot: str | None) -> Running:
-    """The robot named REALM/NAME, or NAME where that is unique; without a name, the only one that is up.
+    """The running robot REALM/NAME, or NAME if that is unique; without a name, the only one that is up.
 
     Raises:
-        DirectoryError: None is up, or none of that name, or several.
+        DirectoryError: No robot is up, none has that name, or several match.
     """
     found = list(robots())
     names = [f"{one.realm}/{one.robot}" for one in found]
@@ -48,7 +48,7 @@ def find_robot(robot: str | None) -> Running:
 
 
 def split_name(robot: str) -> tuple[str, str]:
-    """REALM and NAME of a robot. Raises DirectoryError for what is no name: a wildcard would speak to several."""
+    """REALM and NAME of a robot. Raises DirectoryError for an invalid name: a wildcard would address several robots."""
     named = re.fullmatch(r"([A-Za-z0-9_-]+)/([A-Za-z0-9_-]+)", robot)
     if named is None:
         raise DirectoryError(f"--robot {robot}: expected REALM/NAME of letters, digits, - and _, as in lab/r1")
@@ -56,7 +56,7 @@ def split_name(robot: str) -> tuple[str, str]:
 
 
 def _shown(keys: str | None, identity: str) -> tuple[Path | None, str | None]:
-    """Folder and name of the certificate that a tool shows."""
+    """Folder and name of the certificate that a tool presents."""
     folder, name = certificate(Path(keys) if keys else None, identity)
     if folder is not None and name == "viewer" and not (folder / "viewer.pem").exists():
         name = "operator" if (folder / "operator.pem").exists() else name
@@ -72,16 +72,16 @@ def join(
     insecure: bool = False,
     say: Callable[[str], None] = LOG.warning,
 ) -> Iterator[Client]:
-    """Join a robot's network as a tool, for the time of a `with` statement.
+    """Join a robot's network as a tool, for the duration of a `with` statement.
 
     Args:
-        robot: REALM/NAME, or NAME where that is unique; None for the only one that is up. With `connect` it must be
-            REALM/NAME, and None is lab/r1.
-        connect: Endpoint of a router elsewhere; None looks on this host.
-        keys: Folder of certificates, or one in it; None takes those the robot was started with.
-        identity: Name of the certificate, where `keys` names none. An operator's does for a viewer's.
-        insecure: Plain TCP to another host was asked for.
-        say: Told of certificates that expire soon.
+        robot: REALM/NAME, or NAME if that is unique; None for the only one that is up. With `connect` it must be
+            REALM/NAME, and None means lab/r1.
+        connect: Endpoint of a router on another host; None searches this host.
+        keys: Folder of certificates, or one file in it; None takes those that the robot was started with.
+        identity: Name of the certificate if `keys` names none. An operator's certificate may replace a viewer's.
+        insecure: Plain TCP to another host was requested explicitly.
+        say: Receives warnings about certificates that expire soon.
 
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
@@ -98,8 +98,8 @@ def join(
             shown = _shown(keys or running.keys, identity)
             link = Link("client", (), running.endpoints, *shown, insecure, realm, name)
         else:
-            # A process that is just restarting has no socket: it is called all the same, until it is there. Peers pass
-            # nothing on, so that without a link of its own a tool would get no word from it, in all its session.
+            # A restarting process has no socket yet; the session retries its endpoint until it is there. Peers do not
+            # forward messages, so a tool without a link to the process would receive nothing from it.
             sockets = sorted({*RobotFolder(realm, name).sockets(), *running.endpoints})
             link = Link("peer", (), tuple(sockets), realm=realm, robot=name)
     for warning in expiring(link.credentials):

@@ -1,4 +1,4 @@
-"""What a live robot publishes, for programs outside of it."""
+"""Subscribes programs outside a live robot to its streams."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Told(NamedTuple):
     """A message of a robot.
 
     Attributes:
-        role, instance, port: Where it comes from.
-        message: What it says.
-        stamp_ns: Run clock of its step.
+        role, instance, port: The stream that it came from.
+        message: The message itself.
+        stamp_ns: Time of the step on the run clock, ns.
     """
 
     role: str
@@ -34,11 +34,11 @@ class Told(NamedTuple):
 
 
 class Listening:
-    """Some streams of a live robot.
+    """Subscription to some streams of a live robot.
 
     Args:
-        client: What is joined to the robot.
-        streams: Each as role/port, of every instance; what publishers have kept for late joiners comes first.
+        client: Client of the robot.
+        streams: Each as role/port, for every instance; messages retained for late joiners come first.
     """
 
     def __init__(self, client: Client, streams: Sequence[str]) -> None:
@@ -50,7 +50,7 @@ class Listening:
         self._first = [told for key in keys for told in self._kept(*key.split("/"))]
 
     def take(self, timeout: float) -> list[Told]:
-        """What has come since the last call, by stream, oldest first; waits for it at most some s."""
+        """Messages since the last call, grouped by stream, oldest first; waits at most `timeout` seconds for one."""
         found, self._first = self._first, []
         if not found:
             self._seen = self._mailbox.wait(self._seen, timeout)

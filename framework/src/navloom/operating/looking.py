@@ -1,4 +1,4 @@
-"""What can be seen of a live robot from outside: who is there, what flows, and what it says of itself."""
+"""Observes a live robot from outside: its nodes, its streams and its status."""
 
 from __future__ import annotations
 
@@ -45,22 +45,22 @@ __all__ = [
 ]
 
 FIRST = 4
-"""Entries of an array that are shown where it is summarised."""
+"""Number of entries in the summary of an array."""
 NO_GOAL = Feedback(0, "idle", 0.0, 0.0, 0.0, 0)
-"""What a goal node that has had no goal would say."""
+"""Feedback that stands for a goal node without any goal so far."""
 NO_PATH = "no_trajectory"
-"""Reason of a gate that has nothing to drive: no fault, where the robot has no goal."""
+"""Stop reason of a gate without a trajectory; not a fault if the robot has no goal."""
 WHERE_IT_IS = (
     "move it to navigation.start, or set navigation.start to its pose, and restart it; if it sees little of the map, "
     "drive it with `navloom teleop` to where it sees more"
 )
-"""What helps a robot that does not know where it is."""
+"""Remedy for a robot that does not know where it is."""
 _STOPS = {
     "operator": ("by an operator", "`navloom resume` lets it drive again"),
     "contact": ("it touched something", "`navloom resume` when the way is clear"),
     "ending": ("its gate has ended", "`navloom up` restarts it"),
     "gone: goal main does not step": ("its goal node does not step", "`navloom doctor` looks for the cause"),
-    "silent: platform": ("the platform is not heard", "`navloom doctor` looks for the cause"),
+    "silent: platform": ("the platform is silent", "`navloom doctor` looks for the cause"),
 }
 _WAITS = {
     "mapping": "it waits for a map",
@@ -70,9 +70,9 @@ _WAITS = {
     "waiting": "it waits for the platform",
     "searching": "it does not know where it is",
 }
-"""Why nothing drives, by the state of the goal."""
+"""Why the robot is stopped, by the state of the goal."""
 _KINDS = {
-    "silent": ("is not heard", "`navloom hz` of its stream, `navloom doctor` looks for the cause"),
+    "silent": ("is silent", "`navloom hz` shows its stream, `navloom doctor` looks for the cause"),
     "gone": ("is gone", "`navloom doctor` says which process it belongs to"),
     "stale": ("gives commands from old data", "its process or the network is too slow: `navloom doctor` says which"),
     "old_selection": ("does not know of the last swap", "it passes with its next step, else ask `navloom doctor`"),
@@ -80,16 +80,16 @@ _KINDS = {
 
 
 class NoStream(NavloomError, ValueError):
-    """A key that no stream of the robot has; the text names the nearest."""
+    """The robot has no stream of this key; the text names the nearest one."""
 
 
 class Missing(NamedTuple):
-    """A node of the config that is not there.
+    """A node of the config that is missing.
 
     Attributes:
         role, instance: Its names.
-        process: Where the config puts it.
-        host: Host of `[live.hosts]` with that process; empty where the config names none.
+        process: Process that the config assigns it to.
+        host: Host of `[live.hosts]` with that process; empty if the config names none.
     """
 
     role: str
@@ -102,7 +102,7 @@ class Missing(NamedTuple):
 
 
 def listing(client: Client) -> list[dict[str, Any]]:
-    """Every node, in the order of the graph: what it says of itself, and those that are announced but do not answer."""
+    """Every node with its description, in the order of the graph; also those that are announced but do not answer."""
     nodes = [{**node, "answers": True} for node in client.describe()]
     answered = {(node["role"], node["instance"]) for node in nodes}
     places = _places(nodes)
@@ -115,7 +115,7 @@ def listing(client: Client) -> list[dict[str, Any]]:
 
 
 def missing(nodes: Sequence[Mapping[str, Any]]) -> list[Missing]:
-    """Nodes that others know from the config, and that nobody sees."""
+    """Nodes that the config of the others names, but that are not on the network."""
     there = {f"{node['role']} {node['instance']}" for node in nodes}
     hosts: dict[str, str] = {}
     for node in nodes:
@@ -125,29 +125,29 @@ def missing(nodes: Sequence[Mapping[str, Any]]) -> list[Missing]:
 
 
 def neighbours_names(client: Client) -> list[str]:
-    """Every realm/robot that has a node on this network, as far as this tool may see."""
+    """Every realm/robot with a node on this network that this tool is allowed to see."""
     return sorted({"/".join(key.split("/")[:2]) for key in client.bus.alive("*/*/*/*/alive/*")})
 
 
 def _places(nodes: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Process of each "role instance", in the order of the graph, as the nodes that answer know it."""
+    """Process of each "role instance", in the order of the graph, according to the nodes that answer."""
     found: dict[str, str] = {}
     for node in nodes:
         found |= node["places"]
     return found
 
 
-# --- what it says of itself -----------------------------------------------------------------------------------------
+# --- its status -----------------------------------------------------------------------------------------------------
 
 
 def last_words(client: Client) -> dict[str, Message | None]:
-    """The last of what the goal and the gate said."""
+    """The last messages of the goal and the gate."""
     wanted = (("goal", "feedback"), ("goal", "result"), ("gate", "status"), ("gate", "selection"))
     return {f"{role}/{port}": client.last(role, "main", port) for role, port in wanted}
 
 
 def changed_parameters(client: Client) -> dict[str, list[str]]:
-    """TOML assignments of what was changed since the start, by "role instance"."""
+    """TOML assignments of the parameters changed since the start, by "role instance"."""
     found = {}
     for answer in client.bus.ask(client.keys.port("*", "*", "parameters"), timeout=1.0):
         with contextlib.suppress(CodecError):
@@ -159,15 +159,15 @@ def changed_parameters(client: Client) -> dict[str, list[str]]:
 
 
 def platform_age(nodes: Sequence[Mapping[str, Any]]) -> float | None:
-    """s since the platform was heard, by the gate where it is there, else by who heard it last; None for never."""
+    """Time since the last platform message, s: at the gate, or the shortest if there is no gate; None for never."""
     ages = {node["role"]: node["silence_s"] for node in nodes if node["silence_s"] is not None}
     return ages.get("gate", min(ages.values(), default=None))
 
 
 def progress(feedback: Feedback, pace: str = "") -> str:
-    """State of a goal, what is left of its way, how fast and by whom it is driven, and what holds it up.
+    """State of a goal in words, with the remaining distance and time, localizer, pace, recoveries, cross-track error.
 
-    A path that is not followed yet says nothing of what is left: to people that is still planning.
+    Until the path is followed there is no remaining distance, so the state is shown as planning.
     """
     has_way = bool(feedback.distance or feedback.cross_track)
     parts: list[str] = ["planning" if feedback.state == "driving" and not has_way else feedback.state]
@@ -185,7 +185,7 @@ def progress(feedback: Feedback, pace: str = "") -> str:
 
 
 def who_drives(status: GateStatus, feedback: Feedback | None = None, result: GoalResult | None = None) -> str:
-    """Who drives, or why nothing does, in a few words; see `why_stopped`."""
+    """The source that drives the robot, or why it is stopped, in a few words; see `why_stopped`."""
     if status.stopped:
         return f"stopped: {why_stopped(status, feedback, result)[0]}"
     who = "an operator drives" if status.source == "operator" else f"{status.source} {status.instance} drives"
@@ -195,7 +195,7 @@ def who_drives(status: GateStatus, feedback: Feedback | None = None, result: Goa
 
 
 def what_limits(status: GateStatus) -> str:
-    """What the gate's monitor slows or stops the robot for, and where; empty where nothing does."""
+    """Why the gate's monitor slows or stops the robot, and where; empty if it does not."""
     what = {"obstacle": "obstacle", "unseen": "space that no sensor has seen"}.get(status.limit, "")
     if not what or status.place is None:
         return what
@@ -211,12 +211,12 @@ def what_limits(status: GateStatus) -> str:
 def why_stopped(
     status: GateStatus, feedback: Feedback | None = None, result: GoalResult | None = None
 ) -> tuple[str, str]:
-    """Why nothing drives, in words that follow "stopped:", and what to do; both empty while something drives.
+    """Why the robot is stopped, in words that follow "stopped:", and what to do; both empty if it is not stopped.
 
     Args:
-        status: Of the gate.
-        feedback: What the goal said last; None where that is not known, `NO_GOAL` where it has said nothing so far.
-        result: Of the last goal, if there was one.
+        status: Status of the gate.
+        feedback: Last feedback of the goal; None if it is not known, `NO_GOAL` if there was none so far.
+        result: Result of the last goal, if there was one.
     """
     if not status.stopped:
         return "", ""
@@ -236,7 +236,7 @@ def why_stopped(
 
 
 def waiting(node: str, streams: str) -> tuple[str, str]:
-    """That a node waits for the first message of streams, and what to do."""
+    """Message that a node waits for the first message of streams, and what to do."""
     first = streams.split(" and ")[0].replace(".", "/")
     return (
         f"{node} waits for {streams}",
@@ -283,16 +283,16 @@ def resolve(key: str, nodes: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _lacking(wanted: Sequence[str], nodes: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Nodes of the role and instance meant that could publish it, were they there."""
+    """Nodes of the wanted role and instance that are missing or do not answer."""
     found = [(gone.role, gone.instance, "is missing") for gone in missing(nodes)]
     found += [(n["role"], n["instance"], "does not answer") for n in nodes if not n["answers"]]
     return [f"{role} {name} {how}" for role, name, how in found if role == wanted[0] and wanted[1] in ("*", name)]
 
 
 def _nearest(key: str, known: Sequence[str]) -> str:
-    """What may have been meant: the nearest stream, the role's own, or the roles there are."""
+    """Suggestion for a wrong key: the nearest stream, the streams of the role, or the roles."""
     short = list(dict.fromkeys(f"{role}/{port}" for role, _, port in (stream.split("/") for stream in known)))
-    near = difflib.get_close_matches(key, [*known, *short], n=1, cutoff=0.8)  # much of it is the role's name
+    near = difflib.get_close_matches(key, [*known, *short], n=1, cutoff=0.8)  # the role's name makes up much of a key
     if near:
         return f"did you mean {near[0]!r}?"
     role = key.strip("/").split("/")[0]
@@ -301,7 +301,7 @@ def _nearest(key: str, known: Sequence[str]) -> str:
 
 
 def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inlet]:
-    """Listen to streams, given as role/instance/port."""
+    """Subscribe to streams, each given as role/instance/port."""
     taps: dict[str, Inlet] = {}
     for stream in keys:
         inlet = taps[stream] = Inlet(stream, mailbox, 4096)
@@ -318,7 +318,7 @@ def tap(client: Client, keys: Sequence[str], mailbox: Mailbox) -> dict[str, Inle
 
 
 def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
-    """The last message of a stream whose publisher keeps it, so that who looks need not wait for the next."""
+    """The last message of a stream whose publisher retains it, so that a viewer need not wait for the next one."""
     role, name, port = stream.split("/", 2)
     if is_retained(role, port) or role not in FRAMEWORK.nodes:
         for answer in client.bus.ask(client.keys.port(role, name, port), timeout=1.0):
@@ -329,7 +329,7 @@ def retained(client: Client, stream: str) -> tuple[Message, Envelope] | None:
 
 
 def message_fields(message: Message, whole: bool = False) -> dict[str, Any]:
-    """A message as plain values; arrays as what they are like, or whole."""
+    """A message as plain values; arrays as summaries, or whole."""
     if isinstance(message, GenericMessage):
         arrays = {f"array {number}": _plain(array, whole) for number, array in enumerate(message.arrays)}
         return {**{name: _plain(value, whole) for name, value in message.fields.items()}, **arrays}
@@ -344,7 +344,7 @@ def envelope_fields(envelope: Envelope) -> dict[str, Any]:
 def _plain(value: Any, whole: bool) -> Any:
     if isinstance(value, Message):
         return message_fields(value, whole)
-    if isinstance(value, dict):  # of a generic message
+    if isinstance(value, dict):  # in a generic message
         return {name: _plain(entry, whole) for name, entry in value.items()}
     if isinstance(value, tuple):
         return [_plain(entry, whole) for entry in value]
@@ -354,7 +354,7 @@ def _plain(value: Any, whole: bool) -> Any:
 
 
 def _summary(array: np.ndarray[Any, Any]) -> dict[str, Any]:
-    """What an array is like; least, mean and largest are of its finite entries, `infinite` counts the others."""
+    """Summary of an array; min, mean and max are over its finite entries, `infinite` counts the others."""
     finite = array[np.isfinite(array)]
     found: dict[str, Any] = {"dtype": array.dtype.name, "shape": list(array.shape)}
     if finite.size:

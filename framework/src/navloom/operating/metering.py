@@ -1,4 +1,4 @@
-"""How a robot's streams flow, and how far its hosts' clocks are apart, as measured from outside."""
+"""Measures a robot's streams and the clock offsets of its hosts from outside."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from navloom.operating.looking import tap
 __all__ = ["Offset", "StreamMeter", "clock_offsets", "measure"]
 
 ROUNDS = 5
-"""Questions to each host about its clock; the fastest answer counts."""
+"""Number of clock queries to each host; the fastest answer counts."""
 
 
 class Offset(NamedTuple):
-    """How far a host's wall clock is ahead of this one's.
+    """Offset of a host's wall clock from this host's; positive if it is ahead.
 
     Attributes:
         seconds: Estimate, s.
-        uncertain: s it may be off by: half the way there and back.
+        uncertain: Largest error of the estimate, s: half the round-trip time.
     """
 
     seconds: float
@@ -34,7 +34,7 @@ class Offset(NamedTuple):
 
 @dataclass
 class StreamMeter:
-    """Collects what a stream does: arrivals and the platform's stamps in ns, gaps in its sequence."""
+    """Collects statistics of a stream: arrival times and platform stamps, ns, and gaps in its sequence."""
 
     arrived_ns: list[int] = field(default_factory=list)
     cause_ns: list[int] = field(default_factory=list)
@@ -45,7 +45,7 @@ class StreamMeter:
     _last: int = 0
 
     def note(self, packet: Packet) -> None:
-        """Take one message."""
+        """Record one message."""
         self.size += len(packet.data)
         try:
             _, envelope = packet.open()
@@ -60,11 +60,11 @@ class StreamMeter:
         self._last = envelope.sequence
 
     def summary(self, seconds: float, run_clock_ns: int | None) -> dict[str, Any]:
-        """Figures over some s of listening, in SI units.
+        """Statistics of the stream over the time of listening, in SI units.
 
         Args:
-            seconds: How long was listened.
-            run_clock_ns: Run clock less this host's monotonic clock; None where it is not known.
+            seconds: Duration of listening, s.
+            run_clock_ns: Run clock minus this host's monotonic clock, ns; None if it is not known.
         """
         arrived = np.array(self.arrived_ns, dtype=np.int64)
         gaps = np.diff(arrived) * 1e-9
@@ -89,17 +89,17 @@ class StreamMeter:
 def measure(
     client: Client, names: Sequence[str], odometry: Sequence[str], seconds: float, has_clock: bool
 ) -> dict[str, dict[str, Any]]:
-    """Listen to streams. Ctrl-C ends the listening, not the measurement.
+    """Measure streams. Ctrl-C ends the listening; what was measured so far is returned.
 
     Args:
-        client: Of the robot.
+        client: Client of the robot.
         names: Streams as role/instance/port.
-        odometry: The platform's, by which ages are counted: of all that came in, the one that was fastest to come.
-        seconds: How long.
-        has_clock: The run clock runs with the time, as it does but under a barrier.
+        odometry: Odometry streams of the platform. Their fastest message sets the clock offset for the ages.
+        seconds: Duration, s.
+        has_clock: Whether the run clock advances with real time, as it does except under a barrier.
 
     Returns:
-        By stream, see `StreamMeter.summary`.
+        Statistics of each stream, see `StreamMeter.summary`.
     """
     mailbox, meters = Mailbox(), {name: StreamMeter() for name in names}
     taps = tap(client, list(dict.fromkeys((*names, *odometry))), mailbox)
@@ -120,14 +120,14 @@ def measure(
         pass
     listened = max(1e-3, time.monotonic() - began)
     for name, meter in meters.items():
-        counts = taps[name].counts  # what was too large to be copied
+        counts = taps[name].counts  # messages that were too large to copy
         meter.malformed += counts.malformed
         meter.complaint = counts.complaint or meter.complaint
     return {name: meter.summary(listened, fastest) for name, meter in meters.items()}
 
 
 def clock_offsets(client: Client, nodes: Sequence[Mapping[str, Any]]) -> dict[str, Offset]:
-    """Offset of each host's wall clock, by asking one node of each how late it is."""
+    """Offset of each host's wall clock, from queries to one node of each host."""
     asked = {node["host"]: (node["role"], node["instance"]) for node in nodes if node["answers"]}
     best: dict[str, Offset] = {}
     for host, source in asked.items():

@@ -14,24 +14,24 @@ from navloom.operating.looking import listing, missing
 __all__ = ["BindError", "MetricsServer"]
 
 PATIENCE = 2.0
-"""Longest wait for a request after its connection, s: the next one waits that long at most."""
+"""Longest wait for a request after its connection, s; the next request waits at most that long."""
 SLICE = 0.2
-"""Longest wait for a word of the gate, s: so soon the listening thread sees that it is to end."""
+"""Longest wait for a message of the gate, s, and so the longest delay before the listening thread ends."""
 
 
 class BindError(NavloomError, OSError):
-    """The address cannot be listened at."""
+    """The server cannot listen at the address."""
 
 
 class MetricsServer:
-    """Answers `GET /metrics` until it is closed. Each answer asks the robot's nodes anew.
+    """Answers `GET /metrics` until it is closed. Each answer queries the robot's nodes.
 
     Args:
-        client: Joined to the robot; a viewer is enough.
-        address: Where to listen; port 0 for a free one.
+        client: Client of the robot; a viewer's certificate is enough.
+        address: Host and port to listen at; port 0 takes a free one.
 
     Raises:
-        BindError: The address is taken, or not of this host.
+        BindError: The address is taken, or does not belong to this host.
     """
 
     def __init__(self, client: Client, address: tuple[str, int]) -> None:
@@ -47,7 +47,7 @@ class MetricsServer:
                 server.answer(self)
 
             def log_message(self, format: str, *args: object) -> None:
-                """One line a scrape would be noise."""
+                """Log nothing: a line for each scrape would be noise."""
 
         try:
             self._http = HTTPServer(address, Handler)
@@ -57,7 +57,7 @@ class MetricsServer:
 
     @property
     def url(self) -> str:
-        """Where the metrics are."""
+        """URL of the metrics."""
         host, port = self._http.server_address[:2]
         return f"http://{host!s}:{port}/metrics"
 
@@ -67,7 +67,7 @@ class MetricsServer:
         self._http.serve_forever(poll_interval=SLICE)
 
     def close(self) -> None:
-        """End `run`, from another thread or after it."""
+        """End `run`, from another thread or after it has returned."""
         self._ends.set()
         if self._thread.is_alive():
             self._http.shutdown()
@@ -75,7 +75,7 @@ class MetricsServer:
         self._http.server_close()
 
     def text(self) -> str:
-        """The metrics now."""
+        """The current metrics."""
         nodes = listing(self._client)
         return exposition(self._client.keys.prefix, nodes, len(missing(nodes)), self._stops)
 

@@ -1,4 +1,4 @@
-"""Driving a live robot from Python: goals with feedback and results, stops, swaps and parameters."""
+"""Drives a live robot from Python: goals with feedback and results, stops, swaps and parameters."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from navloom.transport.quality import kind_of, most_of
 __all__ = ["GoalHandle", "Navigator"]
 
 ASK_AGAIN = 1.0
-"""s between looks at the robot's last result, in case it came while the link was down."""
+"""Interval of queries for the robot's last result, s, in case it came while the link was down."""
 FORGOTTEN = 3.0
-"""s after which a goal's node that began anew, and has said nothing of a goal since, does not know it."""
+"""Time after which a restarted goal node that has not mentioned a goal counts as having lost it, s."""
 GONE = 15.0
-"""s without any node of the robot after which it counts as gone; a restart takes less."""
+"""Time without any node after which the robot counts as gone, s; a restart takes less."""
 
 
-class Streams(NamedTuple):
-    """Where what is told of goals waits."""
+class GoalStreams(NamedTuple):
+    """Inlets of the streams that report on goals."""
 
     results: Inlet
     feedbacks: Inlet
@@ -37,7 +37,7 @@ class Streams(NamedTuple):
 
 
 def rejection(refusal: Refused, x: float, y: float) -> GoalResult:
-    """The result of a goal that was refused at once."""
+    """The result of a goal that was refused immediately."""
     place = Point2D(x, y) if math.isfinite(x) and math.isfinite(y) else Point2D(0.0, 0.0)
     return GoalResult(0, "rejected", str(refusal).removeprefix("rejected: "), place)
 
@@ -53,7 +53,7 @@ class GoalHandle:
         speed: Newest measured forward speed, m/s, or None.
     """
 
-    def __init__(self, client: Client, mailbox: Mailbox, streams: Streams, goal_id: int) -> None:
+    def __init__(self, client: Client, mailbox: Mailbox, streams: GoalStreams, goal_id: int) -> None:
         self.goal_id = goal_id
         self.feedback: Feedback | None = None
         self.result: GoalResult | None = None
@@ -65,10 +65,10 @@ class GoalHandle:
         self._note(client.last("gate", "main", "status"))
 
     def updates(self, timeout: float | None = None) -> Iterator[Feedback]:
-        """Feedback as it comes, until the goal has ended; also while nodes of the robot restart.
+        """Yield feedback as it arrives, until the goal has ended. It continues while nodes of the robot restart.
 
         Raises:
-            TimeoutError: It has not ended within s; ClientError: the robot is gone.
+            TimeoutError: The goal has not ended within `timeout`, s; ClientError: the robot is gone.
         """
         began = time.monotonic()
         seen = 0
@@ -86,7 +86,7 @@ class GoalHandle:
                 self._asked = now
                 self._note(self._client.last("goal", "main", "result"))
                 if self.result is None:
-                    self._refuse_to_wait_for_nobody()
+                    self._refuse_endless_wait()
             if timeout is not None and self.result is None and now - began > timeout:
                 raise TimeoutError(f"goal {self.goal_id} has not ended within {timeout:g} s")
 
@@ -94,7 +94,7 @@ class GoalHandle:
         """Wait for the result.
 
         Args:
-            timeout: Longest wait, s; None for any.
+            timeout: Longest wait, s; None for no limit.
             on_feedback: Called with each feedback.
 
         Raises:
@@ -110,7 +110,7 @@ class GoalHandle:
         """Cancel it."""
         self._client.call("goal", "main", "cancel", {})
 
-    def _refuse_to_wait_for_nobody(self) -> None:
+    def _refuse_endless_wait(self) -> None:
         client, now = self._client, time.monotonic()
         lives = client.lives("goal", "main")
         if lives or client.has_nodes():
@@ -119,7 +119,7 @@ class GoalHandle:
             raise ClientError(f"robot {client.keys.prefix} went down, and goal {self.goal_id} with it")
         elif now - self._seen > GONE:
             raise ClientError(
-                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so what became of "
+                f"robot {client.keys.prefix}: none of its nodes has been there for {GONE:g} s, so the outcome of "
                 f"goal {self.goal_id} is unknown; `navloom doctor` says what is missing"
             )
         self._lives = self._lives or lives
@@ -127,8 +127,8 @@ class GoalHandle:
             self._known = now
         elif now - self._known > FORGOTTEN:
             raise ClientError(
-                f"robot {client.keys.prefix}: its goal node began anew and knows nothing of goal {self.goal_id}, "
-                "which has ended with the node before"
+                f"robot {client.keys.prefix}: its goal node restarted and does not know goal {self.goal_id}, "
+                "which ended with the previous node"
             )
 
     def _note(self, message: object) -> None:
@@ -148,10 +148,10 @@ class Navigator:
     """A live robot, to be used in a `with` statement.
 
     Args:
-        robot: REALM/NAME, or NAME where that is unique; None for the only one that is up on this host.
-        connect: Endpoint of a router elsewhere.
+        robot: REALM/NAME, or NAME if that is unique; None for the only one that is up on this host.
+        connect: Endpoint of a router on another host.
         keys: Folder of certificates, see `navloom keys`.
-        insecure: Plain TCP to another host is wanted.
+        insecure: Allow plain TCP to another host.
 
     Raises:
         DirectoryError: There is no such robot; LinkError, BusError: its network cannot be joined.
@@ -171,7 +171,7 @@ class Navigator:
 
     @property
     def client(self) -> Client:
-        """What asks the robot's nodes. Raises RuntimeError outside of a `with` statement."""
+        """Client of the robot. Raises RuntimeError outside a `with` statement."""
         if self._client is None:
             raise RuntimeError("a Navigator joins its robot in a `with` statement: `with Navigator() as robot:`")
         return self._client
@@ -179,7 +179,7 @@ class Navigator:
     def __enter__(self) -> Navigator:
         robot, connect, keys, insecure = self._given
         self._client = self._stack.enter_context(join(robot, connect, keys, insecure=insecure))
-        self._streams = Streams(
+        self._streams = GoalStreams(
             self._inlet("goal", "main", "result"),
             self._inlet("goal", "main", "feedback"),
             self._inlet("gate", "main", "status"),
@@ -198,12 +198,12 @@ class Navigator:
         """Send the robot to a place. This pre-empts the current goal.
 
         Args:
-            x, y: m, map frame.
-            heading: rad, map frame; None for any.
+            x, y: Place, m, map frame.
+            heading: Heading there, rad, map frame; None for any.
             via: Points to pass on the way, m, map frame.
 
         Raises:
-            Refused: Rejected at once, with the reason; ClientError: the goal's node does not answer.
+            Refused: The goal is rejected immediately, with the reason; ClientError: the goal node does not answer.
         """
         given = {"x": x, "y": y, "heading": heading, "via": [list(point) for point in via]}
         for name, value in (("x", x), ("y", y), ("heading", 0.0 if heading is None else heading)):
@@ -216,9 +216,9 @@ class Navigator:
         """Send the robot to a place and wait for the result; a rejected goal is a result too.
 
         Args:
-            x, y: m, map frame.
-            heading: rad, map frame; None for any.
-            timeout: Longest wait, s; None for any.
+            x, y: Place, m, map frame.
+            heading: Heading there, rad, map frame; None for any.
+            timeout: Longest wait, s; None for no limit.
         """
         try:
             handle = self.go(x, y, heading)
@@ -255,15 +255,15 @@ class Navigator:
             raise ClientError(f"robot {self.client.keys.prefix}: no localizer answers; `navloom doctor` says why")
 
     def swap(self, role: str, instance: str, timeout: float = 10.0) -> int:
-        """Make another instance active once it has warmed up; gives the selection's epoch.
+        """Make another instance active as soon as it is ready, and return the epoch of the selection.
 
         Args:
-            role: As avoider.
+            role: Name of the role, as avoider.
             instance: Its name in the config.
-            timeout: Longest wait for it to warm up, s.
+            timeout: Longest wait for it to publish, s.
 
         Raises:
-            Refused: There is no such instance; TimeoutError: it did not warm up within s.
+            Refused: There is no such instance; TimeoutError: it was not ready within `timeout`, s.
         """
         answer = self.client.call("gate", "main", "swap", {"role": role, "instance": instance})
         limit = time.monotonic() + timeout
@@ -278,11 +278,11 @@ class Navigator:
         return int(answer["epoch"])
 
     def listen(self, streams: Sequence[str]) -> Listening:
-        """What the robot publishes on some streams, each given as role/port; `take` gives what has come."""
+        """Subscribe to streams, each given as role/port; `take` of the result returns new messages."""
         return Listening(self.client, streams)
 
     def get_parameters(self, role: str, instance: str) -> dict[str, Any]:
-        """Parameters of an instance, as role avoider and instance vff."""
+        """Parameters of an instance, for example role avoider and instance vff."""
         values: dict[str, Any] = self.client.call(role, instance, "params/get", {})["values"]
         return values
 
@@ -290,11 +290,11 @@ class Navigator:
         """Change parameters between two ticks, all or none.
 
         Args:
-            role, instance: As avoider and vff.
-            assignments: TOML, as `reach = 2.0`.
+            role, instance: Names, for example avoider and vff.
+            assignments: TOML assignments, as `reach = 2.0`.
 
         Raises:
-            Refused: One of them does not fit.
+            Refused: One of them is not valid.
         """
         values: dict[str, Any] = self.client.call(role, instance, "params/set", {"values": list(assignments)})["values"]
         return values

@@ -1,4 +1,4 @@
-"""Which line of a plugin's own code an error came from, and the whole traceback for who asks for it."""
+"""The line of a plugin's own code that an error came from, and the whole traceback on request."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from navloom.entry_kinds import TRACEBACK
 __all__ = ["kept_tracebacks", "raised_in", "traceback_of", "whole_traceback"]
 
 MOST = 64
-"""Tracebacks that are kept."""
+"""Largest number of tracebacks that are kept."""
 _KEPT: dict[str, str] = {}
 
 
@@ -41,18 +41,18 @@ def _keep(text: str, error: BaseException) -> None:
 
 
 def traceback_of(message: str) -> str:
-    """The traceback behind a message that holds an error's line; empty where none was kept."""
+    """The traceback that belongs to a message with an error's line; empty if none was kept."""
     flat = " ".join(message.split())
     return next((kept for text, kept in reversed(_KEPT.items()) if " ".join(text.split()) in flat), "")
 
 
 def kept_tracebacks() -> dict[str, str]:
-    """Tracebacks by the line of their error."""
+    """Kept tracebacks, by the one-line text of their error."""
     return dict(_KEPT)
 
 
 def whole_traceback(error: BaseException) -> str:
-    """A traceback with all that led to it, also what a clearer error hides."""
+    """A traceback with the whole chain of causes, also those that a clearer error suppresses."""
     seen: set[int] = set()
     one: BaseException | None = error
     while one is not None and id(one) not in seen:

@@ -1,4 +1,4 @@
-"""Finding plugins by entry point: listed without importing, loaded by name, and blamed by name."""
+"""Finds plugins by entry point: lists them without importing, loads them by name, and names them in errors."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class PluginInfo:
     """What is known of a plugin without importing it.
 
     Attributes:
-        role, name: From the entry point `<role>.<name>`; in place of a role there may be one of OTHERS.
-        distribution, version: Who provides it.
+        role, name: From the entry point `<role>.<name>`; the role may also be one of OTHERS.
+        distribution, version: The distribution that provides it.
         target: Module that implements the hook.
     """
 
@@ -42,11 +42,11 @@ class PluginInfo:
 
 
 class Discovery:
-    """The plugins installed, less the blocked ones; each is imported when its name is first asked for.
+    """The installed plugins without the blocked ones; each is imported on first use of its name.
 
     Args:
         blocked: `role.name` of plugins to treat as not installed.
-        found: Entry points to use instead of those of installed distributions and of files (tests).
+        found: Entry points that replace those of installed distributions and files (for tests).
     """
 
     def __init__(self, blocked: Iterable[str] = (), found: Iterable[EntryPoint] | None = None) -> None:
@@ -59,7 +59,7 @@ class Discovery:
         self._loaded: dict[str, Registry] = {}
 
     def infos(self) -> list[PluginInfo]:
-        """Every plugin by role and name, without importing any."""
+        """Every plugin, sorted by role and name, without importing any."""
         listed = []
         for point in self._points:
             role, _, name = point.name.partition(".")
@@ -68,7 +68,7 @@ class Discovery:
         return listed
 
     def problems(self) -> list[str]:
-        """Entry points that nobody can ask for, in words, without importing any."""
+        """A message for each entry point that cannot be used by name, without importing any."""
         found = []
         kinds = [*ROLES, *OTHERS]
         for point in self._points:
@@ -84,7 +84,7 @@ class Discovery:
         return found
 
     def taken(self, role: str, names: Collection[str]) -> list[str]:
-        """Entry points that nobody can ask for since navloom has something of that name itself, in words."""
+        """A message for each entry point whose name navloom already uses itself."""
         found = [point for point in self._points if point.name in {f"{role}.{name}" for name in names}]
         return [
             f"entry point {point.name!r} of {owner_of(point)}: navloom has a {role} of that name; rename it"
@@ -92,26 +92,31 @@ class Discovery:
         ]
 
     def names(self, role: str) -> list[str]:
-        """Names of one role's plugins; of messages with the package, as `navloom_people.Tracks`."""
+        """Names of one role's plugins; names of messages include the package, as `navloom_people.Tracks`."""
         parts = (_key(point).partition(".") for point in self._points)
         return [name for owner, _, name in parts if owner == role]
+
+    def meant(self, name: str) -> str:
+        """`; did you mean 'avoider.vff'?` for a plugin that is named without its kind, to append; else empty."""
+        found = [_key(point) for point in self._points if name and _key(point).partition(".")[2] == name]
+        return f"; did you mean {' or '.join(map(repr, found))}?" if found else ""
 
     def role(self, role: str, name: str) -> type[Role]:
         """The class of one plugin.
 
         Raises:
-            PluginError: Unknown role or name, named twice, broken, or built for another version of the role.
+            PluginError: Unknown role or name, duplicate name, broken plugin, or built for another role version.
         """
         if role not in ROLES:
             raise PluginError(f"role {role!r} does not exist{nearest(role, list(ROLES))}")
         return self._given(role, name, {n: cls for (r, n), cls in self.load(role, name).roles.items() if r == role})
 
     def world(self, reference: str, base: Path) -> World:
-        """The world of a reference: a name, `scheme:argument`, or a `.toml` file, relative to a base folder.
+        """The world of a reference: a name, `scheme:argument`, or a `.toml` file relative to a base folder.
 
         Raises:
-            PluginError: No world or scheme of that name, or it is broken.
-            ValueError: From the scheme, for a file it cannot use.
+            PluginError: No world or scheme of that name, or its plugin is broken.
+            ValueError: Raised by the scheme for a file that it cannot use.
         """
         scheme, colon, argument = reference.partition(":")
         if not colon and reference.endswith(".toml"):
@@ -145,7 +150,7 @@ class Discovery:
         return self._given("panel", name, self.load("panel", name).panels)
 
     def plugin(self, role: str, name: str) -> type[Role]:
-        """The class of one plugin of a role, or, under any other name, of a node.
+        """The class of one plugin of a role, or of a node if `role` names no role.
 
         Raises:
             PluginError: See `role` and `node`.
@@ -161,7 +166,7 @@ class Discovery:
         return self._given("node", name, self.load("node", name).nodes)
 
     def message(self, schema: str) -> type[Message]:
-        """A class of messages by its schema name, as `navloom_people.Tracks`.
+        """A message class by its schema name, as `navloom_people.Tracks`.
 
         Raises:
             PluginError: No message of that name, named twice, or broken.
@@ -170,7 +175,7 @@ class Discovery:
         return self._given("message", schema, {cls.schema_name: cls for cls in declared})
 
     def owner_of(self, package: str) -> str:
-        """Name and version of the distribution whose plugins are in a package; empty where there is none."""
+        """Name and version of the distribution whose plugins are in a package; empty if there is none."""
         found = (point.dist for point in self._points if module_of(point).partition(".")[0] == package)
         return next((f"{dist.name} {dist.version}" for dist in found if dist is not None), "")
 
@@ -183,11 +188,11 @@ class Discovery:
         return self._given("command", name, self.load("command", name).commands)
 
     def instead_of(self, role: str, name: str, beside: Iterable[str] = ()) -> str:
-        """What to do about a plugin that is not installed, to append to a message: install it, or ask for another.
+        """The remedy for a plugin that is not installed, to append to a message: install it, or use another.
 
         Args:
             role, name: The plugin.
-            beside: Names that would have been accepted too.
+            beside: Further names that would have been accepted.
         """
         if f"{role}.{name}" in self.blocked:
             return f"; {role}.{name} is blocked"
@@ -196,10 +201,11 @@ class Discovery:
         known, shipped = [*self.names(role), *beside], shipped_names(role)
         if known or not shipped:
             return close_to(name, [*known, *shipped]) or nearest(name, known)
-        return close_to(name, shipped) or f"; no {role} is: pip install 'navloom[all]' brings {', '.join(shipped)}"
+        every = f"pip install 'navloom[all]' adds {', '.join(shipped)}"
+        return close_to(name, shipped) or f"; no {role} is installed: {every}"
 
     def _given(self, role: str, name: str, registered: Mapping[str, T]) -> T:
-        """What an entry point registered under its own name."""
+        """The object that an entry point registered under its own name."""
         if name not in registered:
             given = ", ".join(f"{role}.{other}" for other in sorted(registered)) or f"no {role}"
             hint = "" if registered else ": its module's `navloom_register(registry)`, marked @hookimpl, must add it"
@@ -207,10 +213,10 @@ class Discovery:
         return registered[name]
 
     def load(self, role: str, name: str) -> Registry:
-        """What one entry point registers; it is imported when this is first asked for.
+        """The registry that one entry point filled; the first call imports it.
 
         Raises:
-            PluginError: Unknown, named twice, or broken.
+            PluginError: Unknown, duplicate, or broken.
         """
         key = f"{role}.{name}"
         if key not in self._loaded:
@@ -218,11 +224,11 @@ class Discovery:
         return self._loaded[key]
 
     def call(self, role: str, name: str, hook: str, **given: Any) -> Sequence[Any]:
-        """Call a hook in one entry point that was loaded; what it raises goes through."""
+        """Call a hook of one loaded entry point; its exceptions propagate."""
         return self._loader.call(f"{role}.{name}", hook, **given)
 
     def blamed(self, role: str, name: str, error: BaseException) -> str:
-        """What an entry point raised: whose it is, the error, and the innermost line of its own code."""
+        """Message for an entry point's exception: its distribution, the error, and the innermost line of its code."""
         point = self._point(f"{role}.{name}", role, name)
         return f"{point.name} of {owner_of(point)} failed: {raised_in(error, module_of(point))}"
 
@@ -236,13 +242,13 @@ class Discovery:
 
 
 def _key(point: EntryPoint) -> str:
-    """What an entry point is held under: its name; of a message with the package, since two may have one of a name."""
+    """Key of an entry point: its name. A message's key includes the package, since two packages may share a name."""
     kind, _, name = point.name.partition(".")
     return f"{kind}.{module_of(point).partition('.')[0]}.{name}" if kind == "message" else point.name
 
 
 def _world_of(plugin: str, reference: str, make: Callable[..., World], *given: Any) -> World:
-    """The world that a plugin makes. It may refuse the reference by a ValueError; all else is its own fault."""
+    """The world that a plugin makes. A ValueError refuses the reference; any other exception is the plugin's fault."""
     try:
         world = make(*given)
     except ValueError:

@@ -24,11 +24,11 @@ class RunInfo:
 
     Attributes:
         kind: "lockstep" for `navloom run`, "barrier" for `navloom up --barrier`, "live" for `navloom up`.
-        name: Of the config, as it was given.
-        config: The whole config with its defaults, as plain values; a copy for each observer.
+        name: Name of the config, as it was given.
+        config: The whole config with its defaults, as plain values; each observer gets a copy.
         config_sha256: Hash of the config.
         realm, robot: Names of the robot.
-        seed: Of every random stream.
+        seed: Seed of every random stream.
     """
 
     kind: Literal["lockstep", "barrier", "live"]
@@ -55,15 +55,15 @@ class MessageObserver(Protocol):
         """A message was published.
 
         Args:
-            role, instance, port: Where.
-            active: Its instance is the active one of its role.
+            role, instance, port: Where it was published.
+            active: Whether its instance is the active one of its role.
             message: The message.
             at: Its envelope: sequence, tick and stamps.
         """
 
 
 class HookSpecs:
-    """What a plugin module may implement. Hooks register and report; control never goes through one.
+    """The hooks that a plugin module may implement. Hooks register and report; control never goes through one.
 
     `navloom_register` is called in each entry point, alone, when its name is first needed. The others are called in
     every entry point `observer.NAME`, one after the other, in each `navloom run` and `navloom up`. An implementation
@@ -77,17 +77,17 @@ class HookSpecs:
 
     @hookspec
     def navloom_run_started(self, run: RunInfo) -> None:
-        """A run begins: its plugins are made, and nothing has moved yet. Live, every node is there."""
+        """A run begins: its plugins are created, and nothing has moved yet. In a live run every node is up."""
 
     @hookspec
     def navloom_observe(self, run: RunInfo) -> MessageObserver | None:
-        """Give an object that is shown the messages of this run; None for no interest in it."""
+        """Return an object that receives the messages of this run, or None to ignore it."""
 
     @hookspec
     def navloom_run_finished(self, run: RunInfo, summary: Mapping[str, Any] | None) -> None:
         """A run has ended.
 
         Args:
-            run: As at its start.
-            summary: What `--json` prints of it; None where it was cut short, or no goal has ended.
+            run: The same as at the start.
+            summary: What `--json` prints; None if the run was cut short, or no goal has ended.
         """

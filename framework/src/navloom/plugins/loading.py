@@ -1,4 +1,4 @@
-"""Loads entry points into one pluggy manager. What one of them does, or fails to do, harms no other."""
+"""Loads entry points into one pluggy manager. An entry point that fails does not affect the others."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Loader", "module_of", "owner_of"]
 
 
 class _Hooked:
-    """The hook implementations of one entry point. Its module may stand behind other entry points as well."""
+    """The hook implementations of one entry point. Several entry points may share a module."""
 
     def __init__(self, point: EntryPoint, hooks: Mapping[str, Any]) -> None:
         self.__dict__.update(hooks)
@@ -29,7 +29,7 @@ class _Hooked:
 
 
 class Loader:
-    """The one plugin manager of a discovery: it holds an entry point once its name was needed.
+    """The plugin manager of a discovery: it registers an entry point when its name is first needed.
 
     Args:
         blocked: Names of entry points that are never loaded.
@@ -48,10 +48,10 @@ class Loader:
         return bool(self._manager.is_blocked(name))
 
     def register(self, name: str, point: EntryPoint) -> Registry:
-        """Import an entry point's module, and let it register, alone, into a registry of its own.
+        """Import an entry point's module and let it register into a new registry that it shares with no other.
 
         Raises:
-            PluginError: It fails; it is then not held, and loaded again when its name is needed again.
+            PluginError: It fails. It is then unregistered, and loaded again when its name is needed next.
         """
         if point.name.partition(".")[0] in ROLES:  # it may bring kernels
             from navloom.kernel_cache import harden_kernel_cache
@@ -78,24 +78,24 @@ class Loader:
         return registry
 
     def call(self, name: str, hook: str, **given: Any) -> Sequence[Any]:
-        """Call a hook in one entry point that was registered; what it raises goes through."""
+        """Call a hook of one registered entry point; its exceptions propagate."""
         others = [held for other, held in self._manager.list_name_plugin() if held is not None and other != name]
         answers: Sequence[Any] = self._manager.subset_hook_caller(hook, others)(**given)
         return answers
 
     def _implemented(self, target: Any) -> dict[str, Any]:
-        """Hook implementations of a module, or of whatever else an entry point leads to."""
+        """Hook implementations of a module, or of any other object that an entry point names."""
         names = [name for name in dir(target) if self._manager.parse_hookimpl_opts(target, name) is not None]
         return {name: getattr(target, name) for name in names}
 
 
 def owner_of(point: EntryPoint) -> str:
-    """Name of the distribution that an entry point is of, or its module where that is not known."""
+    """Name of the distribution of an entry point, or its module if the distribution is not known."""
     return str(point.dist.name) if point.dist else point.value
 
 
 def module_of(point: EntryPoint | CommandPoint) -> str:
-    """Name of the module that an entry point leads to, whatever its text is."""
+    """Name of the module that an entry point names, with or without an attribute after it."""
     return point.value.partition(":")[0].strip()
 
 

@@ -1,4 +1,4 @@
-"""The observers that are installed, in one run: told of its start and its end, and shown its messages."""
+"""The installed observers in one run: they are notified of its start and end, and receive its messages."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ KIND = "observer"
 
 
 class Onlookers:
-    """Every entry point `observer.NAME`, for one run. Use it in a `with` statement: it tells the end, whatever it is.
+    """Every entry point `observer.NAME`, for one run. Use it in a `with` statement, so that the end is always reported.
 
-    An observer that fails is reported once, and takes no further part: the run is the same with and without it.
+    An observer that fails is reported once and then ignored: the run is the same with and without it.
 
     Args:
-        discovery: Where they are found.
-        say: Told what fails.
+        discovery: Finds the observers.
+        say: Receives a message for each failure.
     """
 
     def __init__(self, discovery: Discovery, say: Callable[[str], None]) -> None:
@@ -43,7 +43,7 @@ class Onlookers:
         self.finish(None)
 
     def begin(self, run: RunInfo) -> list[Onlooker]:
-        """The run begins: load the observers, tell them, and give those that want to be shown messages."""
+        """Load the observers, notify them of the run's start, and return those that want messages."""
         looking = []
         for name in dict.fromkeys(self._discovery.names(KIND)):
             try:
@@ -59,7 +59,7 @@ class Onlookers:
         return looking
 
     def finish(self, summary: Mapping[str, Any] | None) -> None:
-        """The run has ended; said once."""
+        """Notify the observers that the run has ended; further calls do nothing."""
         for name in list(self._running):
             self._call(name, "navloom_run_finished", summary=deepcopy(summary))
         self._running.clear()
@@ -68,7 +68,7 @@ class Onlookers:
         if name not in self._running:
             return []
         try:
-            with redirect_stdout(sys.stderr):  # standard output is the result's
+            with redirect_stdout(sys.stderr):  # standard output is for the result
                 return list(self._discovery.call(KIND, name, hook, run=self._running[name], **given))
         except (Exception, SystemExit) as error:
             self._drop(name, hook, error)
@@ -81,15 +81,15 @@ class Onlookers:
 
 
 class Onlooker:
-    """What an observer gave to be shown messages, as a run calls it: it raises nothing.
+    """Wraps the object that an observer returned for messages, so that a call raises nothing.
 
     Args:
         given: The observer's object.
-        drop: Told what it raised, once.
+        drop: Receives the first exception of the observer.
 
     Attributes:
         wants: Pairs of role and port, or None for all.
-        wants_steps: Never.
+        wants_steps: Always false.
     """
 
     wants_steps = False
@@ -105,7 +105,7 @@ class Onlooker:
             drop(error)
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Show it a message."""
+        """Pass a message to the observer."""
         if self._show is None:
             return
         try:
@@ -115,4 +115,4 @@ class Onlooker:
             self._drop(error)
 
     def on_step(self, record: StepRecord) -> None:
-        """Step records are not shown."""
+        """Ignore step records: observers do not receive them."""

@@ -8,8 +8,11 @@ import inspect
 import json
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -23,17 +26,19 @@ from navloom.plugins.hooks import HookSpecs, hookimpl
 from navloom.plugins.registry import NODE, PluginError, Registry
 from navloom.roles import ROLES, Role
 
-__all__ = ["available_points", "use_files"]
+__all__ = ["available_points", "files_in_use", "use_files"]
 
 FILES = "NAVLOOM_PLUGIN_FILES"
-"""Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they have the same plugins."""
+"""Environment variable: JSON list of [path, SHA-256]. Child processes inherit it, so they load the same plugins."""
+LONGEST_IMPORT = 60.0
+"""Longest import of a file, s."""
 _LOADED: dict[Path, list[FilePoint]] = {}
 """Entry points of the files that this process has imported."""
 
 
 @dataclass(frozen=True)
 class FileOrigin:
-    """What stands in the place of a distribution in lists, messages and recordings.
+    """Replaces the distribution in lists, messages and recordings.
 
     Attributes:
         name: Path of the file.
@@ -44,27 +49,31 @@ class FileOrigin:
     version: str
 
 
+class ImportTimeout(BaseException):
+    """An import took too long. No `except Exception` of the file catches it."""
+
+
 class FilePoint(EntryPoint):
-    """An entry point of a class in a file: it leads to the hooks instead of to a module to import."""
+    """An entry point of a class in a file: it holds the hooks, so there is no module left to import."""
 
     def __init__(self, name: str, module: str, origin: FileOrigin, hooks: object) -> None:
         super().__init__(name, module, GROUP)
         vars(self).update(dist=origin, hooks=hooks)
 
     def load(self) -> Any:
-        """The object with the hook implementations; the file is imported already."""
+        """The object with the hook implementations; the file is already imported."""
         return vars(self)["hooks"]
 
 
 class Listed:
-    """The hook of a file that has none of its own: it registers the classes found in the file."""
+    """The hook of a file that defines none: it registers the classes found in the file."""
 
     def __init__(self, classes: Iterable[type[Any]]) -> None:
         self.classes = tuple(classes)
 
     @hookimpl
     def navloom_register(self, registry: Registry) -> None:
-        """Add each class as what it is."""
+        """Add each class to the registry as a message, a node or a role's plugin."""
         for cls in self.classes:
             if issubclass(cls, Message):
                 registry.message(cls)
@@ -75,19 +84,19 @@ class Listed:
 
 
 def available_points() -> list[EntryPoint]:
-    """The entry points of the installed distributions, and those of the files in use.
+    """The entry points of the installed distributions and of the plugin files in use.
 
     Raises:
-        PluginError: A file cannot be used, or changed after the command started.
+        PluginError: A file cannot be used, or has changed since the command started.
     """
     return [*installed_points(), *(point for path, digest in _in_use() for point in _points_of(path, digest))]
 
 
 def use_files(files: Iterable[Path]) -> None:
-    """Import plugin files; this process and those it starts then have their plugins.
+    """Import plugin files, for this process and those that it starts later.
 
     Raises:
-        PluginError: A file cannot be read or imported, or has no plugin; the message names the file and the line.
+        PluginError: A file cannot be read or imported, or has no plugin; the message names the file and line.
     """
     used = dict(_in_use())
     for file in files:
@@ -95,6 +104,11 @@ def use_files(files: Iterable[Path]) -> None:
         used[path] = _digest_of(path)
         _points_of(path, used[path])
     os.environ[FILES] = json.dumps([(str(path), digest) for path, digest in used.items()])
+
+
+def files_in_use() -> list[str]:
+    """Absolute paths of the files, for commands that are to find the same plugins."""
+    return [str(path) for path, _ in _in_use()]
 
 
 def _in_use() -> list[tuple[Path, str]]:
@@ -123,7 +137,7 @@ def _points_of(path: Path, digest: str) -> list[FilePoint]:
 
 
 def _imported(path: Path) -> ModuleType:
-    """The file as a module of its own name."""
+    """The file, imported as a module of the same name."""
     name = re.sub(r"\W", "_", path.stem)
     if path.suffix != ".py" or not name.isidentifier():
         raise PluginError(f"--plugin {path}: expected the name of a Python file, as my_avoider.py")
@@ -136,13 +150,33 @@ def _imported(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        with _bounded():
+            spec.loader.exec_module(module)
     except BaseException as error:
         del sys.modules[name]
-        if not isinstance(error, (Exception, SystemExit)):
+        if not isinstance(error, (Exception, SystemExit, ImportTimeout)):
             raise
         raise PluginError(f"--plugin {path}: the import fails: {raised_in(error, name)}") from error
     return module
+
+
+@contextmanager
+def _bounded() -> Iterator[None]:
+    """Raise ImportTimeout in an import that does not end. Code in C that holds the GIL is not interrupted."""
+    if threading.current_thread() is not threading.main_thread():  # which alone handles signals
+        yield
+        return
+
+    def over(*_: object) -> None:
+        raise ImportTimeout(f"not over after {LONGEST_IMPORT:g} s; long work belongs in warm_up()")
+
+    handler = signal.signal(signal.SIGALRM, over)
+    left, interval = signal.setitimer(signal.ITIMER_REAL, LONGEST_IMPORT)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, left, interval)
+        signal.signal(signal.SIGALRM, handler)
 
 
 def _refuse_taken(name: str, path: Path) -> None:
@@ -158,7 +192,7 @@ def _refuse_taken(name: str, path: Path) -> None:
 
 
 def _plugins_in(module: ModuleType) -> Iterator[tuple[str, object]]:
-    """Names of the entry points of a file, each with the object that implements its hooks."""
+    """Names of a file's entry points, each with the object that implements its hooks."""
     own = {name for name in vars(HookSpecs) if hasattr(vars(module).get(name), "navloom_impl")}
     hooks: object = module
     if own - {"navloom_register"}:
@@ -179,7 +213,7 @@ def _plugins_in(module: ModuleType) -> Iterator[tuple[str, object]]:
 
 
 def _classes_in(module: ModuleType) -> list[type[Any]]:
-    """The plugins and messages that a file defines. A class without a `name` serves as a base of others."""
+    """The plugin and message classes that a file defines. A class without a `name` counts as a base of others."""
     kinds = (*ROLES.values(), Message)
     own = [cls for cls in vars(module).values() if inspect.isclass(cls) and cls.__module__ == module.__name__]
     parts = [cls for cls in dict.fromkeys(own) if issubclass(cls, kinds) or getattr(cls, "role", "") == NODE]
@@ -195,7 +229,7 @@ def _classes_in(module: ModuleType) -> list[type[Any]]:
 
 
 def _registered(module: ModuleType, hooks: Any) -> Registry:
-    """What a file registers."""
+    """The registry that a file fills."""
     registry = Registry()
     parts = [Listed([cls]) for cls in hooks.classes] if isinstance(hooks, Listed) else [hooks]
     for part in parts:

@@ -1,4 +1,4 @@
-"""Opens messages of every distribution: a class is loaded when its first message comes; others are shown as sent."""
+"""Decodes messages of any distribution: a class is loaded with its first message, unknown ones decode generically."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from navloom.plugins.registry import PluginError
 __all__ = ["OPENER", "Opener"]
 
 MOST_LABELS = 1024
-"""Most labels that are remembered: whoever may send on the network can make them up."""
+"""Largest number of remembered labels; bounded because any sender on the network can invent labels."""
 _LABEL = re.compile(r"([A-Za-z_]\w*)\.([A-Za-z_]\w*)/([1-9]\d{0,8})", re.ASCII)
 
 
 class Opener:
-    """Messages by their labels, for tools and recordings; nodes are wired to classes that are loaded already.
+    """Decodes messages by their labels, for tools and recordings. Nodes do not need it: their classes are loaded.
 
-    A label `navloom_people.Tracks/1` is looked for at the entry point `message.Tracks` of a distribution whose module
-    is in the package navloom_people; no other one is imported.
+    For the label `navloom_people.Tracks/1` it looks for the entry point `message.Tracks` whose module is in the
+    package navloom_people, and imports no other.
     """
 
     def __init__(self) -> None:
@@ -31,15 +31,15 @@ class Opener:
         self._why: dict[str, str] = {}
 
     def block(self, names: Iterable[str]) -> None:
-        """Treat these entry points as not installed too, as a config's `[plugins] blocked` says."""
+        """Treat further entry points as not installed, as listed in a config's `[plugins] blocked`."""
         self._blocked |= frozenset(names)
         self._discovery = None
 
     def decode(self, data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
-        """As the codec decodes it, with classes of installed distributions.
+        """Decode a message with the codec, also of classes from installed distributions.
 
         Raises:
-            CodecError: What the codec refuses, or a class that is not known here: the text says why, and what helps.
+            CodecError: The codec refuses it, or its class is unknown here; the text gives the cause and the remedy.
         """
         try:
             return decode(data, label)
@@ -52,10 +52,10 @@ class Opener:
         return decode(data, label)
 
     def open(self, data: bytes | memoryview, label: str) -> tuple[Message, Envelope]:
-        """The same; a message of a distribution whose class is not known here comes as a `GenericMessage`.
+        """Decode a message; one of a distribution whose class is unknown here becomes a `GenericMessage`.
 
         Raises:
-            CodecError: What the codec refuses, and a message of the framework in another version.
+            CodecError: The codec refuses it, or it is a framework message of another version.
         """
         try:
             return self.decode(data, label)
@@ -66,7 +66,7 @@ class Opener:
             return decode_generic(data, label, why)
 
     def why_unknown(self, label: str) -> str | None:
-        """Why a label has no class here; empty where it has one, which is loaded. None: it is of no distribution."""
+        """Why a label has no class here; empty if it has one, which is then loaded; None if no distribution owns it."""
         if label not in self._why:
             parts = _LABEL.fullmatch(label)
             if parts is None or parts[1] == "navloom":
@@ -82,7 +82,7 @@ class Opener:
         schema, owner = f"{package}.{name}", self._discovery.owner_of(package)
         if schema not in SCHEMAS:
             if not owner:
-                install = f"pip install {package.replace('_', '-')}"
+                install = f"pip install {package.replace('_', '-')}, or --plugin {package}.py"
                 return f"messages of {package} are not installed here ({schema}/{version} came): {install}"
             if schema not in self._discovery.names("message"):
                 return f"message {schema} is not declared by {owner}, which is installed here: update it, or unblock it"
@@ -100,4 +100,4 @@ class Opener:
 
 
 OPENER = Opener()
-"""Of this process, as SCHEMAS, which it fills."""
+"""The opener of this process. Like SCHEMAS, which it fills, it exists once per process."""

@@ -1,4 +1,4 @@
-"""Which plugin of a run a line of code belongs to: for what no exception tells, as a print or a thread."""
+"""Finds the plugin of a run that a line of code belongs to, where there is no exception: for prints and threads."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ Source = tuple[str, str]
 
 
 class Owned(NamedTuple):
-    """A plugin's line: role and instance, and the file and line, as `mine.py:31`."""
+    """A line of a plugin: its role and instance, and the file and line, as `mine.py:31`."""
 
     source: Source
     place: str
 
 
 def home_of(cls: type) -> str:
-    """Name of the package that a class is in, for all its modules."""
+    """Name of the top-level package of a class."""
     return cls.__module__.partition(".")[0]
 
 
 def place_in(frame: FrameType | None, home: str) -> str:
-    """Innermost line of a package in a stack, as `mine.py:31, in avoid`; empty where there is none."""
+    """Innermost line of a package in a stack, as `mine.py:31, in avoid`; empty if there is none."""
     for one in _outwards(frame):
         if _package(one) == home:
             return f"{_line(one)}, in {one.f_code.co_name}"
@@ -33,7 +33,7 @@ def place_in(frame: FrameType | None, home: str) -> str:
 
 
 class Owners:
-    """The plugins of a run by their packages.
+    """The plugins of a run, by their packages.
 
     Args:
         classes: Class of each plugin, by role and instance.
@@ -46,9 +46,9 @@ class Owners:
             self._homes.setdefault(home_of(cls), source)
 
     def of(self, frame: FrameType | None) -> Owned | None:
-        """The plugin whose code is innermost in a stack; None where it is nobody's.
+        """The plugin whose code is innermost in a stack; None if the stack contains no plugin code.
 
-        Of several plugins in one package it is the one whose method runs.
+        Of several plugins in one package, it is the one whose method runs.
         """
         place, home = "", ""
         for one in _outwards(frame):

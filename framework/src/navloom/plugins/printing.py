@@ -1,4 +1,4 @@
-"""What plugins print in a run, kept within bounds: a flood hides every message, and fills disks."""
+"""Bounds what plugins print in a run: a flood would hide every message and fill the disk."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from navloom.plugins.owners import Owned, Owners
 __all__ = ["LARGEST_OUTPUT", "bounded_output"]
 
 LARGEST_OUTPUT = 64 * 1024
-"""What one plugin may print in a run, or live in each window, characters."""
+"""Most characters that one plugin may print in a run, or in each time window of a live robot."""
 
 
 class _Counts:
-    """Characters that each plugin has printed, in windows of some s."""
+    """Counts the characters that each plugin has printed, in time windows of `window` seconds."""
 
     def __init__(self, window: float) -> None:
         self._window, self._began = window, time.monotonic()
         self._counts: dict[tuple[str, str], int] = {}
 
     def add(self, source: tuple[str, str], size: int) -> int:
-        """Count what a plugin prints; what it had printed before in this window."""
+        """Count what a plugin prints, and return what it had printed before in this window, characters."""
         now = time.monotonic()
         if now - self._began > self._window:
             self._began = now
@@ -36,14 +36,14 @@ class _Counts:
 
 
 class _Bounded:
-    """A stream that counts what each plugin prints, and leaves out what is too much. All else goes through."""
+    """A text stream that counts what each plugin prints and drops the excess. Other output passes through."""
 
     def __init__(self, inner: Any, owners: Owners, counts: _Counts, say: Callable[[Owned], None]) -> None:
         self._inner, self._owners, self._counts, self._say = inner, owners, counts, say
         self.is_open = True
 
     def write(self, text: str) -> int:
-        """Write, unless the plugin that prints has printed too much."""
+        """Write the text, unless the plugin that prints it has printed too much."""
         owned = self._owners.of(sys._getframe(1)) if self.is_open else None
         if owned is None:
             self._inner.write(text)
@@ -57,7 +57,7 @@ class _Bounded:
         return len(text)
 
     def writelines(self, lines: Any) -> None:
-        """Write each."""
+        """Write each line."""
         for line in lines:
             self.write(line)
 
@@ -71,8 +71,8 @@ def bounded_output(owners: Owners, say: Callable[[Owned], None], window: float =
 
     Args:
         owners: The plugins.
-        say: Told of each that has printed too much, with the line, once a window.
-        window: How long what it has printed counts, s.
+        say: Called with each plugin that has printed too much and its line, once a window.
+        window: Length of the window in which characters are counted, s.
     """
     counts = _Counts(window)
     made = {name: _Bounded(getattr(sys, name), owners, counts, say) for name in ("stdout", "stderr")}
@@ -83,5 +83,5 @@ def bounded_output(owners: Owners, say: Callable[[Owned], None], window: float =
     finally:
         for name, stream in made.items():
             stream.is_open = False
-            if getattr(sys, name) is stream:  # several runs may be under way in threads
+            if getattr(sys, name) is stream:  # other threads may have runs of their own
                 setattr(sys, name, stream._inner)

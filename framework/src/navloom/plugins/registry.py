@@ -30,16 +30,16 @@ class Named(Protocol):
 
 
 class PluginError(NavloomError, ValueError):
-    """A plugin is unknown, broken, built for another version of its role, or named twice."""
+    """A plugin is unknown, broken, built for another version of its role, or its name is not unique."""
 
 
 def nearest(name: str, known: list[str]) -> str:
-    """`; did you mean 'x'?` for the known name closest to a wrong one, or the list of them where none is close."""
+    """`; did you mean 'x'?` with the known name closest to a wrong one, or the list of known names if none is close."""
     return close_to(name, known) or (f"; known are {', '.join(sorted(known))}" if known else "; none is installed")
 
 
 def close_to(name: str, known: list[str]) -> str:
-    """`; did you mean 'x'?` for the known name closest to a wrong one; empty where none is close."""
+    """`; did you mean 'x'?` with the known name closest to a wrong one; empty if none is close."""
     close = get_close_matches(name, known, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -58,11 +58,11 @@ class Registry:
         self.commands: dict[str, Callable[..., Any]] = {}
 
     def add(self, plugin: type[Role]) -> None:
-        """Add a role's implementation.
+        """Add an implementation of a role.
 
         Raises:
-            PluginError: Not a role's class, without a name, without its role's verb, named twice, or built for another
-                version of the role.
+            PluginError: Not a subclass of a role, no name, the role's verb is missing, duplicate name, or built for
+                another version of the role.
         """
         if not (isinstance(plugin, type) and issubclass(plugin, tuple(ROLES.values())) and plugin.__dict__.get("name")):
             raise PluginError(f"{plugin!r}: expected a subclass of a role ({', '.join(ROLES)}) with a `name`")
@@ -102,10 +102,10 @@ class Registry:
         _keep_named(self.panels, panel, "panel", "a navloom.Panel")
 
     def node(self, plugin: type[Role]) -> None:
-        """Add a whole node, a subclass of `navloom.NodePlugin`.
+        """Add a node, a subclass of `navloom.NodePlugin`.
 
         Raises:
-            PluginError: Not such a class, without a name or a step, named twice, or built for another version.
+            PluginError: Not such a class, no name or step, duplicate name, or built for another version.
         """
         is_node = isinstance(plugin, type) and issubclass(plugin, Role) and plugin.role == NODE
         if not (is_node and plugin.__dict__.get("name")):
@@ -123,10 +123,10 @@ class Registry:
             raise PluginError(f"node {plugin.name!r} is registered twice: rename one of them")
 
     def message(self, cls: type[Message]) -> None:
-        """Add a class of messages, under its own name.
+        """Add a message class, under its own name.
 
         Raises:
-            PluginError: Not declared with `@message`, or named twice.
+            PluginError: Not declared with `@message`, or duplicate name.
         """
         if not (isinstance(cls, type) and issubclass(cls, Message) and cls.schema_name):
             raise PluginError(f"{cls!r}: expected a subclass of navloom.Message, declared with @message")
@@ -137,7 +137,7 @@ class Registry:
         """Add `navloom NAME`: a function, which Typer turns into a command, or a `typer.Typer` with several commands.
 
         Raises:
-            PluginError: Not one of them, or named twice.
+            PluginError: Neither of them, or duplicate name.
         """
         if not callable(command) or not re.fullmatch(r"[a-z][a-z0-9-]*", name):
             raise PluginError(
@@ -150,7 +150,7 @@ class Registry:
 
 
 def _wrong_part(plugin: type[Role]) -> str:
-    """What of a class the framework could not use, and what it expects; empty where all fits."""
+    """The first part of a class that the framework cannot use, and what it expects; empty if there is none."""
     if not (isinstance(plugin.Params, type) and issubclass(plugin.Params, Params)):
         return f"its Params is {plugin.Params!r}, expected a subclass of navloom.Params"
     if taken := [name for name in RESERVED_KEYS if name in _keys_of(plugin.Params)]:
@@ -175,7 +175,7 @@ def _wrong_part(plugin: type[Role]) -> str:
 
 
 def _keys_of(params: type[Params]) -> set[str]:
-    """Keys that a config may write for a model's fields."""
+    """Keys that a config may use for a model's fields."""
     fields = params.model_fields.items()
     return {
         key for name, field in fields for key in (name, field.alias, field.validation_alias) if isinstance(key, str)

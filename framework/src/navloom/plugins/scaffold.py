@@ -1,4 +1,4 @@
-"""`navloom plugins new`: a distribution with one plugin, from the templates beside this file."""
+"""`navloom plugins new`: creates a distribution with one plugin from the templates beside this file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
@@ -19,17 +20,17 @@ __all__ = ["KINDS", "Made", "new_distribution"]
 
 TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 30
-"""Characters of a name."""
+"""Longest name of a plugin, characters."""
 
 
 @dataclass(frozen=True)
-class Kind:
-    """What differs between kinds of plugin.
+class PluginKind:
+    """The parts of a template that differ between kinds of plugin.
 
     Attributes:
         about: First paragraph of the README.
         pure: Module with the maths.
-        commands: What a user types to see the plugin at work.
+        commands: Commands that show the plugin at work.
         more: Paragraph below these commands.
         points: Names of the entry points.
     """
@@ -46,9 +47,9 @@ _STUDY = " --seeds 0:2 --out study"
 _BESIDE = "`navloom compare` puts it beside another $kind and writes `study/report.html`."
 
 
-def _of_role(about: str, pure: str, other: str) -> Kind:
+def _of_role(about: str, pure: str, other: str) -> PluginKind:
     study = f"navloom compare paper --vary $kind=$name,{other}{_STUDY}"
-    return Kind(f"The $kind `$name` for navloom: {about}.", pure, (_DRIVE, study), _BESIDE)
+    return PluginKind(f"The $kind `$name` for navloom: {about}.", pure, (_DRIVE, study), _BESIDE)
 
 
 KINDS = {
@@ -62,46 +63,46 @@ KINDS = {
     ),
     "localizer": _of_role("dead reckoning with a variance that grows", "frames", "odometry"),
     "recovery": _of_role("it backs up where it came from, and asks for a fresh map", "backing", "wait_and_replan"),
-    "platform": Kind(
+    "platform": PluginKind(
         "The platform `$name` for navloom: a simulated unicycle with motor lag, a laser, sonars and a pitched laser.",
         "rays",
         (_DRIVE, f"navloom compare paper --set platform.plugin=$name --vary avoider=improved_vfh,vff{_STUDY}"),
         "To make a driver of it, let `advance` talk to the motors and sensors, set `is_simulated` to False, and give\n"
         "no truth.",
     ),
-    "node": Kind(
+    "node": PluginKind(
         "The node `$name` for navloom: it reads range sensors and publishes the nearest echo.",
         "nearest",
         ("navloom run robot.toml", "navloom run robot.toml --record run.mcap && navloom replay run.mcap --check"),
         "`robot.toml` has the node in a table `[[node]]`. Live, `navloom echo nearest/echo` prints what it publishes.",
         ("node.$name", "message.${Name}Echo"),
     ),
-    "metric": Kind(
+    "metric": PluginKind(
         "The metric `$name` for navloom: the share of the ticks in which the robot turns.",
         "turning",
         (f"navloom compare paper --vary avoider=improved_vfh,vff{_STUDY}",),
         "Every study has its column from now on.",
     ),
-    "panel": Kind(
+    "panel": PluginKind(
         "The viewer panel `$name` for navloom: the nearest echo of each range sensor, as a dot.",
         "nearest",
         ("navloom run paper --view",),
         "Every viewer draws it from now on.",
     ),
-    "world": Kind(
+    "world": PluginKind(
         "The world `$name` for navloom: a room with two rows of posts.",
         "layout",
         ("navloom run building --set world.ref=$name", f"navloom compare building --worlds $name{_STUDY}"),
         "It has a start and a goal of its own.",
     ),
-    "scheme": Kind(
+    "scheme": PluginKind(
         "The world scheme `$name` for navloom: worlds from files with a post a line.",
         "reading",
         ("navloom run building --set world.ref=$name:posts.txt",
          f"navloom compare building --worlds $name:posts.txt{_STUDY}"),
         "`posts.txt` is such a file.",
     ),
-    "message": Kind(
+    "message": PluginKind(
         "The message `$Name` for navloom: things that were seen, and how sure that is.",
         "messages",
         ("navloom messages $package.$Name",),
@@ -109,7 +110,7 @@ KINDS = {
         ("message.$Name",),
     ),
 }  # fmt: skip
-"""By kind, in the order that messages list them."""
+"""Template parts of each kind, in the order in which messages list the kinds."""
 
 
 @dataclass(frozen=True)
@@ -117,11 +118,11 @@ class Made:
     """A distribution that was written.
 
     Attributes:
-        folder: Where.
+        folder: Its folder.
         distribution, package: Its names.
-        plugin: What `navloom check` takes, as `avoider.demo`.
-        files: Relative to the folder, sorted.
-        commands: What to type next.
+        plugin: Its name for `navloom check`, as `avoider.demo`.
+        files: Paths relative to the folder, sorted.
+        commands: Commands to type next.
     """
 
     folder: Path
@@ -137,12 +138,12 @@ def new_distribution(kind: str, name: str, where: Path, discovery: Discovery | N
 
     Args:
         kind: A role, node, metric, panel, world, scheme or message.
-        name: Of the plugin, in lower case with underscores; a message's class is named after it in CamelCase.
-        where: Folder that gets the new one.
+        name: Name of the plugin, in lower case with underscores; a message's class gets it in CamelCase.
+        where: Parent of the new folder.
         discovery: The plugins that are installed.
 
     Raises:
-        PluginError: Unknown kind, bad or taken name, or the folder exists.
+        PluginError: Unknown kind, invalid or taken name, or the folder exists.
     """
     if kind not in KINDS:
         raise PluginError(f"kind {kind!r} does not exist{nearest(kind, list(KINDS))}")
@@ -152,21 +153,22 @@ def new_distribution(kind: str, name: str, where: Path, discovery: Discovery | N
     folder = where / values["distribution"]
     if folder.exists():
         raise PluginError(f"{folder}: exists already; choose another name, another --out, or remove it")
-    if not where.is_dir():
-        raise PluginError(f"--out {where}: there is no such folder")
+    if where.exists() and not where.is_dir():
+        raise PluginError(f"--out {where}: is a file, expected a folder")
     texts = {path: Template(text).substitute(values) for path, text in _files(kind, values)}
     for path, text in texts.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, "utf-8")
     (folder / "src" / values["package"] / "py.typed").touch()
     commands = tuple(Template(command).substitute(values) for command in KINDS[kind].commands)
-    first = ("pip install -e '.[test]'", "pytest", f"navloom check {values['check']}")
+    install = "pip install" if find_spec("pip") else "uv pip install"  # uv makes environments without pip
+    first = (f"{install} -e '.[test]'", "pytest", f"navloom check {values['check']}")
     return Made(folder, values["distribution"], values["package"], values["check"], tuple(sorted(texts)),
                 (f"cd {folder}", *first, *commands))  # fmt: skip
 
 
 def _checked(kind: str, name: str) -> str:
-    """The name in lower case with underscores; of a message also from CamelCase."""
+    """The name in lower case with underscores; a message's name may be given in CamelCase."""
     if kind == "message":
         name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or len(name) > LONGEST or keyword.iskeyword(name):
@@ -178,7 +180,7 @@ def _checked(kind: str, name: str) -> str:
 
 
 def _values(kind: str, name: str) -> dict[str, str]:
-    """What the placeholders of the templates stand for."""
+    """Values of the placeholders in the templates."""
     words = name.split("_")
     tail = [] if words[-1] == kind else [kind]
     camel = "".join(word.capitalize() for word in words)
@@ -208,7 +210,7 @@ def _values(kind: str, name: str) -> dict[str, str]:
 
 
 def _layout(values: dict[str, str]) -> str:
-    """Where things are, for the README."""
+    """Paragraph of the README that says which module holds what."""
     package, pure, kind = values["package"], values["pure"], values["kind"]
     if kind == "message":
         return f"The class is in `src/{package}/messages.py`."
@@ -219,7 +221,7 @@ def _layout(values: dict[str, str]) -> str:
 
 
 def _files(kind: str, values: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Paths in the new folder and the templates of their texts."""
+    """Paths in the new folder, each with its template text."""
     common, own, package = TEMPLATES / "common", TEMPLATES / kind, f"src/{values['package']}"
     places = {
         "test.yml": ".github/workflows/test.yml",
@@ -240,7 +242,7 @@ def _files(kind: str, values: dict[str, str]) -> Iterator[tuple[str, str]]:
 
 
 def _refuse_taken(kind: str, values: dict[str, str], discovery: Discovery) -> None:
-    """Refuse a name that an installed plugin, or one of the project's, has."""
+    """Refuse a name that an installed plugin or one of the project's plugins has."""
     point = values["first_point"]
     owners = [info.distribution for info in discovery.infos() if f"{info.role}.{info.name}" == point]
     if not owners and kind in ROLES and values["name"] in shipped_names(kind):

@@ -1,4 +1,4 @@
-"""Which distribution of the project has which plugins, so that a message can say what to install."""
+"""The plugins of each distribution of the project, so that a message can say what to install."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SHIPPED = {
 
 
 def distribution_of(key: str) -> str | None:
-    """The distribution of the project that has a plugin, by `role.name`; None for a plugin from elsewhere."""
+    """The distribution of the project with a plugin, given as `role.name`; None for a plugin from elsewhere."""
     return next((distribution for distribution, keys in SHIPPED.items() if key in keys), None)
 
 

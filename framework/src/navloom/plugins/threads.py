@@ -1,4 +1,4 @@
-"""Which plugin started a thread that keeps its process alive."""
+"""Finds the plugin that started a thread which keeps the process alive."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["keeping_alive", "started_by", "watched_threads"]
 _WATCHING: list[tuple[Owners, list[threading.Thread]]] = []
 _STARTED: WeakKeyDictionary[threading.Thread, Owned] = WeakKeyDictionary()
 SETTLE = 0.2
-"""How long a thread that a run leaves may take to end by itself, s."""
+"""Time that a thread may take to end by itself after the run, s."""
 
 
 @cache
 def _look_at_starts() -> None:
-    """From now on, remember who starts threads while somebody watches."""
+    """Patch `Thread.start` to record which plugin starts a thread, while a `watched_threads` block is active."""
     start = threading.Thread.start
 
     def remembered(self: threading.Thread) -> None:
@@ -38,7 +38,7 @@ def _look_at_starts() -> None:
 
 @contextmanager
 def watched_threads(owners: Owners) -> Iterator[list[threading.Thread]]:
-    """Remember which of these plugins starts a thread, within a `with` statement; gives the list of these threads."""
+    """Record which of these plugins start threads, within a `with` statement; yields the list of these threads."""
     _look_at_starts()
     watching: tuple[Owners, list[threading.Thread]] = owners, []
     _WATCHING.append(watching)
@@ -49,14 +49,14 @@ def watched_threads(owners: Owners) -> Iterator[list[threading.Thread]]:
 
 
 def started_by(thread: threading.Thread) -> Owned | None:
-    """The plugin that started a thread, and the line; None where none is known."""
+    """The plugin that started a thread, and the line; None if it is not known."""
     return _STARTED.get(thread)
 
 
 def keeping_alive(started: Sequence[threading.Thread], settle: float = SETTLE) -> list[threading.Thread]:
-    """Those threads for which the process would wait at its end, after some s in which they may end by themselves.
+    """The threads that the process would wait for at its end, after `settle` seconds in which they may end themselves.
 
-    Those of an executor are left out: Python ends them when they are idle.
+    Threads of an executor are left out: Python ends them when they are idle.
     """
     limit = time.monotonic() + settle
     while found := [thread for thread in started if _keeps(thread)]:

@@ -1,1 +1,1 @@
-"""Recordings: every message of a robot in one MCAP file, read again, replayed node by node, or made from other logs."""
+"""Recordings: write all messages of a robot to one MCAP file, read and replay it, and import other logs."""

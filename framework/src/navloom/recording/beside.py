@@ -1,4 +1,4 @@
-"""A recorder in a process of its own beside a robot that this one brought up."""
+"""Runs a recorder in a separate process beside a robot that this process started."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from navloom.recording.writer import WriteError
 __all__ = ["recorder_beside"]
 
 CLOSE = 15.0
-"""s a recorder may take to end its file."""
+"""Longest time that a recorder may take to close its file, s."""
 
 
 @contextmanager
 def recorder_beside(
     prefix: str, path: Path, say: Callable[[str], None], cut: list[str], insecure: bool = False
 ) -> Iterator[None]:
-    """Record a robot that is up, for the time of a `with` statement, which begins once it is heard.
+    """Record a running robot for the duration of a `with` statement, whose body starts when the recorder is connected.
 
     Args:
         prefix: REALM/ROBOT.
         path: File to write.
-        say: Told what the recorder says.
-        cut: Gets a line where the file is cut short.
-        insecure: Plain TCP beyond this host was asked for.
+        say: Receives the recorder's messages.
+        cut: Gets a line if the file is cut short.
+        insecure: Plain TCP to other hosts was requested.
 
     Raises:
-        WriteError: It could not begin.
+        WriteError: The recorder could not start.
     """
     command = [sys.executable, "-m", "navloom", "record", "--robot", prefix, "--out", str(path)]
     command += ["--insecure"] if insecure else []

@@ -1,6 +1,6 @@
-"""Reads logs of CARMEN, line by line and bounded: odometry, laser scans, and the parameters they were made with.
+"""Reads CARMEN logs line by line, within bounds: odometry, laser scans, and the parameters of the log.
 
-Lines that are read (CARMEN's manual, logger format; words are parted by blanks, `#` begins a comment):
+Lines that are read (CARMEN's manual, logger format; words are separated by blanks, `#` begins a comment):
 
 - `ODOM x y theta tv rv accel ipc_time host logger_time`
 - `FLASER n r1 … rn x y theta odom_x odom_y odom_theta ipc_time host logger_time`, and `RLASER` of a laser to the rear
@@ -29,16 +29,16 @@ from numpy.typing import NDArray
 from navloom.inputs.bounds import LOG_MB, bytes_of, open_file, too_large
 from navloom.recording.header import RecordingError
 
-__all__ = ["LASERS", "ODOM", "Beams", "Survey", "scans", "survey"]
+__all__ = ["LASERS", "ODOM", "BeamPattern", "Survey", "scans", "survey"]
 
 Floats = NDArray[np.float64]
 ODOM = 0
-"""Kind of an event that is odometry; a laser's is its place in `LASERS`, from 1 on."""
+"""Kind of an odometry event; the kind of a laser is its position in `LASERS`, counted from 1."""
 LASERS = ("FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2")
 LONGEST = 1 << 20
-"""Bytes of the longest line: 100,000 readings."""
+"""Longest line, bytes: 100,000 readings."""
 MOST = 1_000_000
-"""Lines of odometry and scans of a log: 14 hours at 20 Hz."""
+"""Most lines of odometry and scans in a log: 14 hours at 20 Hz."""
 FARTHEST = 1e7
 """Largest coordinate, m."""
 LATEST = 8e9
@@ -47,12 +47,12 @@ HALF_TURN = math.pi
 
 
 class _Unfit(ValueError):
-    """A line that is not what its first word says."""
+    """A line that does not match the format of its first word."""
 
 
 @dataclass(frozen=True)
-class Beams:
-    """How a laser looks: the first bearing and the step, rad, in its own frame; its greatest range, m, or None."""
+class BeamPattern:
+    """Beams of a laser: the first bearing and the step, rad, in its own frame; its maximum range, m, or None."""
 
     first: float
     step: float
@@ -61,15 +61,15 @@ class Beams:
 
 @dataclass
 class Survey:
-    """What a log holds, but for the readings.
+    """Contents of a log without the readings.
 
     Attributes:
-        events: (n, 10) in the order of the log: line, kind, then of odometry x, y, heading, tv, rv, 0, and of a scan
-            x, y, heading of the laser and x, y, heading of the robot, last ipc_time and logger_time; m, rad, s.
+        events: (n, 10) in the order of the log: line, kind, six values, ipc_time and logger_time; m, rad, s. The six
+            values are x, y, heading, tv, rv, 0 for odometry; x, y, heading of the laser, then of the robot, for a scan.
         params: Value by name.
-        is_corrected: A particle filter wrote it.
-        counts: Lines by first word.
-        skipped: Lines of those that are read which could not be, by reason.
+        is_corrected: Whether a particle filter wrote it.
+        counts: Number of lines by first word.
+        skipped: Number of unreadable lines by reason.
     """
 
     events: Floats
@@ -83,7 +83,7 @@ def survey(path: Path) -> Survey:
     """Read a log once.
 
     Raises:
-        RecordingError: It cannot be read, exceeds a bound, or is no log of CARMEN.
+        RecordingError: It cannot be read, exceeds a bound, or is not a CARMEN log.
     """
     rows, found = array("d"), Survey(np.empty((0, 10)))
     for number, words in _lines(path):
@@ -109,8 +109,8 @@ def survey(path: Path) -> Survey:
     return found
 
 
-def scans(path: Path) -> Iterator[tuple[int, Floats, Beams]]:
-    """Line, ranges, (n,) m, and beams of each scan that `survey` has an event of, in its order."""
+def scans(path: Path) -> Iterator[tuple[int, Floats, BeamPattern]]:
+    """Line, ranges, (n,) m, and beams of each scan for which `survey` has an event, in the same order."""
     for number, words in _lines(path):
         if words[0] in LASERS:
             try:
@@ -121,7 +121,7 @@ def scans(path: Path) -> Iterator[tuple[int, Floats, Beams]]:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number and words of each line that has any; gzip is unpacked, and bounded before it is."""
+    """Number and words of each line that has any; gzip is unpacked within the bound."""
     limit = bytes_of(LOG_MB, RecordingError)
     left = limit
     try:
@@ -154,13 +154,13 @@ def _odometry(words: Sequence[str]) -> tuple[float, ...]:
 
 
 def _poses(words: Sequence[str]) -> tuple[float, ...]:
-    """Poses of laser and robot, and the times, of a scan whose readings are all there."""
+    """Poses of laser and robot, and the times, of a scan with all its readings."""
     _, after = _places(words)
     return (*_numbers(words[after : after + 6], FARTHEST), *_times(words[-3], words[-1]))
 
 
 def _places(words: Sequence[str]) -> tuple[int, int]:
-    """Where the readings of a scan begin, and what is behind them and the remissions."""
+    """Index of the first reading of a scan, and of the first word after its readings and remissions."""
     is_new = words[0].startswith("ROBOT")
     first = 9 if is_new else 2
     after = first + _count(words, first - 1)
@@ -174,7 +174,7 @@ def _places(words: Sequence[str]) -> tuple[int, int]:
     return first, after
 
 
-def _readings(words: Sequence[str]) -> tuple[Floats, Beams]:
+def _readings(words: Sequence[str]) -> tuple[Floats, BeamPattern]:
     first, _ = _places(words)
     count = _count(words, first - 1)
     try:
@@ -185,14 +185,14 @@ def _readings(words: Sequence[str]) -> tuple[Floats, Beams]:
         return ranges, _sick(count)
     start, span, step, range_max = _numbers(words[2:6], 1e4)
     step = step or span / max(count - 1, 1)
-    return ranges, Beams(start, step, range_max if range_max > 0.0 else None)
+    return ranges, BeamPattern(start, step, range_max if range_max > 0.0 else None)
 
 
-def _sick(count: int) -> Beams:
-    """Beams of the older lines, which do not say them: a SICK laser with a field of view of 180°, 100° with 401."""
+def _sick(count: int) -> BeamPattern:
+    """Beams of the older lines, which lack them: a SICK laser with a view of 180°, 100° with 400 or 401 beams."""
     half = math.radians(50.0) if count in (400, 401) else HALF_TURN / 2.0
     steps = count if count % 10 == 0 else max(count - 1, 1)
-    return Beams(-half, 2.0 * half / max(steps, 1), None)
+    return BeamPattern(-half, 2.0 * half / max(steps, 1), None)
 
 
 def _count(words: Sequence[str], place: int) -> int:
@@ -203,7 +203,7 @@ def _count(words: Sequence[str], place: int) -> int:
 
 
 def _times(ipc: str, logger: str) -> tuple[float, float]:
-    """Both times, s; NaN for one that is no time."""
+    """Both times, s; NaN for an invalid one."""
     found = []
     for word in (ipc, logger):
         try:

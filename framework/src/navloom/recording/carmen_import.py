@@ -1,4 +1,4 @@
-"""Makes a recording of a CARMEN log: its laser scans and its odometry, as a platform would have published them."""
+"""Converts a CARMEN log to a recording: laser scans and odometry, as a platform would have published them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose, inverse
 from navloom.messages import Odometry, Pose2D, RangeScan, Twist2D
-from navloom.recording.carmen import LASERS, ODOM, Beams, Survey, scans, survey
+from navloom.recording.carmen import LASERS, ODOM, BeamPattern, Survey, scans, survey
 from navloom.recording.carmen_timeline import Timeline, corrected_odometry, raw_odometry, stamps_of
 from navloom.recording.header import RecordingError
 from navloom.recording.imported import RANGE_SCAN, ImportedLog, imported_config, placed_in_map, writing
@@ -29,24 +29,24 @@ SENSORS = {"FLASER": "laser", "ROBOTLASER1": "laser", "RLASER": "rear_laser", "R
 OFFSETS = {"laser": "robot_frontlaser_offset", "rear_laser": "robot_rearlaser_offset"}
 LIMITS = {"laser": "robot_front_laser_max", "rear_laser": "robot_rear_laser_max"}
 RANGE_MIN = 0.02
-"""Readings below are no measurement, m: drivers write 0 for none."""
+"""Smallest valid reading, m; drivers write 0 for no measurement."""
 RANGE_MAX = 80.0
-"""Readings from here on are no echo, m, where the log does not say: a SICK LMS writes 81.83 or 81.91."""
+"""Default limit from which readings count as no echo, m; a SICK LMS writes 81.83 or 81.91 for none."""
 STEADY = 0.02
-"""How far the laser's place on the robot may scatter over a log, m and rad, to be its mount."""
+"""Largest scatter of the laser's pose on the robot over a log for it to be the mount, m and rad."""
 
 
 @dataclass
 class CarmenLog:
-    """What became of a log.
+    """Result of an import.
 
     Attributes:
-        is_corrected: Its poses are a particle filter's.
-        odometry: Messages of odometry.
-        scans: Messages by sensor.
+        is_corrected: Whether its poses come from a particle filter.
+        odometry: Number of odometry messages.
+        scans: Number of scans by sensor.
         mounts: x, y, m, yaw, rad, by sensor.
-        skipped: What was left out, by reason.
-        first_ns, last_ns: Stamps, ns.
+        skipped: Number of lines left out, by reason.
+        first_ns, last_ns: First and last stamp, ns.
     """
 
     is_corrected: bool
@@ -58,7 +58,7 @@ class CarmenLog:
     last_ns: int = 0
 
     def to_json(self) -> dict[str, Any]:
-        """For `import --json`."""
+        """The result as `import --json` prints it."""
         return {
             "seconds": (self.last_ns - self.first_ns) * 1e-9,
             "corrected": self.is_corrected,
@@ -82,18 +82,18 @@ def import_carmen(
     """Convert a log.
 
     Args:
-        log: The text, or the text in gzip.
+        log: Text file, or text in gzip.
         out: Recording to write.
-        poses: "odometry" is the wheels', recovered where the log is corrected; "corrected" is what the log says.
-        period: Time between two scans, s, where the log's times are of no use.
-        range_max: Readings from here on are no echo, m; None for the log's own limit, else `RANGE_MAX`.
-        mounts: x, y, m, yaw, rad, by sensor, where the log is not right about it.
-        map_ref, start: As for `placed_in_map`.
+        poses: "odometry" is the wheel odometry, recovered if the log is corrected; "corrected" is the log's poses.
+        period: Time between two scans, s, if the log's times are unusable.
+        range_max: Readings from this limit on are no echo, m; None for the log's own limit or `RANGE_MAX`.
+        mounts: x, y, m, yaw, rad, by sensor, where the log is wrong.
+        map_ref, start: See `placed_in_map`.
 
     Raises:
-        RecordingError: No log, one beyond a bound, or without scans, odometry or times; or `out` exists.
+        RecordingError: Not a log, beyond a bound, or without scans, odometry or times; or `out` exists.
         ConfigError: The map cannot be read.
-        WriteError: The disk is full; nothing is left.
+        WriteError: The disk is full; no file is left.
     """
     found = survey(log)
     named = _named(found)
@@ -128,7 +128,7 @@ def import_carmen(
 
 
 def _named(found: Survey) -> dict[str, str]:
-    """Name of each sensor by the first word of its lines. A laser that is in a log in two formats is taken once."""
+    """Name of each sensor by the first word of its lines. A laser that is logged in two formats is used once."""
     kinds = {int(kind) for kind in np.unique(found.events[:, 1])} - {ODOM}
     words = [LASERS[kind - 1] for kind in sorted(kinds)]
     named: dict[str, str] = {}
@@ -147,7 +147,7 @@ def _named(found: Survey) -> dict[str, str]:
 
 
 def _mount(found: Survey, word: str, name: str) -> tuple[float, float, float]:
-    """Where a laser is on the robot: by the two poses of its scans where these agree, else by the log's parameters."""
+    """Mount of a laser: from the two poses of its scans if they agree over the log, else from the log's parameters."""
     rows = found.events[found.events[:, 1] == LASERS.index(word) + 1]
     places = compose(inverse(rows[:, 5:8]), rows[:, 2:5])
     off = np.abs(places - places[0])
@@ -162,7 +162,7 @@ def _mount(found: Survey, word: str, name: str) -> tuple[float, float, float]:
     return (offset if abs(offset) < 10.0 else 0.0), 0.0, (math.pi if name == "rear_laser" else 0.0)
 
 
-def _limit(found: Survey, name: str, given: float | None, beams: Beams) -> float:
+def _limit(found: Survey, name: str, given: float | None, beams: BeamPattern) -> float:
     if given is not None or beams.range_max is not None:
         return given or beams.range_max or RANGE_MAX
     try:
@@ -182,7 +182,7 @@ def _write(
     range_max: float | None,
     result: CarmenLog,
 ) -> None:
-    """Odometry and scans in the order of their stamps, odometry first where both are at the same time."""
+    """Write odometry and scans in the order of their stamps, odometry first at equal stamps."""
     time_of = dict(zip(found.events[:, 0].astype(int).tolist(), times.tolist(), strict=True))
     word_of = dict(zip(found.events[:, 0].astype(int).tolist(), found.events[:, 1].astype(int).tolist(), strict=True))
     done, last_ns = 0, dict[str, int]()
@@ -216,9 +216,9 @@ def _write(
 
 
 def _scan(
-    stamp_ns: int, ranges: Floats, beams: Beams, mount: tuple[float, float, float], range_max: float
+    stamp_ns: int, ranges: Floats, beams: BeamPattern, mount: tuple[float, float, float], range_max: float
 ) -> RangeScan | None:
-    """A scan in the base frame. What is at or beyond the limit is no echo; what is below `RANGE_MIN` is left out."""
+    """A scan in the base frame. Readings at or beyond the limit are no echo; those below `RANGE_MIN` are left out."""
     is_kept = ranges >= RANGE_MIN
     count = int(is_kept.sum())
     if not count:

@@ -1,4 +1,4 @@
-"""Odometry and stamps of a CARMEN log: raw odometry out of corrected poses, and a clock that never runs back."""
+"""Odometry and stamps of a CARMEN log: recovers raw odometry from corrected poses, and makes times monotonic."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Floats = NDArray[np.float64]
 _KIND, _POSE, _ROBOT, _SPEED, _IPC, _LOGGER = 1, slice(2, 5), slice(5, 8), slice(5, 7), 8, 9
 """Columns of the events of a `Survey`."""
 LATE = 2.0
-"""How far a log's times may run back, s: clocks of two computers are in one log."""
+"""Largest backward jump of a log's times, s; a log may contain the clocks of two computers."""
 LACKING = 0.05
-"""Share of scans without odometry before them from which a corrected log is said to hold none."""
+"""Share of scans without preceding odometry from which the odometry of a corrected log counts as missing."""
 SPAN = 0.2
-"""Time over which a velocity is taken where the log gives none, s: stamps of a log scatter by less."""
+"""Time over which a velocity is computed if the log gives none, s; stamps of a log scatter by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Timeline:
     """Odometry of a log.
 
     Attributes:
-        stamps: (n,) ns, rising.
+        stamps: (n,) ns, strictly increasing.
         poses: (n, 3) x, y, m, heading, rad.
         twists: (n, 2) forward speed, m/s, and turn rate, rad/s.
     """
@@ -42,15 +42,15 @@ class Timeline:
 
 
 def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Floats:
-    """Time of each event, s, never falling; scans keep the log's times wherever these rise.
+    """Time of each event, s, non-decreasing; scans keep the log's times wherever these increase.
 
     Args:
         events: (n, 10) of a `Survey`.
-        is_corrected: Odometry right behind a scan repeats its pose, and has no time.
-        period: Time between two scans, s, where the log's own times are of no use; None to take these.
+        is_corrected: The log is corrected: odometry directly after a scan repeats its pose and has no time.
+        period: Time between two scans, s, if the log's times are unusable; None to use the log's times.
 
     Raises:
-        RecordingError: They run back.
+        RecordingError: The log's times run backwards.
     """
     is_scan = events[:, _KIND] != ODOM
     if period is not None:
@@ -76,15 +76,15 @@ def stamps_of(events: Floats, is_corrected: bool, period: float | None) -> Float
 
 
 def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
-    """Odometry as the wheels gave it.
+    """Raw wheel odometry.
 
-    A particle filter that corrects a log goes on from the pose of each scan by the odometry's own steps. So these are
-    all there: only the step that ends right behind a scan is a correction, and is left out.
+    A particle filter that corrects a log continues from the pose of each scan with the steps of the odometry. So all
+    these steps are in the log. Only the step that ends directly after a scan is a correction; it is left out.
 
     Args:
         events: (n, 10) of a `Survey`.
         times: (n,) of `stamps_of`, s.
-        is_corrected: A particle filter wrote the poses.
+        is_corrected: Whether a particle filter wrote the poses.
 
     Raises:
         RecordingError: The log has scans without odometry before them.
@@ -97,7 +97,7 @@ def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
     if not is_odometry.any():
         return _timeline(times, events[:, _ROBOT], np.zeros((len(events), 2)))
     if not is_corrected:
-        # What a scan says of the robot is odometry too, at the very time of the scan.
+        # The robot pose of a scan is odometry too, at the time of the scan.
         poses = np.where(is_scan[:, None], events[:, _ROBOT], events[:, _POSE])
         speeds = np.where(is_scan[:, None], 0.0, events[:, _SPEED])
         return _timeline(times, poses, _held(speeds, is_odometry))
@@ -117,19 +117,19 @@ def raw_odometry(events: Floats, times: Floats, is_corrected: bool) -> Timeline:
 
 
 def corrected_odometry(events: Floats, times: Floats, laser_to_base: Floats) -> Timeline:
-    """The corrected poses of the scans, as if the wheels had given them.
+    """The corrected poses of the scans, in the form of odometry.
 
     Args:
         events: (n, 10) of a `Survey`, scans of one laser.
         times: (n,) of `stamps_of`, s.
-        laser_to_base: (3,) m and rad.
+        laser_to_base: (3,) mount of the laser: x, y, m, and yaw, rad.
     """
     poses = compose(events[:, _POSE], inverse(laser_to_base))
     return _timeline(times, poses, np.zeros((len(poses), 2)))
 
 
 def twists(stamps: NDArray[np.int64], poses: Floats) -> Floats:
-    """(n, 2) forward speed, m/s, and turn rate, rad/s, each over the time since a pose at least `SPAN` before."""
+    """(n, 2) forward speed, m/s, and turn rate, rad/s, each over the time since a pose at least `SPAN` earlier."""
     times = (stamps - stamps[:1]) * 1e-9
     before = np.maximum(np.searchsorted(times, times - SPAN, side="right") - 1, 0)
     spans = times - times[before]
@@ -139,7 +139,7 @@ def twists(stamps: NDArray[np.int64], poses: Floats) -> Floats:
 
 
 def _strictly_rising(times: Floats) -> Floats:
-    """The same, but 1 µs behind the one before where they do not rise."""
+    """The times, strictly increasing: one that does not increase is set 1 µs after its predecessor."""
     found = times.copy()
     for place in np.flatnonzero(np.diff(np.maximum.accumulate(times)) <= 0.0) + 1:
         found[place] = found[:place].max() + 1e-6
@@ -148,7 +148,7 @@ def _strictly_rising(times: Floats) -> Floats:
 
 
 def _timeline(times: Floats, poses: Floats, speeds: Floats) -> Timeline:
-    """One pose a stamp: of several at the same time the last is where the robot was."""
+    """Timeline with one pose a stamp: the last one of several at the same time."""
     stamps = np.round(times * 1e9).astype(np.int64)
     is_last = np.append(stamps[1:] > stamps[:-1], True)
     stamps, poses = stamps[is_last], np.column_stack([poses[is_last, :2], wrap(poses[is_last, 2])])
@@ -157,7 +157,7 @@ def _timeline(times: Floats, poses: Floats, speeds: Floats) -> Timeline:
 
 
 def _chained(start: Floats, steps: Floats) -> Floats:
-    """(n + 1, 3) poses after each of n steps, the start first."""
+    """(n + 1, 3) poses: the start, then the pose after each of n steps."""
     headings = start[2] + np.concatenate([[0.0], np.cumsum(wrap(steps[:, 2]))])
     cosine, sine = np.cos(headings[:-1]), np.sin(headings[:-1])
     x = start[0] + np.concatenate([[0.0], np.cumsum(cosine * steps[:, 0] - sine * steps[:, 1])])
@@ -166,7 +166,7 @@ def _chained(start: Floats, steps: Floats) -> Floats:
 
 
 def _held(values: Floats, is_given: NDArray[np.bool_]) -> Floats:
-    """Each row, or the last one before it that is given."""
+    """Each given row; other rows repeat the last given row before them."""
     last = np.maximum.accumulate(np.where(is_given, np.arange(len(values)), 0))
     held: Floats = values[last]
     return held
@@ -177,7 +177,7 @@ def _behind_scan(is_scan: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _counted(is_scan: NDArray[np.bool_], period: float) -> Floats:
-    """Scans at multiples of a period, what is between two of them spread evenly."""
+    """Times, s: scans at multiples of the period, events between two scans spread evenly."""
     places = np.flatnonzero(is_scan)
     if not len(places):
         return np.arange(len(is_scan), dtype=np.float64) * period
@@ -188,19 +188,19 @@ def _counted(is_scan: NDArray[np.bool_], period: float) -> Floats:
 
 
 def _rises(times: Floats) -> bool:
-    """They are times of a clock: never far back, and on in all."""
+    """Whether these are the times of a clock: they never jump far back and increase overall."""
     if not len(times) or not np.isfinite(times).all():
         return False
     return len(times) == 1 or bool(times[_where_back(times)] > _peak(times) - LATE and times.max() > times[0])
 
 
 def _peak(times: Floats) -> float:
-    """The highest time before the place where they run back farthest."""
+    """The highest time before the largest backward jump."""
     worst = _where_back(times)
     return float(times[: worst + 1].max())
 
 
 def _where_back(times: Floats) -> int:
-    """Where they run back farthest; a value that is no time counts as zero."""
+    """Index of the largest backward jump; an invalid time counts as zero."""
     known = np.nan_to_num(times, nan=0.0)
     return int(np.argmax(np.maximum.accumulate(known) - known)) if len(known) else 0

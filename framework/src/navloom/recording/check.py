@@ -1,4 +1,4 @@
-"""Whether a replay with the same plugins gives what was recorded, bit for bit, and where it first does not."""
+"""Checks that a replay with the same plugins reproduces the recording bit for bit, and finds the first difference."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ __all__ = ["NodeCheck", "StepFault", "check", "installed_part"]
 
 @dataclass(frozen=True)
 class StepFault:
-    """What a step raised when it was made again.
+    """An exception of a replayed step.
 
     Attributes:
-        tick: Of the step.
+        tick: Tick of the step.
         text: The error, with the plugin's line.
-        is_recorded: The recorded step raised the same.
+        is_recorded: Whether the recorded step raised the same.
     """
 
     tick: int
@@ -37,19 +37,19 @@ class StepFault:
 
 @dataclass
 class NodeCheck:
-    """What the replay of one node came to.
+    """Result of the replay of one node.
 
     Attributes:
         node: "role instance".
-        steps: Made again.
-        messages: Compared, bit for bit.
-        differing: Of them, and of those that only one side published, how many are not the same.
-        first: Where they first differ.
-        not_fed: Steps that lacked an input.
+        steps: Number of replayed steps.
+        messages: Number of messages compared bit for bit.
+        differing: Number of them that differ, messages that only one side published included.
+        first: The first difference; None if there is none.
+        not_fed: Number of steps that lacked an input.
         first_not_fed: The first of them, and what it lacked.
-        unrecorded: Messages that its step records count and the recording lacks.
-        faults: Steps that raised something.
-        first_fault, last_fault: What the first and the last of them raised, and in which tick; None for nothing.
+        unrecorded: Number of messages that its step records count but the recording lacks.
+        faults: Number of steps that raised an exception.
+        first_fault, last_fault: The first and the last exception; None if there is none.
         notes: What else a reader must know.
     """
 
@@ -67,11 +67,11 @@ class NodeCheck:
     notes: list[str] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
-        """For `replay --json`."""
+        """The result as `replay --json` prints it."""
         return asdict(self)
 
     def caveats(self) -> list[str]:
-        """Why an equal replay says less than it seems, and a different one may have a cause before the recording."""
+        """Why equality proves less than it seems, or why a difference may have its cause before the recording."""
         found = list(self.notes)
         if self.not_fed:
             found.append(f"{self.not_fed} steps were not fed in full: {self.first_not_fed}")
@@ -81,14 +81,14 @@ class NodeCheck:
 
 
 class _Checker:
-    """Compares each step that was made again with what was recorded of it."""
+    """Compares each replayed step with its recorded outputs."""
 
     def __init__(self, replayer: Replayer) -> None:
         self.outcomes = Outcomes(replayer)
         self.found: dict[tuple[str, str], NodeCheck] = {}
 
     def again(self, node: ReplayNode, stepped: Stepped, shelf: Shelf) -> None:
-        """Take one step."""
+        """Compare one step."""
         step = stepped.step
         found = self.found.setdefault(node.source, NodeCheck(" ".join(node.source), notes=node.notes))
         counted = Counter(port for port, _ in stepped.outputs)
@@ -141,7 +141,7 @@ def _difference(entry: Entry | None, replayed: Message | None) -> tuple[str, str
 
 
 def installed_part(loaded: Loaded) -> tuple[System, list[NodeCheck]]:
-    """The robot of a recording without the nodes whose plugins are not here, and a line for each of these."""
+    """The system of a recording without the nodes whose plugins are not installed, and a result for each of these."""
     config = loaded.config
     missing = catalogue_of(config)[1]
     if not missing:
@@ -152,7 +152,7 @@ def installed_part(loaded: Loaded) -> tuple[System, list[NodeCheck]]:
 
 
 def check(replayer: Replayer, progress: Callable[[float, float], None] | None = None) -> list[NodeCheck]:
-    """Replay every node but the platform and the operator; by node, in the order of the graph."""
+    """Replay every node except the platform and the operator. Results by node, in the order of the graph."""
     checker = _Checker(replayer)
     replayer.run(checker.again, progress)
     order = {spec.role: number for number, spec in enumerate(replayer.system.specs)}

@@ -1,4 +1,4 @@
-"""Where two messages that should be the same differ first."""
+"""Finds the first difference between two messages that should be equal."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["ReplayDifference", "first_difference", "is_same"]
 
 @dataclass(frozen=True)
 class ReplayDifference:
-    """One place where a replay is not what was recorded.
+    """One difference between a replay and the recording.
 
     Attributes:
-        tick: Of the step.
+        tick: Tick of the step.
         node: "role instance".
-        port: Of the message.
-        field: Within it, dotted, with places in arrays; empty for the message as a whole.
-        recorded, replayed: The two values, for people.
+        port: Port of the message.
+        field: Dotted path of the field, with array indices; empty for the message as a whole.
+        recorded, replayed: The two values as text.
     """
 
     tick: int
@@ -45,7 +45,7 @@ def is_same(recorded: Recorded, data: bytes | memoryview, label: str, replayed: 
 
 
 def first_difference(recorded: Any, replayed: Any, place: str = "") -> tuple[str, str, str] | None:
-    """Field, recorded and replayed value of the first place where two values differ; None where they do not."""
+    """Path, recorded and replayed value of the first difference of two values; None if they are equal."""
     if type(recorded) is not type(replayed):
         return place, _named(recorded), _named(replayed)
     if isinstance(recorded, Message):
@@ -64,7 +64,7 @@ def first_difference(recorded: Any, replayed: Any, place: str = "") -> tuple[str
         return None
     if isinstance(recorded, np.ndarray):
         return _of_arrays(recorded, replayed, place)
-    same = recorded == replayed and repr(recorded) == repr(replayed)  # 0.0 and -0.0 are two values
+    same = recorded == replayed and repr(recorded) == repr(replayed)  # 0.0 and -0.0 differ
     return None if same else (place, repr(recorded), repr(replayed))
 
 

@@ -1,4 +1,4 @@
-"""What a recorder kept and lost, stream by stream."""
+"""Counts the messages that a recorder kept and lost, by stream."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class RecorderCounts:
     """Counters of a recorder.
 
     Attributes:
-        messages: Kept.
-        dropped: By key, came in but found the recorder's queue full.
-        lost: By key, never came in: gaps in its sequence.
-        malformed: By key, were no messages of that stream.
+        messages: Number of messages kept.
+        dropped: By key, messages received while the recorder's queue was full.
+        lost: By key, messages never received: gaps in the sequence.
+        malformed: By key, payloads that were not messages of that stream.
     """
 
     messages: int = 0
@@ -27,7 +27,7 @@ class RecorderCounts:
     _last: dict[str, int] = field(default_factory=dict)
 
     def note(self, key: str, sequence: int) -> None:
-        """A message was kept. A number that falls is a publisher that began anew."""
+        """Count a kept message. A falling sequence number means that the publisher restarted."""
         last = self._last.get(key)
         if last is not None and sequence > last + 1:
             self.lost[key] += sequence - last - 1
@@ -35,15 +35,15 @@ class RecorderCounts:
         self.messages += 1
 
     def has(self, key: str, sequence: int) -> bool:
-        """It is the message of its stream that was kept last."""
+        """Whether this is the message of the stream that was kept last."""
         return self._last.get(key) == sequence
 
     def missed(self) -> int:
-        """Messages of all streams that are not in the recording."""
+        """Number of messages of all streams that are missing in the recording."""
         return sum(sum(one.values()) for one in (self.dropped, self.lost, self.malformed))
 
     def summary(self) -> dict[str, Any]:
-        """As it stands in the file."""
+        """The counters as they are stored in the file."""
         return {
             "messages": self.messages,
             "dropped": dict(sorted(self.dropped.items())),

@@ -1,4 +1,4 @@
-"""A part of a recording that is replayed: one node, up to one tick, and a debugger in its last step."""
+"""The part of a recording to replay: one node, up to one tick, with a debugger in the last step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pdb import Pdb
 from typing import Any
 
 from navloom.config import ConfigError
-from navloom.engine.node import Node, Tick
+from navloom.engine.nodes.node import Node, Tick
 from navloom.messages import StepReport
 from navloom.plugins.registry import nearest
 from navloom.recording.reader import Recording
@@ -20,21 +20,21 @@ from navloom.transport.keyspace import STEP
 __all__ = ["SOURCES", "Act", "DebuggerLeft", "Excerpt", "excerpt_of", "repeating", "stop_inside"]
 
 SOURCES = frozenset({"operator", "platform"})
-"""Roles that are not stepped again: what they said is what all others are given."""
+"""Roles that are not replayed: their recorded messages are the inputs of the others."""
 Source = tuple[str, str]
 Act = Callable[[Tick], None]
 MOST_NAMED = 12
-"""Nodes that a message lists at most."""
+"""Most nodes that a message lists."""
 
 
 @dataclass(frozen=True)
 class Excerpt:
-    """What is replayed.
+    """The part to replay.
 
     Attributes:
-        only: Role and instance of the node that is stepped; None for all.
+        only: Role and instance of the only node to step; None for all.
         until: Tick of the last step; None for the end of the recording.
-        is_debugged: A debugger stops inside the last step.
+        is_debugged: Whether a debugger stops inside the last step.
     """
 
     only: Source | None = None
@@ -42,7 +42,7 @@ class Excerpt:
     is_debugged: bool = False
 
     def has(self, source: Source, tick: int) -> bool:
-        """Whether a step belongs to it."""
+        """Whether a step belongs to this part."""
         return (self.only is None or source == self.only) and (self.until is None or tick <= self.until)
 
     def debugs(self, tick: int) -> bool:
@@ -51,17 +51,17 @@ class Excerpt:
 
 
 class DebuggerLeft(BaseException):
-    """The user left the debugger: there is nothing more to do."""
+    """The user quit the debugger, which ends the replay."""
 
 
 def excerpt_of(recording: Recording, only: str | None, until: int | None, is_debugged: bool) -> Excerpt:
-    """What a user asks for.
+    """The part that a user requests.
 
     Args:
-        recording: Of which.
-        only: ROLE, or ROLE.NAME where a role has several instances; None for all.
+        recording: The recording.
+        only: ROLE, or ROLE.NAME if a role has several instances; None for all.
         until: Tick of the last step.
-        is_debugged: A debugger stops inside the step of that tick.
+        is_debugged: Whether a debugger stops inside the step of that tick.
 
     Raises:
         ConfigError: There is no such node or step, or there are several.
@@ -86,7 +86,7 @@ def excerpt_of(recording: Recording, only: str | None, until: int | None, is_deb
 
 
 def _steps(recording: Recording, until: int | None) -> list[tuple[Source, int, str]]:
-    """Every recorded step up to a tick: whose, the tick, and what was raised."""
+    """Every recorded step up to a tick: its node, tick and fault."""
     found = []
     for one in recording.messages([f"*/*/{STEP}"]):
         report, tick = one.message, one.envelope.tick
@@ -112,7 +112,7 @@ def _source_of(only: str, known: Iterable[Source]) -> Source:
 
 
 def _spread(ticks: Sequence[int], until: int) -> str:
-    """Where the nearest step is, in words."""
+    """The nearest step before the requested one, in words."""
     if not ticks:
         return f"it made none up to tick {until}"
     return f"the step before was in tick {max(ticks)}"
@@ -122,27 +122,27 @@ def repeating(path: Path, role: str, name: str, tick: int, is_only: bool) -> str
     """The command that repeats one step of a recording.
 
     Args:
-        path: Of the recording.
-        role, name: The node.
-        tick: Of the step.
-        is_only: The role has no other instance.
+        path: Path of the recording.
+        role, name: Role and instance of the node.
+        tick: Tick of the step.
+        is_only: Whether the role has no other instance.
     """
     node = role if is_only else f"{role}.{name}"
     return f"navloom replay {shlex.quote(str(path))} --only {shlex.quote(node)} --until {tick} --traceback"
 
 
 class _Debugger(Pdb):
-    """Python's debugger, which remembers that its user left."""
+    """Python's debugger; it remembers that the user quit."""
 
     has_left = False
 
     def set_quit(self) -> None:
-        """The user leaves."""
+        """Remember that the user quit."""
         self.has_left = True
         super().set_quit()
 
     def call(self, act: Callable[..., Any], *given: Any) -> Any:
-        """Stop at the first line of a function; what it gives. Raises DebuggerLeft."""
+        """Call a function with a breakpoint at its first line, and return its result. Raises DebuggerLeft."""
         answer = self.runcall(act, *given)
         if self.has_left:
             raise DebuggerLeft
@@ -150,7 +150,7 @@ class _Debugger(Pdb):
 
 
 def stop_inside(node: Node, act: Act) -> Act:
-    """Like `act`, with a debugger that stops at the first line of the plugin's verb, or of the framework's own step."""
+    """Wrap `act`: a debugger stops at the first line of the plugin's verb, or of a framework node's step."""
     debugger, plugin = _Debugger(), getattr(node, "plugin", node)
     if not isinstance(plugin, Role) or plugin.role not in ROLES:
         return lambda tick: debugger.call(act, tick)

@@ -1,4 +1,4 @@
-"""What a recorded step was given: its inputs, found again by the numbers in its step record."""
+"""Finds the inputs of a recorded step by the sequence numbers in its step record."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from itertools import islice
 from typing import Any
 
 from navloom.config.schema import Config
+from navloom.engine.nodes.told import GoalTold
 from navloom.engine.ports import Input, NodeSpec
-from navloom.engine.told import GoalTold
 from navloom.messages import Envelope, Message, OperatorRequest, Selection, StepReport
 from navloom.recording.reader import Recorded
 from navloom.recording.shelf import Entry, Shelf
@@ -20,12 +20,12 @@ __all__ = ["Chosen", "Fed", "Feeder", "Step"]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A step record, where it stands in the file.
+    """A step record and its position in the file.
 
     Attributes:
-        role, instance: Whose.
+        role, instance: The node.
         report, at: The record and its envelope; `at.sequence` counts the records of the instance.
-        place, received_ns: Where in the file, and when.
+        place, received_ns: Index of the record in the file, and its receive time, ns.
     """
 
     role: str
@@ -37,7 +37,7 @@ class Step:
 
 
 class Chosen:
-    """Which instance of each role was active, as the recorded selections say."""
+    """The active instance of each role, according to the recorded selections."""
 
     def __init__(self, config: Config) -> None:
         first = {role: config.role_table(role).instance for role in config.roles}
@@ -45,7 +45,7 @@ class Chosen:
         self._from: list[tuple[int, dict[str, str]]] = [(0, first)]
 
     def learn(self, selection: Selection) -> None:
-        """Take in a selection."""
+        """Add a selection."""
         chosen = self._by_epoch[0] | selection.chosen
         self._by_epoch[selection.epoch] = chosen
         if self._from[-1][0] < selection.from_tick:
@@ -64,20 +64,20 @@ class Chosen:
 
 @dataclass
 class Fed:
-    """Inputs of a step by name, as a node is given them, and those that the recording lacks."""
+    """Inputs of a step by name, in the form that a node receives, and those that the recording lacks."""
 
     given: dict[str, Any] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
 
 
 class Feeder:
-    """Finds what steps were given.
+    """Finds the inputs of steps.
 
     Args:
         prefix: REALM/ROBOT.
-        shelf: Messages at hand.
-        chosen: Who was active.
-        instances: Of each role with several.
+        shelf: Recent messages of the recording.
+        chosen: Active instances.
+        instances: Names of the instances, by role.
     """
 
     def __init__(self, prefix: str, shelf: Shelf, chosen: Chosen, instances: Mapping[str, Sequence[str]]) -> None:
@@ -87,9 +87,9 @@ class Feeder:
         """The inputs of a step.
 
         Args:
-            spec: Wiring of the node that is to be fed.
-            step: The record.
-            since: Tick of the instance's step before, for inputs that the record does not name: another plugin's.
+            spec: Wiring of the node that receives the inputs.
+            step: The step's record.
+            since: Tick of the instance's previous step, for inputs that the record does not name: another plugin's.
         """
         fed = Fed()
         submitted = GoalTold.of(step.report.told).submitted
@@ -103,12 +103,12 @@ class Feeder:
     def _named(
         self, given: Input, step: Step, numbers: Sequence[int], submitted: Sequence[OperatorRequest], fed: Fed
     ) -> list[tuple[Message, Envelope | None]]:
-        """Messages by their numbers."""
+        """Messages by their sequence numbers."""
         found: list[tuple[Message, Envelope | None]] = []
         by_service = iter(submitted)
         lacking = []
         for number in _spread(numbers) if given.reading == "track" else numbers:
-            if number == 0:  # came by a service, and so without a number
+            if number == 0:  # came through a service, which has no sequence numbers
                 found += [(request, None) for request in islice(by_service, 1)]
                 continue
             opened = self._find(given, number, step)
@@ -125,7 +125,7 @@ class Feeder:
         names = self.instances.get(given.role, ("main",))
         under = self.chosen.under(given.role, step.at.epoch)
         found = {name: entry for name in names if (entry := self._entry(given, name, number, step)) is not None}
-        if given.reading in ("new", "track"):  # what waited stays when another instance takes over
+        if given.reading in ("new", "track"):  # waiting messages remain when another instance becomes active
             for name, entry in found.items():
                 opened = entry.open()
                 if opened is not None and self.chosen.at(given.role, opened.envelope.tick) == name:
@@ -138,7 +138,7 @@ class Feeder:
     def _by_tick(
         self, given: Input, step: Step, since: Sequence[int], submitted: Sequence[OperatorRequest], fed: Fed
     ) -> list[tuple[Message, Envelope | None]]:
-        """Messages by their ticks: after the step before, up to this one; of a sample the newest up to this one."""
+        """Messages by their ticks: new ones since the previous step; for a sampled input the newest up to this step."""
         name = self.chosen.under(given.role, step.at.epoch)
         last = step.at.tick - given.delayed
         first = since[0] + 1 - given.delayed if given.reading == "new" else 0
@@ -148,7 +148,7 @@ class Feeder:
 
 
 def _as_read(given: Input, found: list[tuple[Message, Envelope | None]]) -> Any:
-    """What the node gets of these messages; see `Reading`."""
+    """These messages in the form that the node receives; see `Reading`."""
     if given.reading == "latest":
         return found[-1][0] if found else None
     if given.reading == "offers":
@@ -158,6 +158,6 @@ def _as_read(given: Input, found: list[tuple[Message, Envelope | None]]) -> Any:
 
 
 def _spread(runs: Sequence[int]) -> Iterator[int]:
-    """Every number of runs given by their first and last."""
+    """Every number of runs that are given as pairs of first and last."""
     for first, last in zip(runs[::2], runs[1::2], strict=False):
         yield from range(first, last + 1)

@@ -1,4 +1,4 @@
-"""What a recording says of itself: whose it is, how it was driven, and with which config and versions."""
+"""The header of a recording: its robot, how the nodes were driven, the config and the versions."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from navloom.inputs.texts import json_of
 __all__ = ["HEADER", "Kind", "RecordingError", "RecordingHeader", "header_of"]
 
 HEADER = "navloom"
-"""Name of the metadata record that holds it, as JSON under `header`."""
+"""Name of the metadata record that holds the header, as JSON under `header`."""
 
 Kind = Literal["lockstep", "barrier", "live", "imported"]
 
 
 class RecordingError(NavloomError, ValueError):
-    """A file that is not a recording of ours, or lacks what was asked for; the text says which and what to do."""
+    """A file is not a navloom recording, or lacks what was requested; the text says which and what to do."""
 
 
 @dataclass(frozen=True)
 class RecordingHeader:
-    """Head of a recording.
+    """Header of a recording.
 
     Attributes:
-        realm, robot: Whose keys are in it.
-        kind: What drove the nodes; "imported" is a log of another system: messages of a platform, and no steps.
-        period: Control tick, s.
-        seed: Of every random stream.
-        clock: What receive times are: "wall" is ns since 1970, "run" is the run clock.
-        config: The config as another process of the run is given it (`Loaded.to_json`); None where it was not known.
-        effective: The config with every default written out.
-        config_sha256: Of the config; empty where there is none.
-        versions: Of Python, navloom, numpy and the distributions of the plugins in use.
-        origin: What an imported log was made from; empty otherwise.
+        realm, robot: Names of the robot, with which all keys begin.
+        kind: Executor of the nodes; "imported" is a log of another system: messages of a platform, no steps.
+        period: Control period, s.
+        seed: Seed of every random stream.
+        clock: Clock of the receive times: "wall" is ns since 1970, "run" is the run clock.
+        config: The config in the form passed to other processes (`Loaded.to_json`); None if it was not known.
+        effective: The config with all defaults.
+        config_sha256: Hash of the config; empty if there is none.
+        versions: Versions of Python, navloom, numpy and the distributions of the plugins in use.
+        origin: Name of the log that was imported; empty otherwise.
     """
 
     realm: str
@@ -56,11 +56,11 @@ class RecordingHeader:
 
     @property
     def prefix(self) -> str:
-        """What all keys begin with."""
+        """REALM/ROBOT, with which all keys begin."""
         return f"{self.realm}/{self.robot}"
 
     def loaded(self) -> Loaded:
-        """The config it was recorded with. Raises RecordingError where there is none or it does not fit any more."""
+        """The recorded config. Raises RecordingError if there is none or this version does not accept it."""
         if self.config is None:
             raise RecordingError("the recording holds no config: its robot did not say which one it runs")
         try:
@@ -69,12 +69,12 @@ class RecordingHeader:
             raise RecordingError(f"the config in the recording does not fit this version of navloom: {error}") from None
 
     def to_text(self) -> str:
-        """As JSON."""
+        """The header as JSON."""
         return json.dumps(asdict(self), ensure_ascii=False, sort_keys=True)
 
     @classmethod
     def from_text(cls, text: str) -> RecordingHeader:
-        """From its JSON; what a later version added is passed over. Raises RecordingError for anything else."""
+        """Read a header from JSON, ignoring fields of later versions. Raises RecordingError for anything else."""
         try:
             given = json_of(text, "JSON", ValueError)
             known = {one.name for one in fields(cls)}
@@ -84,11 +84,11 @@ class RecordingHeader:
 
 
 def header_of(loaded: Loaded, kind: Kind, distributions: Mapping[str, str]) -> RecordingHeader:
-    """The head of a recording of a robot with a config.
+    """The header of a recording of a robot with a config.
 
     Args:
         loaded: The config.
-        kind: What drives it.
+        kind: Executor of the nodes.
         distributions: Version of each distribution whose plugins it uses, by name.
     """
     config = loaded.config
@@ -107,6 +107,6 @@ def header_of(loaded: Loaded, kind: Kind, distributions: Mapping[str, str]) -> R
 
 
 def versions(distributions: Mapping[str, str]) -> dict[str, str]:
-    """Versions that outputs may depend on."""
+    """Versions that the outputs may depend on."""
     found = {name: importlib.metadata.version(name) for name in ("navloom", "numpy", "numba")}
     return {"python": platform.python_version(), **found, **distributions}

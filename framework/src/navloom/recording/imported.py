@@ -1,4 +1,4 @@
-"""What every importer of logs writes: the messages of a platform that is not driven, and a config for replays."""
+"""Common part of log importers: writes the messages of a platform that is not driven, and a config for replays."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ INSTANCE = "recorded"
 """Name of the platform of an imported log, and of its plugin."""
 REALM = "imported"
 PERIOD = 0.05
-"""Tick that messages are counted by, s."""
+"""Period of the ticks assigned to messages, s."""
 RANGE_SCAN, SWEEP = "range_scan", "sweep"
 """Kinds of sensors of an imported log."""
 OWN_PORTS = frozenset({"odometry", "contact", "truth"})
-"""Ports of a platform that are no sensors."""
+"""Ports of a platform that are not sensors."""
 
 
 class ImportedLog:
-    """Writes what a platform would have published, in the order of the log. `writing` makes it.
+    """Writes the messages that a platform would have published, in the order of the log. Created by `writing`.
 
     Attributes:
         first_ns, last_ns: First and last stamp, ns; 0 before the first message.
@@ -57,9 +57,9 @@ class ImportedLog:
 
         Args:
             port: "odometry", or the name of a sensor.
-            message: With the same stamp.
-            stamp_ns: Of the log's clock, ns, >= 0.
-            received_ns: When the log received it, ns; None where it does not say.
+            message: Message with the same stamp.
+            stamp_ns: Stamp on the log's clock, ns, >= 0.
+            received_ns: Time at which the log received it, ns; None if it is not known.
         """
         self._origin_ns = stamp_ns if self._origin_ns is None else self._origin_ns
         self.first_ns = min(self.first_ns or stamp_ns, stamp_ns)
@@ -75,15 +75,15 @@ class ImportedLog:
 
 @contextmanager
 def writing(out: Path, loaded: Loaded, origin: str) -> Iterator[ImportedLog]:
-    """A recording of another system's log; nothing of it is left where the import fails.
+    """Write a recording of another system's log; the file is removed if the import fails.
 
     Args:
         out: Recording to write.
-        loaded: Of `imported_config`.
+        loaded: Config from `imported_config`.
         origin: Name of the log.
 
     Raises:
-        RecordingError: There is such a file.
+        RecordingError: The file exists already.
         WriteError: The disk is full.
     """
     header = replace(header_of(loaded, "imported", {}), clock="wall", origin=origin)
@@ -100,14 +100,14 @@ def writing(out: Path, loaded: Loaded, origin: str) -> Iterator[ImportedLog]:
 
 
 def imported_config(log: str, sensors: Mapping[str, str]) -> Loaded:
-    """A config with a log's sensors, and every plugin by default.
+    """A config with a log's sensors and the default plugins.
 
     Args:
         log: Name of the log's file.
-        sensors: Kind by name.
+        sensors: Kind of each sensor, by name.
 
     Raises:
-        RecordingError: A name that no sensor can have.
+        RecordingError: A sensor name is not valid.
     """
     for name in sensors:
         if name in OWN_PORTS or not re.fullmatch(r"[a-z][A-Za-z0-9_]*", name):
@@ -126,14 +126,14 @@ def imported_config(log: str, sensors: Mapping[str, str]) -> Loaded:
 def placed_in_map(
     loaded: Loaded, map_ref: str | None, start: tuple[float, float, float] | None, first: Pose2D
 ) -> Loaded:
-    """An imported log's config with a map and the place of the odometry's frame in it.
+    """An imported log's config with a map and the pose of the odometry frame in it.
 
     Args:
         loaded: Its config.
         map_ref: A world's reference, or the .yaml of a map_server; None for no map.
-        start: x, y, m, heading, rad, of the robot in the map when the log begins; None where the odometry's frame is
-            the map's.
-        first: The log's first pose by odometry.
+        start: x, y, m, heading, rad, of the robot in the map when the log begins; None if the odometry frame is the
+            map frame.
+        first: The first odometry pose of the log.
 
     Raises:
         ConfigError: The map cannot be read.
@@ -155,7 +155,7 @@ def placed_in_map(
 
 
 def start_option(text: str) -> tuple[float, float, float]:
-    """x, y, m, heading, rad, of `--start X,Y,HEADING_DEG`. Raises ConfigError."""
+    """x, y, m, and heading, rad, from `--start X,Y,HEADING_DEG`. Raises ConfigError."""
     try:
         x, y, heading_deg = (float(part) for part in text.split(","))
     except ValueError:
@@ -166,7 +166,7 @@ def start_option(text: str) -> tuple[float, float, float]:
 
 
 def mount_option(text: str) -> tuple[str, tuple[float, float, float, float]]:
-    """A sensor's name and its x, y, m, yaw, rad, z, m, of `--mount NAME=X,Y,YAW_DEG[,Z]`. Raises ConfigError."""
+    """A sensor's name and its x, y, m, yaw, rad, and z, m, from `--mount NAME=X,Y,YAW_DEG[,Z]`. Raises ConfigError."""
     name, _, place = text.partition("=")
     try:
         x, y, yaw_deg, *rest = (float(part) for part in place.split(","))

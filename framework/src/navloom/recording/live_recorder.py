@@ -1,4 +1,4 @@
-"""Records a live robot, from outside: a bounded queue between the network and the thread that writes."""
+"""Records a live robot from outside, with a bounded queue between the network and the writer thread."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from navloom.transport.quality import retained_ports, streams_of
 __all__ = ["LiveRecorder", "ask_header"]
 
 CLOSE_EVERY = 0.3
-"""s between two closed chunks: what a kill may take, with what is on its way."""
+"""Interval of closing chunks, s: a kill loses at most this, and the messages in transit."""
 COUNT_EVERY = 1.0
-"""s between two records of the counters."""
+"""Interval of counter records, s."""
 MOST_WAITING = 16384
 MOST_BYTES = 128 << 20
-"""Messages, and bytes of them, that may wait to be written; what comes then is dropped and counted."""
+"""Most messages, and most bytes, that may wait to be written; further messages are dropped and counted."""
 ASK = 3.0
-"""s to wait for a process of the robot that says which config it runs."""
+"""Longest wait for a process of the robot to report its config, s."""
 
 
 class _Waiting(NamedTuple):
@@ -43,10 +43,10 @@ class _Waiting(NamedTuple):
 
 
 def ask_header(client: Client) -> RecordingHeader:
-    """What the robot says of itself; what its config blocks is blocked here too.
+    """Header of a recording, from the robot's own description. Plugins that its config blocks are blocked here too.
 
     Raises:
-        ClientError: No process of it answers.
+        ClientError: No process of the robot answers.
     """
     limit = time.monotonic() + ASK
     while True:
@@ -60,22 +60,21 @@ def ask_header(client: Client) -> RecordingHeader:
                 return replace(header, realm=client.keys.realm, robot=client.keys.robot)
         if time.monotonic() > limit:
             raise ClientError(
-                f"robot {client.keys.prefix}: no process of it says which config it runs; "
-                "`navloom list` shows who is there"
+                f"robot {client.keys.prefix}: no process reports its config; `navloom list` shows its nodes"
             )
         time.sleep(0.05)
 
 
 class LiveRecorder:
-    """Writes every message of a robot, from `start` to `stop`.
+    """Records every message of a robot, from `start` to `stop`.
 
     Args:
-        client: Of the robot.
-        writer: Where to.
-        patterns: Keys to keep, with `*`, whole or below REALM/ROBOT; none for all.
+        client: Client of the robot.
+        writer: Writer of the recording.
+        patterns: Keys to keep, with `*`, whole or below REALM/ROBOT; empty for all.
 
     Attributes:
-        counts: What became of the messages.
+        counts: Numbers of kept, dropped, lost and malformed messages.
         failure: Why it stopped writing; empty while it writes.
     """
 
@@ -91,19 +90,19 @@ class LiveRecorder:
         self._ahead_ns = time.time_ns() - time.monotonic_ns()
 
     def start(self) -> None:
-        """Begin: what publishers keep for late joiners first, then all that comes."""
+        """Start recording: messages retained for late joiners first, then all new ones."""
         self._thread.start()
-        for stream in streams_of(self.writer.header.loaded().config):  # one by one: that is all a viewer may
-            if not stream.endswith(f"/{FAULT}"):  # what comes by it comes by the step reports too
+        for stream in streams_of(self.writer.header.loaded().config):  # a viewer may not subscribe by wildcard
+            if not stream.endswith(f"/{FAULT}"):  # faults are in the step reports too
                 self.client.bus.subscribe(f"{self.client.keys.prefix}/{stream}", self.receive)
         for role, port in retained_ports(catalogue=catalogue_of(self.writer.header.loaded().config)[0]):
             self._fetch(role, port)
         self._fetch("*", "parameters")
-        # Declared after what it reads, on the same links: who sees it can send to it.
+        # Announced after the subscriptions, on the same links: a process that sees it can already send to it.
         self.client.bus.announce(self.client.keys.process(ATTENDANT, LINKED))
 
     def stop(self) -> None:
-        """End the file. What has come in by now is in it."""
+        """Write all messages received so far and close the file."""
         with self._condition:
             self._ends = True
             self._condition.notify()
@@ -111,12 +110,12 @@ class LiveRecorder:
             self._thread.join()
 
     def wait(self, timeout: float) -> bool:
-        """Wait for s, or until writing fails; gives whether it goes on."""
+        """Wait for `timeout`, s, or until writing fails. Returns whether it still writes."""
         self._thread.join(timeout)
         return self._thread.is_alive()
 
     def receive(self, key: str, data: bytes | None, label: str) -> None:
-        """Take a message, on the network's thread. Never waits for the disk, never raises."""
+        """Queue a message, on the network's thread. It never waits for the disk and never raises."""
         kept = self._kept.get(key)
         if kept is None:
             kept = self._kept[key] = self._fits(key)
@@ -131,7 +130,7 @@ class LiveRecorder:
             else:
                 self._bytes += len(data)
                 self._waiting.append(_Waiting(key, label, data, received_ns))
-            if len(self._waiting) > MOST_WAITING // 8:  # the writer looks by itself often enough
+            if len(self._waiting) > MOST_WAITING // 8:  # below that the writer's own polling suffices
                 self._condition.notify()
 
     def _fits(self, key: str) -> bool:
@@ -178,7 +177,7 @@ class LiveRecorder:
             if envelope.key != one.key:
                 self.counts.malformed[one.key] += 1
                 continue
-            if self.counts.has(one.key, envelope.sequence):  # kept for late joiners, and then it came as well
+            if self.counts.has(one.key, envelope.sequence):  # retained for late joiners, then received once more
                 continue
             self.writer.add(one.key, one.label, one.data, one.received_ns, envelope.stamp_ns, envelope.sequence)
             self.counts.note(one.key, envelope.sequence)

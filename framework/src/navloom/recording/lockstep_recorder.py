@@ -1,4 +1,4 @@
-"""Records a run in lockstep, beside it: an observer of every message and step."""
+"""Records a run in lockstep, as an observer of every message and step."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from navloom.transport.keyspace import STEP
 __all__ = ["LockstepRecorder"]
 
 CLOSE_EVERY = 0.4
-"""s of wall clock between two closed chunks."""
+"""Interval of closing chunks, s of wall clock."""
 
 
 class LockstepRecorder:
-    """Writes what it is shown. Use it in a `with` statement. Where the disk is full it says so once, and lets drive on.
+    """Observer that writes a recording. Use it in a `with` statement. A full disk is reported once; the run continues.
 
     Args:
-        writer: Where to.
-        say: Told of what goes wrong.
+        writer: Writer of the recording.
+        say: Receives a message if writing fails.
 
     Attributes:
         failure: Why it stopped writing; empty while it writes.
@@ -57,12 +57,12 @@ class LockstepRecorder:
                 self._fail(failure)
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Keep a message, of shadows too."""
+        """Record a message, also of a shadow."""
         self._marks[role, instance][port] = at.sequence
         self._write(message, at)
 
     def on_step(self, record: StepRecord) -> None:
-        """Keep a step: after what it published, so that its marks are known."""
+        """Record a step, after the messages that it published, so that their sequence numbers are known."""
         self._report()
         self._pending = record
         self._now_ns = max(self._now_ns, record.stamp_ns)

@@ -1,4 +1,4 @@
-"""Mappers and avoiders on an imported log: what they would have made of what another robot saw."""
+"""Runs localizers, mappers and avoiders on an imported log, to see what they make of another robot's sensor data."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from navloom.engine.build import assemble
 from navloom.engine.differences import differences
 from navloom.engine.fed import FedNode
 from navloom.engine.making import make_plugins, role_nodes
-from navloom.engine.node import Tick
-from navloom.engine.reference import ReferenceNode
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.reference import ReferenceNode
 from navloom.geometry.angles import wrap
 from navloom.geometry.frames import compose
 from navloom.messages import Command, MapUpdate, Message, Odometry, Point2D, PoseEstimate, RangeScan, Reference, Sweep
@@ -30,30 +30,30 @@ __all__ = ["DRIVER", "LogReplay", "place_in_map", "replay_log"]
 
 Floats = NDArray[np.float64]
 DRIVER = "the driver"
-"""Whom an avoider's answers are compared with: the velocity that was driven."""
+"""Name of the reference that an avoider is compared with: the velocity that was driven."""
 WAY_STEP = 0.2
-"""m between points of the way ahead."""
+"""Spacing of the points of the track ahead, m."""
 ENDED = 0.1
-"""m left of the driven way from which there is nothing to compare."""
+"""Remaining length of the driven track below which nothing is compared, m."""
 TRACK = 4096
 
 
 @dataclass(eq=False)
 class LogReplay:
-    """What came of a log.
+    """Result of plugins on a log.
 
     Attributes:
         seconds: Length of the log, s.
-        ticks: Stepped.
-        map: The last map; None without a mapper or where it made none.
-        maps: How many it made.
-        way: (n, 2) where the robot was, m, map frame.
-        avoider: Compared with the driver; None without an avoider.
-        has_mapper: A mapper was stepped.
-        localizer: Name of the localizer that was asked for; empty for none.
+        ticks: Number of ticks stepped.
+        map: The last map; None without a mapper or if it made none.
+        maps: Number of maps made.
+        way: (n, 2) driven track, m, map frame.
+        avoider: Comparison with the driver; None without an avoider.
+        has_mapper: Whether a mapper was stepped.
+        localizer: Name of the requested localizer; empty for none.
         poses: (n, 7) time, s, then x, y, m, heading, rad, by recorded odometry and by the localizer, both in the map
-            frame; None where no localizer was asked for.
-        faults: What a plugin raised, by tick.
+            frame; None if no localizer was requested.
+        faults: Exceptions of plugins, with their ticks.
     """
 
     seconds: float = 0.0
@@ -68,7 +68,7 @@ class LogReplay:
     faults: list[str] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
-        """For `replay --json`."""
+        """The result as `replay --json` prints it."""
         steps = np.diff(self.way, axis=0)
         found: dict[str, Any] = {
             "seconds": self.seconds,
@@ -95,7 +95,7 @@ class LogReplay:
         return found
 
     def _offsets(self, poses: Floats) -> dict[str, dict[str, float | None]]:
-        """How far the localizer's poses are from those of odometry, m and rad."""
+        """Difference of the localizer's poses from odometry, m and rad."""
         away = np.hypot(*(poses[:, 4:6] - poses[:, 1:3]).T)
         turned = np.abs(wrap(poses[:, 6] - poses[:, 3]))
         return {
@@ -117,21 +117,21 @@ class LogReplay:
 def place_in_map(
     recording: Recording, loaded: Loaded, map_ref: str | None, start: tuple[float, float, float] | None
 ) -> Loaded:
-    """An imported log's config with a map and the place of the odometry's frame in it.
+    """An imported log's config with a map and the pose of the odometry frame in it.
 
     Args:
         recording: The log.
         loaded: Its config.
         map_ref: A world's reference, or the .yaml of a map_server; None for no map.
-        start: x, y, m, heading, rad, of the robot in the map when the log begins; None where the odometry's frame is
-            the map's.
+        start: x, y, m, heading, rad, of the robot in the map when the log begins; None if the odometry frame is the
+            map frame.
 
     Raises:
         ConfigError: The map cannot be read.
     """
     first = next(one.message for one in recording.messages(["platform/*/odometry"]))
     assert isinstance(first, Odometry)
-    if map_ref is not None:  # what is given now starts from this folder, and not from the one of the import
+    if map_ref is not None:  # a path given now is relative to the current folder, not to that of the import
         loaded = replace(loaded, base=Path.cwd())
     return placed_in_map(loaded, map_ref, start, first.pose)
 
@@ -139,18 +139,18 @@ def place_in_map(
 def replay_log(
     recording: Recording, loaded: Loaded, roles: Sequence[str], say: Callable[[str], None] = lambda text: None
 ) -> LogReplay:
-    """Step localizer and mapper, or localizer and avoider, or all of them, on what an imported log holds.
+    """Step the localizer, and a mapper or an avoider or both, on the messages of an imported log.
 
-    The avoider is given the way that was driven as its trajectory, and the velocity that was driven as the one wanted.
+    The avoider receives the driven track as its trajectory and the driven velocity as the desired one.
 
     Args:
-        recording: An imported one.
+        recording: An imported recording.
         loaded: Its config with the plugins to try.
-        roles: Of "mapper" and "avoider", which to step.
-        say: Told what is being prepared.
+        roles: Those of "mapper", "avoider" and "localizer" to try.
+        say: Receives progress of the preparation.
 
     Raises:
-        ConfigError: A role that a log cannot feed, or a plugin that needs a map where none is given.
+        ConfigError: A log cannot feed the role, or a plugin needs a map and there is none.
     """
     wrong = [role for role in roles if role not in ("mapper", "avoider", "localizer")]
     if wrong:
@@ -166,7 +166,7 @@ def replay_log(
 
 
 class _Runner:
-    """Steps the nodes, tick by tick of the log."""
+    """Steps the nodes on a log, tick by tick."""
 
     def __init__(self, recording: Recording, loaded: Loaded, roles: Sequence[str], say: Callable[[str], None]) -> None:
         self.recording, self.config = recording, loaded.config
@@ -193,7 +193,7 @@ class _Runner:
         self.waiting: list[tuple[str, RangeScan | Sweep]] = []
 
     def run(self) -> LogReplay:
-        """Through the whole log."""
+        """Step through the whole log."""
         way = self._driven()
         period_ns = round(self.config.run.period * 1e9)
         first_ns = last_ns = 0
@@ -215,7 +215,7 @@ class _Runner:
         return self.result
 
     def _ticks(self, period_ns: int) -> Iterator[tuple[int, list[Recorded]]]:
-        """Messages by tick, in the order they were received."""
+        """Messages by tick, in the order of receipt."""
         held: list[Recorded] = []
         number = -1
         for one in self.recording.messages(["platform/*/*"]):
@@ -229,7 +229,7 @@ class _Runner:
             yield number, held
 
     def _driven(self) -> tuple[Floats, list[Any]]:
-        """Run times, ns, and poses of the whole log: the way an avoider is given as its trajectory."""
+        """Stamps, ns, and poses of the whole log: the track that an avoider receives as its trajectory."""
         stamps, poses = [], []
         rows: list[tuple[float, ...]] = []
         scans: dict[str, list[Message]] = {name: [] for name in self.sensors["localizer"]}
@@ -260,7 +260,7 @@ class _Runner:
         return np.array(stamps, dtype=np.int64), poses
 
     def _localized(self, one: Recorded, scans: dict[str, list[Message]]) -> PoseEstimate | None:
-        """The pose at an odometry, from it and the scans since the one before, which are used up."""
+        """The localizer's pose at an odometry message, from it and the scans since the last one, which are removed."""
         given: dict[str, Any] = {name: tuple(found) for name, found in scans.items()}
         for found in scans.values():
             found.clear()
@@ -270,7 +270,7 @@ class _Runner:
         return pose if isinstance(pose, PoseEstimate) else None
 
     def _take(self, tick: Tick, messages: Sequence[Recorded]) -> None:
-        """Take the pose of every odometry, and put the scans in wait for poses that cover them."""
+        """Append the pose of every odometry message to the track, and queue the scans until poses cover them."""
         for one in messages:
             port = one.key.rsplit("/", 1)[1]
             if isinstance(one.message, Odometry):
@@ -283,7 +283,7 @@ class _Runner:
         del self.track[:-TRACK]
 
     def _covered(self) -> dict[str, list[Message]]:
-        """Scans that the track covers by now, by input; those from before its beginning never will be."""
+        """Scans that the track now covers, by input. Scans from before the track's beginning are dropped."""
         ready: dict[str, list[Message]] = {}
         left = []
         for name, scan in self.waiting:
@@ -330,7 +330,7 @@ class _Runner:
             result.found.add(tick.number, tick.time, DRIVER, found)
 
     def _reference(self, pose: PoseEstimate, driven: Odometry, place: int) -> Reference | None:
-        """The way that was driven from here on, as the reference node would say it."""
+        """The remaining driven track in the form that the reference node publishes."""
         place = min(place, len(self.along) - 1)
         progress = float(self.along[place])
         left = float(self.along[-1]) - progress
@@ -353,6 +353,6 @@ class _Runner:
 
 
 def _end_ns(scan: RangeScan | Sweep) -> int:
-    """When the last of a scan was measured, ns."""
+    """Time of the last measurement of a scan, ns."""
     offsets = scan.frame_times if isinstance(scan, Sweep) else scan.time_offsets
     return scan.stamp_ns + (round(float(offsets.max()) * 1e9) if offsets.size else 0)

@@ -1,4 +1,4 @@
-"""What a recorded step published, by the marks of its record."""
+"""Finds the messages that a recorded step published, by the sequence numbers in its record."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["Outcomes"]
 
 
 class Outcomes:
-    """Finds the messages of each step. Ask for every step of a node in turn, silent ones too.
+    """Finds the messages of each step. Call it for every step of a node in order, also those without messages.
 
     Args:
-        replayer: Of the recording.
+        replayer: Replayer of the recording.
     """
 
     def __init__(self, replayer: Replayer) -> None:
@@ -26,13 +26,13 @@ class Outcomes:
         self._delayed = {(role, table.instance) for _, role, table in recorded.role_tables() if table.latency > 0.0}
 
     def numbers(self, stepped: Stepped, counts: dict[str, int]) -> dict[str, range]:
-        """Sequence numbers by port of what a step published.
+        """Sequence numbers of the messages that a step published, by port.
 
         Args:
             stepped: The step.
-            counts: By port, how many messages it is taken to have published where its records do not say: the first
-                record of a node that was there before the recording, or one after a gap; and of a node with latency,
-                whose messages go out later.
+            counts: Assumed number of messages by port, for steps whose records do not tell: the first record of a node
+                that started before the recording, a record after a gap, and all records of a node with latency, whose
+                messages are sent later.
         """
         step = stepped.step
         source = (step.role, step.instance)
@@ -51,5 +51,5 @@ class Outcomes:
         return found
 
     def entry(self, step: Step, port: str, number: int, shelf: Shelf) -> Entry | None:
-        """One of these messages; None where the recording lacks it."""
+        """One of these messages; None if the recording lacks it."""
         return shelf.get(f"{self._prefix}/{step.role}/{step.instance}/{port}", number, step.place)

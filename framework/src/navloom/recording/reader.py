@@ -1,4 +1,4 @@
-"""Reads recordings, also one whose recorder was killed: what is torn at its end is passed over, and said."""
+"""Reads recordings, also if the recorder was killed: a torn end is skipped and reported."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["COUNTS", "RawRecorded", "Recorded", "Recording"]
 
 MAGIC = b"\x89MCAP0\r\n"
 COUNTS = "recorder/main/counts"
-"""Where the recorder's counters are, below REALM/ROBOT: JSON, once a second and at the end."""
+"""Key of the recorder's counters below REALM/ROBOT: JSON, once a second and at the end."""
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -38,8 +38,8 @@ class Recorded(NamedTuple):
 
     Attributes:
         key: REALM/ROBOT/role/instance/port.
-        envelope, message: As they were sent.
-        received_ns: When it was received, ns; see `RecordingHeader.clock`.
+        envelope, message: The envelope and message that were sent.
+        received_ns: Receive time, ns; see `RecordingHeader.clock`.
     """
 
     key: str
@@ -49,7 +49,7 @@ class Recorded(NamedTuple):
 
 
 class RawRecorded(NamedTuple):
-    """The same, not decoded: the codec's bytes, their schema label, and the low 32 bits of the envelope's sequence."""
+    """An undecoded message: the codec's bytes, their schema label, and the low 32 bits of the envelope's sequence."""
 
     key: str
     label: str
@@ -58,7 +58,7 @@ class RawRecorded(NamedTuple):
     sequence: int
 
     def open(self) -> Recorded:
-        """Decoded. Raises CodecError."""
+        """Decode it. Raises CodecError."""
         message, envelope = OPENER.decode(self.data, self.label)
         return Recorded(self.key, envelope, message, self.received_ns)
 
@@ -71,7 +71,7 @@ class _Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class _Block:
-    """A chunk's place in the file: offset and length of its content, and receive times of its messages, ns."""
+    """A chunk in the file: offset and length of its content, bytes, and receive times of its messages, ns."""
 
     start: int
     length: int
@@ -80,18 +80,18 @@ class _Block:
 
 
 class Recording:
-    """A recording that was opened. Use it in a `with` statement, or leave closing to the end of the process.
+    """An open recording. Use it in a `with` statement, or let it close at the end of the process.
 
     Args:
-        path: An MCAP file of ours.
+        path: An MCAP file written by navloom.
 
     Raises:
-        RecordingError: It is not one, or cannot be read.
+        RecordingError: It is not a recording, or cannot be read.
 
     Attributes:
-        header: What it says of itself.
-        is_complete: It was closed in order.
-        malformed: Messages passed over so far because they could not be decoded, and the first complaint.
+        header: Its header.
+        is_complete: Whether it was closed properly.
+        malformed, complaint: Number of messages skipped so far as undecodable, and the first reason.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -117,11 +117,11 @@ class Recording:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        """Nothing is held open but a view of the file, which ends with the last array that looks at it."""
+        """Do nothing: only a view of the file is open, and it ends with the last array that refers to it."""
 
     @property
     def note(self) -> str:
-        """What a user should know of the file's end; empty where it was closed in order."""
+        """What a user should know about the file's end; empty if it was closed properly."""
         if self.is_complete:
             return ""
         torn = f"; its last {self._torn} bytes are torn and were passed over" if self._torn else ""
@@ -130,10 +130,10 @@ class Recording:
     def messages(
         self, keys: Iterable[str] | None = None, since_ns: int | None = None, until_ns: int | None = None
     ) -> Iterator[Recorded]:
-        """Messages in the order they were received; what cannot be decoded is counted and passed over.
+        """Messages in the order of receipt; undecodable ones are counted and skipped.
 
         Args:
-            keys: Patterns with `*`, of the whole key or of what follows REALM/ROBOT/; None for all.
+            keys: Patterns with `*`, of the whole key or the part below REALM/ROBOT/; None for all.
             since_ns, until_ns: Receive times, first and one past the last, ns; None for no bound.
         """
         for raw in self.raw(keys, since_ns, until_ns):
@@ -146,7 +146,7 @@ class Recording:
     def raw(
         self, keys: Iterable[str] | None = None, since_ns: int | None = None, until_ns: int | None = None
     ) -> Iterator[RawRecorded]:
-        """The same without decoding."""
+        """Messages like `messages`, but not decoded."""
         patterns = None if keys is None else list(keys)
         chosen: dict[int, _Channel | None] = {}
         for block in self._blocks:
@@ -170,7 +170,7 @@ class Recording:
                     yield RawRecorded(channel.key, channel.label, content[_MESSAGE.size :], received_ns, sequence)
 
     def keys(self) -> list[str]:
-        """Every key, in alphabetical order. Reads the whole file where it was not closed in order."""
+        """Every key, in alphabetical order. Reads the whole file if it was not closed properly."""
         if not self.is_complete:
             for block in self._blocks:
                 for _ in self._records(block):
@@ -178,17 +178,17 @@ class Recording:
         return sorted({channel.key for channel in self._channels.values() if channel.encoding == ENCODING})
 
     def unknown(self) -> list[str]:
-        """Which messages it holds whose class is not known here, and why; those are passed over."""
+        """Why messages in it have no class here, one text for each schema; such messages are skipped."""
         self.keys()
         return list(filter(None, dict.fromkeys(map(OPENER.why_unknown, self._schemas.values()))))
 
     def span_ns(self) -> tuple[int, int]:
-        """Receive times of the first and the last message, ns; (0, 0) where there is none."""
+        """Receive times of the first and the last message, ns; (0, 0) if there is none."""
         blocks = self._blocks
         return (min(b.first_ns for b in blocks), max(b.last_ns for b in blocks)) if blocks else (0, 0)
 
     def counts(self) -> dict[str, Any]:
-        """The recorder's last word on what it kept and lost: `messages`, and by key `dropped`, `lost`, `malformed`."""
+        """The recorder's last counters: `messages`, and by key `dropped`, `lost`, `malformed`."""
         for name, values in reversed(self._metadata):
             if name == COUNTS:
                 return self._counts(values.get("counts", ""))
@@ -210,7 +210,7 @@ class Recording:
         return found
 
     def attachment(self, name: str) -> bytes | None:
-        """Content of an attachment; None where there is none of that name."""
+        """Content of an attachment; None if there is none of that name."""
         place = self._attachments.get(name)
         return None if place is None else bytes(self._view[place[0] : place[0] + place[1]])
 
@@ -219,7 +219,7 @@ class Recording:
         return sorted(self._attachments)
 
     def schema_text(self, label: str) -> str:
-        """What the file itself says of a schema; empty where it has none of that label."""
+        """The file's own text of a schema; empty if it has none of that label."""
         return self._texts.get(label, "")
 
     def _choose(self, number: int, patterns: list[str] | None) -> _Channel | None:
@@ -239,7 +239,7 @@ class Recording:
         )
 
     def _scan(self) -> None:
-        """Find every chunk, metadata record and attachment by hopping over their contents; stop at what is torn."""
+        """Find every chunk, metadata record and attachment, skipping their contents; stop at a torn record."""
         view, at, good = self._view, len(MAGIC), len(MAGIC)
         while at + _HEAD.size <= len(view):
             opcode, length = _HEAD.unpack_from(view, at)
@@ -293,7 +293,7 @@ class Recording:
                 self._channels[number] = _Channel(channel.topic, channel.message_encoding, label)
 
     def _count_text(self, size: int) -> None:
-        """Before a record is kept for as long as the recording is: all of them together are bounded."""
+        """Bound the total size of records that stay in memory; called before one is kept. Raises RecordingError."""
         self._texts_size += size + _HEAD.size
         limit = bytes_of(TEXT_MB, RecordingError)
         if self._texts_size > limit:
@@ -301,7 +301,7 @@ class Recording:
             raise RecordingError(too_large(what, limit))
 
     def _unpacked(self, block: _Block) -> memoryview:
-        """Content of a chunk. Raises RecordingError where it was damaged."""
+        """Content of a chunk. Raises RecordingError if it is damaged."""
         content = self._view[block.start : block.start + block.length]
         _, _, size, crc = _TIMES.unpack_from(content)
         at = _TIMES.size
@@ -324,7 +324,7 @@ class Recording:
         return memoryview(data)
 
     def _records(self, block: _Block) -> Iterator[tuple[int, memoryview]]:
-        """Records of a chunk; its schemas and channels are learned. Raises RecordingError where it is damaged."""
+        """Records of a chunk; its schemas and channels are registered. Raises RecordingError if it is damaged."""
         with self._damage(f"the chunk at byte {block.start}"):
             data, at = self._unpacked(block), 0
             while at + _HEAD.size <= len(data):
@@ -340,7 +340,7 @@ class Recording:
 
     @contextmanager
     def _damage(self, what: str) -> Iterator[None]:
-        """Makes a RecordingError of what the parsers of records raise at records that are none."""
+        """Convert exceptions of the record parsers on damaged records to a RecordingError."""
         from mcap.exceptions import McapError
 
         try:
@@ -351,7 +351,7 @@ class Recording:
 
 
 def _unzstd(packed: memoryview, size: int) -> bytes | None:
-    """The one frame of a chunk; None where it is damaged or claims another size, which would be allocated for it."""
+    """The one frame of a chunk; None if it is damaged or claims another size, which would be allocated."""
     import zstandard
 
     try:
@@ -364,7 +364,7 @@ def _unzstd(packed: memoryview, size: int) -> bytes | None:
 
 
 def _mapped(path: Path) -> memoryview:
-    """A file's content, read as it is looked at."""
+    """A file's content as a memory map."""
     try:
         with open_file(path, RecordingError) as file:
             if file.seek(0, io.SEEK_END) == 0:

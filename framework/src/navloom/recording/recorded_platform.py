@@ -1,4 +1,4 @@
-"""The platform of an imported log: it gives its sensors to the wiring, and is never asked to move."""
+"""The platform of an imported log: it declares its sensors for the wiring and is never driven."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ __all__ = ["RecordedPlatform", "discovery", "navloom_register"]
 
 
 class RecordedPlatform(Platform):
-    """What stands for the robot of a log."""
+    """Placeholder for the robot of a log."""
 
     name = INSTANCE
     sensor_kinds = {RANGE_SCAN: RangeScan, SWEEP: Sweep}
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """A log cannot be driven. Raises InputError."""
+        """Raise InputError: a log cannot be driven."""
         raise InputError("the platform of an imported log cannot drive: replay it instead")
 
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """Register it."""
+    """Register the platform."""
     registry.add(RecordedPlatform)
 
 
 def discovery() -> Discovery:
-    """The plugins installed, and this one: an installed one of its own would be offered for robots that drive."""
+    """The installed plugins and this platform. It is not installed itself, as it would be offered for real robots."""
     own = EntryPoint(f"platform.{INSTANCE}", "navloom.recording.recorded_platform", GROUP)
     return Discovery((), [*available_points(), own])

@@ -1,4 +1,4 @@
-"""Steps nodes again, one by one, on what their step records say they were given."""
+"""Replays nodes step by step on the inputs that their step records name."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from navloom.engine.assembly import own_node
 from navloom.engine.events import schedule
 from navloom.engine.fed import FedNode
 from navloom.engine.making import configure, make_plugins, role_nodes
-from navloom.engine.node import Node, Tick
-from navloom.engine.own_nodes import GateNode, GoalNode
+from navloom.engine.nodes.gate import GateNode
+from navloom.engine.nodes.goal import GoalNode
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.told import GateTold, GoalTold
 from navloom.engine.system import System
-from navloom.engine.told import GateTold, GoalTold
 from navloom.messages import Command, Envelope, Message, OperatorRequest, Parameters, Selection, StepReport
 from navloom.messages.codec import encode, schema_label
 from navloom.recording.excerpt import SOURCES, Excerpt, stop_inside
@@ -26,21 +27,21 @@ __all__ = ["Again", "ReplayNode", "Replayer", "Stepped"]
 
 WHOLE = Excerpt()
 AHEAD_NS = 2_000_000_000
-"""Receive time that is read ahead of a step, ns: on a network its inputs may be received after its record."""
+"""Time that is read ahead of a step, ns of receive time: over a network inputs may be received after the record."""
 
 Source = tuple[str, str]
 
 
 @dataclass
 class ReplayNode:
-    """A node that steps again.
+    """A node that is replayed.
 
     Attributes:
-        source, fed: Who it is, and the node on inputs that it is handed.
-        versions: Changes of its parameters so far.
-        previous: Its step record before.
-        lives: How often its process was started, as far as is recorded.
-        notes: What a reader must know of its replay.
+        source, fed: Its role and instance, and the node, which receives its inputs directly.
+        versions: Number of parameter changes so far.
+        previous: Its previous step record.
+        lives: Number of starts of its process, as far as recorded.
+        notes: What a reader must know about its replay.
     """
 
     source: Source
@@ -53,14 +54,14 @@ class ReplayNode:
 
 @dataclass(frozen=True)
 class Stepped:
-    """A step that was made again.
+    """A replayed step.
 
     Attributes:
         step: Its record.
-        fed: What it was given.
-        outputs: What it gave.
-        fault: What was raised; empty for nothing.
-        follows: The record before it is there too, so what was published in between is of this step.
+        fed: Its inputs.
+        outputs: Its outputs, with their ports.
+        fault: The exception's text; empty if there was none.
+        follows: Whether the preceding record exists too, so that all messages in between belong to this step.
     """
 
     step: Step
@@ -77,12 +78,12 @@ class Replayer:
     """Reads a recording once, from its beginning, and steps nodes on it.
 
     Args:
-        recording: With step records.
-        system: Whose nodes are stepped; its plugins are made here.
-        stand_ins: Of this system's instance, the role whose steps it makes, whoever was active: another plugin.
-            None: every instance makes its own.
-        say: Told what is being prepared.
-        excerpt: Which steps are made; default all.
+        recording: A recording with step records.
+        system: System of the nodes; its plugins are created here.
+        stand_ins: By role, the instance that makes the steps of the recorded active instance. None: every instance
+            makes its own steps.
+        say: Receives progress of the preparation.
+        excerpt: The steps to make; default all.
     """
 
     def __init__(
@@ -117,7 +118,7 @@ class Replayer:
             self._put_schedule()
 
     def _put_schedule(self) -> None:
-        """Under the barrier operators' requests come from the config, and only the nodes hear who conducts the run."""
+        """Add the operator's requests of a barrier run: they come from the config and are not recorded."""
         key, number = f"{self.header.prefix}/operator/main/request", 0
         for tick, requests in sorted(schedule(self.system.config, self.system.goal).items()):
             stamp_ns = round(tick * self.header.period * 1e9)
@@ -133,8 +134,8 @@ class Replayer:
         """Step through the recording.
 
         Args:
-            again: Told of each step that was made again.
-            progress: Told how far it is and how long it is, s.
+            again: Called with each replayed step.
+            progress: Called with the time replayed so far and the total time, s.
         """
         waiting: list[Step] = []
         first_ns, last_ns = self.recording.span_ns()
@@ -161,7 +162,7 @@ class Replayer:
                     again(node, stepped, self.shelf)
 
     def _learn(self, entry: Entry) -> Step | None:
-        """Take in what replay itself needs to know; gives the step where it is the record of one."""
+        """Store what the replay itself needs from a message; returns the step if it is a step record."""
         raw = entry.raw
         role, name, port = raw.key.split("/", 2)[-1].split("/", 2)
         if port not in (STEP, "selection", "parameters", "request"):
@@ -181,7 +182,7 @@ class Replayer:
         return None
 
     def _node_of(self, step: Step) -> ReplayNode | None:
-        """The node that makes a step again; None where nobody does."""
+        """The node that replays a step; None if no node does."""
         source = (step.role, step.instance)
         if step.role in self.stand_ins:
             if self.chosen.under(step.role, step.at.epoch) != step.instance:
@@ -197,7 +198,7 @@ class Replayer:
         return self.nodes[source]
 
     def _begin(self, source: Source) -> ReplayNode:
-        """A node as it is at its process's start."""
+        """A new node, in its state at the start of its process."""
         role, _ = source
         spec = self.system.wiring[source]
         own = own_node(self.system, role, lambda role, name: False, is_live=self.is_live)
@@ -238,7 +239,7 @@ class Replayer:
         return Stepped(step, fed, outputs, node.fed.fault, follows)
 
     def _tell(self, node: Node, step: Step) -> Callable[[Tick], None]:
-        """Tell a node what its executor told it; gives what is to be called."""
+        """Set the state that the executor gave to a node, and return the function to call."""
         if isinstance(node, GoalNode):
             of_goal = GoalTold.of(step.report.told)
             node.fault, node.is_lost, node.restarted = of_goal.fault, of_goal.lost, set(of_goal.restarted)
@@ -259,15 +260,15 @@ class Replayer:
         return node.check if step.report.trigger == "check" else node.step
 
     def _start_again(self, node: ReplayNode, step: Step) -> None:
-        """Its process was started again: so is the node."""
+        """Restart the node, because its process was restarted."""
         node.lives += 1
-        node.notes.append(f"its process was started again before tick {step.at.tick}")
+        node.notes.append(f"its process was restarted before tick {step.at.tick}")
         if node.source in self.system.parts:
             make_plugins(self.system, only={node.source})
         fresh = self._begin(node.source)
         node.fed, node.versions = fresh.fed, 0
         if isinstance(node.fed.node, (GateNode, GoalNode)):
-            node.notes.append("what it took up from the other processes then is not recorded")
+            node.notes.append("what it received from the other processes at that time is not recorded")
 
     def _change_parameters(self, node: ReplayNode, step: Step) -> None:
         """Bring a plugin's parameters to the version of a step."""
@@ -288,7 +289,7 @@ class Replayer:
 
 
 def recorded_instances(recording: Recording) -> Iterator[Source]:
-    """Role and instance of every node that said anything in a recording."""
+    """Role and instance of every node with messages in a recording."""
     keys = recording.keys()
     for node in sorted({key.split("/", 2)[-1].rsplit("/", 1)[0] for key in keys}):
         role, _, name = node.partition("/")

@@ -13,9 +13,9 @@ from typing import Any
 
 from navloom.engine.catalogue import FRAMEWORK, catalogue_of
 from navloom.hosting.directory import DirectoryError, RobotFolder, Running
-from navloom.messages import Envelope, Message
-from navloom.messages.codec import encode, schema_label
-from navloom.recording.reader import Recorded, Recording
+from navloom.messages import SCHEMAS, Envelope, Message
+from navloom.messages.codec import CodecError, redirected
+from navloom.recording.reader import RawRecorded, Recording
 from navloom.recording.replaying import recorded_instances
 from navloom.transport.keyspace import KeySpace
 from navloom.transport.links import Link
@@ -25,21 +25,23 @@ from navloom.transport.zenoh_bus import Bus, Publication, Question
 __all__ = ["REALM", "republish"]
 
 REALM = "replay"
-"""Realm of what is published again, so that it is never taken for the robot itself."""
+"""Realm of republished messages, so that they are never taken for the robot itself."""
 PROCESS = "replay"
 
 
 def republish(recording: Recording, speed: float, ending: threading.Event, say: Callable[[str], None]) -> int:
     """Publish every message once, under the recorded keys in realm `replay`; ends with the recording.
 
+    Messages are published as they were sent, those too whose class is not known here.
+
     Args:
         recording: What to publish.
-        speed: Times as fast as it was received.
-        ending: Set to end.
-        say: Told where it can be looked into.
+        speed: Factor of the recorded pace.
+        ending: Event that ends it.
+        say: Receives the name under which it can be observed, and what was left out.
 
     Returns:
-        How many messages were published.
+        Number of messages published.
 
     Raises:
         DirectoryError: A recording of that robot is published already.
@@ -56,20 +58,24 @@ def republish(recording: Recording, speed: float, ending: threading.Event, say: 
             player = _Player(bus, keys, recording)
             folder.write(Running(keys.realm, keys.robot, os.getpid(), (own,), False, str(recording.path), False))
             say(f"publishing {recording.path} at {speed:g} times its pace; look with --robot {keys.prefix}")
-            return player.play(speed, ending)
+            count = player.play(speed, ending)
+            if player.damaged:
+                say(f"{player.damaged} messages are damaged and were left out; the first: {player.complaint}")
+            return count
     finally:
         folder.clear()
         folder.unlock()
 
 
 class _Player:
-    """The nodes of a recording, as far as tools ask for them."""
+    """Stands for the nodes of a recording in the queries of tools."""
 
     def __init__(self, bus: Bus, keys: KeySpace, recording: Recording) -> None:
         self.bus, self.keys, self.recording = bus, keys, recording
         self.published: defaultdict[tuple[str, str], dict[str, int]] = defaultdict(dict)
         self._at: defaultdict[tuple[str, str], Envelope] = defaultdict(lambda: Envelope("", 0, 0, 0, 0, 0))
-        self._ways: dict[tuple[str, type[Message]], Publication] = {}
+        self.damaged, self.complaint = 0, ""
+        self._ways: dict[tuple[str, str], Publication] = {}
         self._last: dict[str, tuple[bytes, str]] = {}
         plugins = _plugins(recording)
         recorded = recording.keys()
@@ -90,28 +96,34 @@ class _Player:
         bus.serve(keys.process(PROCESS, "config"), self._show_config)
 
     def play(self, speed: float, ending: threading.Event) -> int:
-        """Publish everything in its time."""
+        """Publish every message at its time."""
         began, first = time.monotonic(), None
         count = 0
-        for one in self.recording.messages():
+        for one in self.recording.raw():
             first = one.received_ns if first is None else first
             due = began + (one.received_ns - first) * 1e-9 / speed
             if (left := due - time.monotonic()) > 0.0 and ending.wait(left):
                 break
             if ending.is_set():
                 break
-            self._publish(one)
-            count += 1
+            try:
+                self._publish(one)
+            except CodecError as error:
+                self.damaged += 1
+                self.complaint = self.complaint or f"{one.key}: {error}"
+            else:
+                count += 1
         return count
 
-    def _publish(self, one: Recorded) -> None:
+    def _publish(self, one: RawRecorded) -> None:
+        """Publish a message as it was sent, but for its key. Its class need not be known here."""
         role, name, port = one.key.split("/", 2)[-1].split("/", 2)
-        key, kind = self.keys.port(role, name, port), type(one.message)
-        envelope = one.envelope._replace(key=key)
-        data, label = encode(one.message, envelope), schema_label(kind)
-        way = self._ways.get((key, kind))
+        key, label = self.keys.port(role, name, port), one.label
+        data, envelope = redirected(one.data, key)
+        way = self._ways.get((key, label))
         if way is None:
-            way = self._ways[key, kind] = self.bus.publication(key, quality_of(kind))
+            kind = SCHEMAS.get(label.partition("/")[0], Message)
+            way = self._ways[key, label] = self.bus.publication(key, quality_of(kind))
         way.put(data, label)
         self._last[key] = (data, label)
         self._at[role, name] = envelope

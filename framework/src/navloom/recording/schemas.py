@@ -59,9 +59,9 @@ _RULES: dict[str, dict[str, Any]] = {
 
 
 def schema_text(cls: type[Message]) -> str:
-    """What a message holds, as a JSON schema of its header: fields with docstrings and units, and the arrays' shapes.
+    """JSON schema of a message's header: fields with docstrings and units, and the shapes of arrays.
 
-    An array is a number in the header, its place in `arrays`; its schema says element type and shape under `array`.
+    In the header an array is a number, its index in `arrays`; its schema gives element type and shape under `array`.
     """
     nested: list[type[Message]] = [cls]
     for one in nested:
@@ -113,7 +113,7 @@ def _reference(cls: type[Message]) -> dict[str, Any]:
 
 
 def typed(kind: Kind) -> str:
-    """What a field holds, in words."""
+    """Type of a field in words."""
     if kind.array is not None:
         shape = ", ".join(map(str, kind.array.shape))
         text = f"array of {kind.array.dtype}, shape ({shape})"

@@ -1,4 +1,4 @@
-"""What alternatives that run in shadow would have said, compared tick by tick with the active instance."""
+"""Compares the answers of shadows with those of the active instance, tick by tick."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ __all__ = ["Disagreement", "ShadowWatch", "shadow_table"]
 
 @dataclass(eq=False)
 class Disagreement:
-    """One instance in shadow against whoever was active.
+    """Comparison of one shadow with the active instances.
 
     Attributes:
-        role, instance: Which.
-        against: Active instances, in the order they were.
-        times: s, run clock, of each tick compared, by when the answers were made.
-        ticks: Their numbers.
-        values: By name, the difference of each tick (`engine.differences`); NaN where it is not defined.
-        differing: Of each tick, whether any difference is beyond its tolerance.
-        driving: Of each tick of an avoider, whether the active avoider drove.
-        unanswered: Ticks in which only one of the two gave an answer.
+        role, instance: The shadow.
+        against: The active instances, in the order in which they were active.
+        times: Time of each compared tick, s on the run clock, at which the answers were made.
+        ticks: Numbers of the compared ticks.
+        values: By name, the difference in each tick (`engine.differences`); NaN where it is not defined.
+        differing: For each tick, whether any difference exceeds its tolerance.
+        driving: For each tick of an avoider, whether the active avoider drove.
+        unanswered: Number of ticks in which only one of the two answered.
     """
 
     role: str
@@ -48,7 +48,7 @@ class Disagreement:
     unanswered: int = 0
 
     def add(self, tick: int, time: float, against: str, found: Mapping[str, float], driving: bool = False) -> None:
-        """One tick more."""
+        """Add one tick."""
         if against not in self.against:
             self.against.append(against)
         before = len(self.ticks)
@@ -60,9 +60,9 @@ class Disagreement:
             self.values.setdefault(name, [math.nan] * before).append(found.get(name, math.nan))
 
     def summary(self) -> dict[str, Any]:
-        """For `run --json`: ticks compared, the share that differ, and the RMS and greatest of each difference.
+        """Summary for `run --json`: ticks compared, the share that differ, and RMS and maximum of each difference.
 
-        `driving` says the same of the ticks in which the active avoider drove; None for other roles.
+        `driving` is the same for the ticks in which the active avoider drove; None for other roles.
         """
         drove = np.array(self.driving, dtype=np.bool_)
         first = self.differing.index(True) if True in self.differing else None
@@ -84,7 +84,7 @@ class Disagreement:
         }  # fmt: skip
 
     def _sizes(self, these: NDArray[np.bool_]) -> dict[str, dict[str, float]]:
-        """RMS and greatest of each difference over some ticks."""
+        """RMS and maximum of each difference over the ticks of a mask."""
         found = {}
         for name, values in self.values.items():
             known = np.abs(np.array(values, dtype=np.float64))[these]
@@ -99,12 +99,12 @@ def _share(flags: NDArray[np.bool_]) -> float | None:
 
 
 class ShadowWatch:
-    """An observer that compares answers made in the same tick, whenever each of them is published.
+    """An observer that compares answers of the same tick, even if they are published at different times.
 
     Args:
         shadows: By role, the instances that run beside the active one.
-        horizon: Ticks after which an answer that has not come will not come: the longest `latency`.
-        catalogue: What is known of the nodes.
+        horizon: Number of ticks after which no answer can come any more: the longest `latency`.
+        catalogue: Declarations of the nodes.
     """
 
     wants_steps = False
@@ -124,7 +124,7 @@ class ShadowWatch:
 
     @classmethod
     def of(cls, system: System) -> ShadowWatch | None:
-        """The watch over a system's alternatives in shadow; None where there are none."""
+        """The watch over a system's shadows; None if there are none."""
         period = system.config.run.period
         shadows: dict[str, tuple[str, ...]] = {}
         for table in system.config.alternative:
@@ -135,7 +135,7 @@ class ShadowWatch:
         return cls(shadows, horizon, system.catalogue) if shadows else None
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """An answer: keep it until all others of its tick are there, or can no longer come."""
+        """Keep an answer until the other answers of its tick have come or can no longer come."""
         if isinstance(message, HandOver):
             if active:
                 self._driving[at.tick] = message.engaged
@@ -146,10 +146,10 @@ class ShadowWatch:
         open_ticks.setdefault(at.tick, {})[instance] = (active, message, at)
 
     def on_step(self, record: StepRecord) -> None:
-        """Not asked for."""
+        """Never called: `wants_steps` is false."""
 
     def finish(self) -> list[Disagreement]:
-        """Compare what is left, and give what was found, by role and instance in the order of the config."""
+        """Compare the remaining answers, and return all comparisons in the order of the config."""
         for role, open_ticks in self._open.items():
             for tick in sorted(open_ticks):
                 self._close(role, tick)
@@ -160,7 +160,7 @@ class ShadowWatch:
         drove = self._driving.pop(tick, False) if role == "avoider" else False
         ours = next(((name, *answer[1:]) for name, answer in answers.items() if answer[0]), None)
         names = [name for name, answer in answers.items() if not answer[0]]
-        # An instance that was swapped out goes on in shadow, one that was swapped in is no shadow any more.
+        # An instance that was swapped out continues as a shadow; one that was swapped in is no longer one.
         for name in [*names, *(n for r, n in self.found if r == role and n not in answers)]:
             seen = self.found.setdefault((role, name), Disagreement(role, name))
             if ours is None or name not in answers:
@@ -172,7 +172,7 @@ class ShadowWatch:
 
 
 def shadow_table(found: list[Disagreement]) -> str:
-    """Every difference of every tick as CSV, one a line: numbers to 9 digits."""
+    """Every difference of every tick as CSV, one a line, numbers with 9 digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["time_s", "tick", "role", "instance", "quantity", "difference", "differs"])

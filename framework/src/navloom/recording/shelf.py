@@ -1,4 +1,4 @@
-"""Recorded messages at hand, by key and sequence: those of the last while, so that a long recording fits in memory."""
+"""Recent messages of a recording, by key and sequence, bounded so that a long recording fits in memory."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from navloom.recording.reader import RawRecorded, Recorded
 __all__ = ["Entry", "Shelf"]
 
 MOST = 8192
-"""Messages of a key that are kept: more than any node reads back."""
+"""Most messages that are kept of a key; more than any node reads back."""
 MOST_BYTES = 96 << 20
 AT_LEAST = 64
-"""Bytes of a key's messages that are kept, and how many of them whatever their size."""
+"""Most bytes that are kept of a key, and the number of messages that are kept whatever their size."""
 
 
 class Entry:
-    """One message: decoded once, so that who compares by identity sees the same object each time."""
+    """One message, decoded only once, so that comparisons by identity see the same object each time."""
 
     __slots__ = ("_opened", "place", "raw")
 
@@ -26,7 +26,7 @@ class Entry:
         self._opened: Recorded | None = None
 
     def open(self) -> Recorded | None:
-        """The message; None where it cannot be decoded."""
+        """The message; None if it cannot be decoded."""
         if self._opened is None:
             try:
                 self._opened = self.raw.open()
@@ -36,7 +36,7 @@ class Entry:
 
 
 class Shelf:
-    """Holds entries by key. A publisher that began anew counts from 1 again: of one number the nearest is meant."""
+    """Holds entries by key. A restarted publisher counts from 1 again, so the entry nearest in the file is taken."""
 
     def __init__(self) -> None:
         self._order: defaultdict[str, deque[Entry]] = defaultdict(deque)
@@ -44,7 +44,7 @@ class Shelf:
         self._by_number: defaultdict[str, dict[int, list[Entry]]] = defaultdict(dict)
 
     def put(self, entry: Entry) -> None:
-        """Keep a message; the oldest of its key go where there are too many."""
+        """Keep a message; drop the oldest of its key if there are too many."""
         key, order = entry.raw.key, self._order[entry.raw.key]
         order.append(entry)
         self._bytes[key] += len(entry.raw.data)
@@ -53,12 +53,12 @@ class Shelf:
             self._forget(key)
 
     def get(self, key: str, sequence: int, place: int) -> Entry | None:
-        """The message of a number that was received nearest to a place in the file; None where it is not there."""
+        """The message of a sequence number that is nearest to a place in the file; None if it is not kept."""
         found = self._by_number[key].get(sequence & 0xFFFFFFFF)
         return min(found, key=lambda entry: abs(entry.place - place)) if found else None
 
     def recent(self, key: str) -> deque[Entry]:
-        """What is kept of a key, oldest first."""
+        """The kept messages of a key, oldest first."""
         return self._order[key]
 
     def _forget(self, key: str) -> None:

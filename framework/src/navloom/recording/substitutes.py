@@ -1,4 +1,4 @@
-"""What another plugin would have said in a recorded run: open loop, on the inputs that the active one was given."""
+"""Runs another plugin open loop on a recorded run: on the inputs that the active instance received."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ RESERVED = ("rate_hz", "latency", "sensors", "required")
 
 @dataclass(eq=False)
 class Substitute:
-    """What came of a plugin in the place of the recorded one.
+    """Result of a plugin that was run in place of the recorded one.
 
     Attributes:
-        found: Tick by tick.
-        steps: Made.
-        faults: Steps in which it raised something, and the first of them.
-        not_fed: Steps that lacked an input, and the first of them.
+        found: Comparison tick by tick.
+        steps: Number of steps made.
+        faults: Exceptions, with their ticks.
+        not_fed: Steps that lacked an input, with what they lacked.
         notes: What else a reader must know.
-        way: (n, 3) tick, x and y, m, map frame: where the recorded robot was.
-        last: Its last answer; of a mapper the map it ended with.
+        way: (n, 3) tick, x and y, m, map frame: track of the recorded robot.
+        last: Its last answer; the final map of a mapper.
+        recorded_map: The last recorded map.
     """
 
     found: Disagreement
@@ -53,7 +54,7 @@ class Substitute:
     recorded_map: MapUpdate | None = None
 
     def summary(self) -> dict[str, Any]:
-        """For `replay --json`."""
+        """The result as `replay --json` prints it."""
         return self.found.summary() | {
             "steps": self.steps,
             "faults": len(self.faults),
@@ -69,12 +70,12 @@ def substitute_config(loaded: Loaded, role: str, name: str, changes: Sequence[st
 
     Args:
         loaded: The recording's config.
-        role: Which.
-        name: Name of an alternative of that role, or of a plugin, whose parameters are then its defaults.
-        changes: `ROLE.KEY=VALUE` of its parameters.
+        role: The role, or the name of a [[node]].
+        name: Name of an alternative of that role, or of a plugin, which then has its default parameters.
+        changes: Changes of its parameters, as `ROLE.KEY=VALUE`.
 
     Raises:
-        ConfigError: A change that is not of this role or does not fit.
+        ConfigError: There is no such [[node]], or the plugin or a change does not fit.
     """
     tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
     tables = tree.pop("alternative", [])
@@ -117,13 +118,13 @@ def substitute(
     say: Callable[[str], None] = lambda text: None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Substitute:
-    """Step a plugin on what the recorded active instances of its role were given, and compare.
+    """Step a plugin on the inputs of the recorded active instances of its role, and compare the answers.
 
     Args:
-        recording: With step records.
+        recording: A recording with step records.
         loaded: The config with the plugin in its role, see `substitute_config`.
-        role: Which.
-        say, progress: Told what is prepared, and how far it is.
+        role: The role.
+        say, progress: Receive progress of the preparation and of the replay.
     """
     name = loaded.config.role_table(role).instance
     replayer = Replayer(recording, assemble(loaded), {role: name}, say)
@@ -142,7 +143,7 @@ class _Watch:
         self.result, self.outcomes, self.ports = result, outcomes, ports
 
     def again(self, node: ReplayNode, stepped: Stepped, shelf: Shelf) -> None:
-        """Take one step."""
+        """Compare one step."""
         result, step = self.result, stepped.step
         ports = self.ports
         given = [message for port, message in stepped.outputs if port in ports]
@@ -165,7 +166,7 @@ class _Watch:
 
 
 def _add_way(result: Substitute, recording: Recording, replayer: Replayer) -> None:
-    """Where the recorded robot was, and the map it had."""
+    """Add the track of the recorded robot and its map."""
     for one in recording.messages(["localizer/*/pose", "mapper/*/map"]):
         role, name, _ = one.key.split("/", 2)[-1].split("/")
         if replayer.chosen.at(role, one.envelope.tick) != name:

@@ -1,4 +1,4 @@
-"""The files that a config's world comes from, kept in the recording so that it can be replayed elsewhere."""
+"""Files of a config's world and map, stored in the recording so that it can be replayed on another host."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from navloom.recording.reader import Recording
 __all__ = ["world_files", "with_world"]
 
 LARGEST = 4 << 20
-"""Bytes of a file that is kept in a recording."""
+"""Largest file that is stored in a recording, bytes."""
 PLACES = ("world", "map")
 
 
 def world_files(loaded: Loaded) -> dict[str, bytes]:
-    """Content of the world's and the map's own file, by the name of its attachment, where it is small enough."""
+    """Contents of the files of the world and the map, by attachment name, if they are small enough."""
     found: dict[str, bytes] = {}
     for place in PLACES:
         path = _file(loaded, place)
@@ -32,12 +32,12 @@ def world_files(loaded: Loaded) -> dict[str, bytes]:
 
 
 def with_world(recording: Recording, loaded: Loaded, folder: Path) -> Loaded:
-    """The config with its world from the recording where the file it names is not there any more.
+    """The config, with its world and map taken from the recording if their files no longer exist.
 
     Args:
-        recording: Where it is kept.
+        recording: The recording with the files.
         loaded: The recording's config.
-        folder: Where to put it.
+        folder: Folder to write the files to.
     """
     tree: dict[str, Any] = loaded.config.model_dump(mode="json", exclude_unset=True)
     for place in PLACES:
@@ -72,7 +72,7 @@ def _file(loaded: Loaded, place: str) -> Path | None:
 
 
 def _argument(reference: str) -> str:
-    """Path within a reference; empty where it names no file."""
+    """Path within a reference; empty if it names no file."""
     scheme, colon, argument = reference.partition(":")
     if colon:
         return argument.partition("#")[0]

@@ -1,4 +1,4 @@
-"""Writes recordings: MCAP in zstd chunks that are closed often, so that a recorder that is killed loses little."""
+"""Writes recordings: MCAP in zstd chunks that are closed often, so that a killed recorder loses little."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from navloom.recording.schemas import ENCODING, SCHEMA_ENCODING, schema_text
 __all__ = ["RecordingWriter", "WriteError"]
 
 CHUNK = 1 << 20
-"""Bytes after which a chunk is closed, whatever the time."""
+"""Largest size of a chunk before it is closed, bytes."""
 
 
 class WriteError(NavloomError, OSError):
-    """The file cannot be written on; what it holds so far is whole. The text says why, and how much there is.
+    """Writing failed; the file is valid up to that point. The text says why, and how much there is.
 
     Attributes:
         why: The cause alone.
@@ -38,19 +38,19 @@ class WriteError(NavloomError, OSError):
 
 
 class RecordingWriter:
-    """Writes one recording, by one thread. Use it in a `with` statement.
+    """Writes one recording, in one thread. Use it in a `with` statement.
 
     Args:
         path: File to write; an existing one is refused.
-        header: What the recording says of itself.
-        attachments: Files to keep in it, by name.
+        header: Header of the recording.
+        attachments: Files to store in it, by name.
 
     Raises:
-        RecordingError: There is such a file, or it cannot be made.
-        WriteError: It cannot be written, as on a full disk; at any call. Nothing is written after that.
+        RecordingError: The file exists, or cannot be created.
+        WriteError: Writing fails, as on a full disk; any call may raise it. Nothing is written after that.
 
     Attributes:
-        messages: How many are in it; where writing failed, how many of them can be read.
+        messages: Number of messages in it; after a failure, the number that can be read.
     """
 
     def __init__(self, path: Path, header: RecordingHeader, attachments: Mapping[str, bytes] | None = None) -> None:
@@ -81,14 +81,14 @@ class RecordingWriter:
             self.close({})
 
     def add(self, key: str, label: str, data: bytes, received_ns: int, stamp_ns: int, sequence: int) -> None:
-        """Keep a message: the codec's bytes with their schema label."""
+        """Write a message: the codec's bytes with their schema label."""
         channel = self._channels.get((key, label)) or self._declare(key, label)
         with self._sound():
             self._writer.add_message(channel, received_ns, data, stamp_ns, sequence & 0xFFFFFFFF)
         self.messages += 1
 
     def add_counts(self, counts: Mapping[str, Any], received_ns: int) -> None:
-        """Keep the recorder's counters as they are now."""
+        """Write the recorder's current counters."""
         key = f"{self.header.prefix}/{COUNTS}"
         channel = self._channels.get((key, "json"))
         with self._sound():
@@ -97,14 +97,14 @@ class RecordingWriter:
             self._writer.add_message(channel, received_ns, json.dumps(counts).encode(), received_ns)
 
     def flush(self) -> None:
-        """Close the chunk under way and hand it to the system: from here on a kill cannot take it."""
+        """Close the current chunk and hand it to the operating system, so that a kill no longer loses it."""
         with self._sound():
             self._writer.flush()
             self._file.mark()
         self._whole = self.messages
 
     def close(self, counts: Mapping[str, Any]) -> None:
-        """End the file with the last counters and an index."""
+        """Finish the file with the last counters and an index."""
         with self._sound():
             if counts:
                 self._writer.flush()
@@ -115,7 +115,7 @@ class RecordingWriter:
         self._file.close()
 
     def discard(self) -> None:
-        """Remove the file: what it was to hold did not take place, or is of no use in part."""
+        """Remove the file, because the run did not take place or a partial file is of no use."""
         if self._is_open:
             self._is_open = False
             self._file.close()
@@ -123,13 +123,13 @@ class RecordingWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file."""
+        """Size of the file, bytes."""
         return self._file.tell()
 
     def _declare(self, key: str, label: str) -> int:
         with self._sound():
             if label not in self._schemas:
-                OPENER.why_unknown(label)  # a distribution's class is loaded, so that the recording explains itself
+                OPENER.why_unknown(label)  # load a distribution's class, so that the recording contains its schema
                 cls = SCHEMAS.get(label.partition("/")[0])
                 text = schema_text(cls) if cls is not None and schema_label(cls) == label else ""
                 self._schemas[label] = self._writer.register_schema(label, SCHEMA_ENCODING, text.encode())
@@ -139,7 +139,7 @@ class RecordingWriter:
 
     @contextlib.contextmanager
     def _sound(self) -> Any:
-        """Leave a whole file behind where it cannot be written on."""
+        """Cut the file back to its last valid state if writing fails. Raises WriteError."""
         if not self._is_open:
             raise WriteError(f"{self.path}: it was closed")
         try:
@@ -155,7 +155,7 @@ class RecordingWriter:
 
 
 class _Sound:
-    """A file that is cut back to its last mark where writing fails: a disk that is full leaves no torn record."""
+    """A file that is cut back to its last mark if writing fails: a full disk leaves no torn record."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -167,7 +167,7 @@ class _Sound:
         self._at = self._good = 0
 
     def write(self, data: bytes) -> int:
-        """All of it, at once."""
+        """Write all of the data, without a buffer."""
         view = memoryview(data)
         while view:
             written = os.write(self._descriptor, view)
@@ -176,23 +176,23 @@ class _Sound:
         return len(data)
 
     def tell(self) -> int:
-        """Bytes so far."""
+        """Number of bytes written so far."""
         return self._at
 
     def flush(self) -> None:
-        """Nothing waits here."""
+        """Do nothing: there is no buffer."""
 
     def mark(self) -> None:
-        """What was written so far is whole."""
+        """Declare everything written so far as valid."""
         self._good = self._at
 
     def cut(self) -> None:
-        """Go back to the last mark, and write no more."""
+        """Truncate to the last mark, and close."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, self._good)
         self._at = self._good
         self.close()
 
     def close(self) -> None:
-        """No more."""
+        """Close the file."""
         os.close(self._descriptor)

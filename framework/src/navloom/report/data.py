@@ -1,4 +1,4 @@
-"""What a report is made of: the folder that `navloom compare` left, read and checked."""
+"""Reads and checks the folder of a study, written by `navloom compare`, for a report."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from navloom.study.worldset import OWN_WORLD, world_digest
 __all__ = ["StudyFiles", "read_study"]
 
 SEED = 0
-"""Of the resamples: the same study gives the same intervals."""
+"""Seed of the resamples, so that a study always gives the same intervals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +38,14 @@ class StudyFiles:
     """A finished study.
 
     Attributes:
-        folder: Where it is.
-        request: `study.json`.
-        rows: `episodes.csv`, one a line.
-        open_loop: `open_loop.csv`, empty where there is none.
-        timing: `timing.json`, empty where there is none.
-        metrics: In the order of the table.
-        baseline: The method the others are compared with.
-        discovery: Finds worlds.
+        folder: Folder of the study.
+        request: Contents of `study.json`.
+        rows: Lines of `episodes.csv`.
+        open_loop: Lines of `open_loop.csv`, empty if there is none.
+        timing: Contents of `timing.json`, empty if there is none.
+        metrics: Metrics in the order of the table.
+        baseline: The method that the others are compared with.
+        discovery: Plugins, used to find worlds.
     """
 
     folder: Path
@@ -59,59 +59,61 @@ class StudyFiles:
 
     @property
     def methods(self) -> list[str]:
-        """In the order they were asked for."""
+        """Methods in the order of the request."""
         return list(self.request["methods"])
 
     @property
     def worlds(self) -> list[str]:
-        """In the order they were asked for."""
+        """Worlds in the order of the request."""
         return list(self.request["worlds"])
 
     @property
     def seeds(self) -> list[int]:
-        """In the order they were asked for."""
+        """Seeds in the order of the request."""
         return [int(seed) for seed in self.request["seeds"]]
 
     @cached_property
     def comparison(self) -> Comparison:
-        """What the statistics say."""
+        """Statistical comparison of the methods."""
         return compare_methods(self.rows, self.baseline, self.metrics, np.random.default_rng(SEED))
 
     @cached_property
     def outcomes(self) -> dict[tuple[str, str], list[str]]:
-        """Of each method and world, how the episodes ended."""
+        """Outcomes of the episodes, by method and world."""
         found: dict[tuple[str, str], list[str]] = {}
         for row in self.rows:
             found.setdefault((row["method"], row["world"]), []).append(row["outcome"])
         return found
 
     def values(self, metric: str, method: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Of a method's episodes where it is defined, (n,)."""
+        """(n,) values of a metric in a method's episodes, where it is defined."""
         told = [row[metric] for row in self.rows if row["method"] == method and row[metric] != ""]
         return np.array([float(value) for value in told])
 
     def metric(self, name: str) -> Metric | None:
-        """By name, or None."""
+        """A metric by name, or None."""
         return next((metric for metric in self.metrics if metric.name == name), None)
 
     def value(self, place: str) -> Any:
-        """What holds for every method at a place of the config; None where it differs, or is not known."""
+        """The common value of all methods at a place of the config; None if it differs or is not known."""
         return self.request["held_equal"].get(place)
 
     def command(self, method: str, world: str, seed: int) -> str:
-        """What drives one episode again, for a shell."""
+        """Shell command that drives one episode again."""
         changes = [*self.request["methods"][method]["changes"], *self.request["worlds"][world]["changes"]]
         words = ["navloom", "run", self.request["config"]]
+        for file in self.request.get("plugin_files", ()):
+            words += ["--plugin", file]
         for change in changes:
             words += ["--set", change]
         return shlex.join([*words, "--seed", str(seed)])
 
     def track(self, method: str, world: str, seed: int) -> StoredWay | None:
-        """The way of an episode, where it was kept."""
+        """The track of an episode; None if it was not stored."""
         return read_track(self.folder, EpisodeKey(method, world, seed))
 
     def world(self, ref: str) -> World | None:
-        """The world as it was, or None where it cannot be found here any more or has changed."""
+        """The world of the study; None if it cannot be found here or has changed."""
         told = self.request["worlds"][ref]
         try:
             if ref == OWN_WORLD:
@@ -124,13 +126,13 @@ class StudyFiles:
         return world if world is not None and world_digest(world) == told["sha256"] else None
 
     def why_no_world(self, ref: str) -> str:
-        """Why `world` gives None, in one sentence."""
+        """Why `world` returns None, in one sentence."""
         if not self.request["worlds"][ref]["sha256"]:
             return "The platform does not tell what stands in its world."
         return "The world itself cannot be read here, or has changed."
 
     def _base(self) -> Path:
-        """Folder that the config's own references start from."""
+        """Base folder of the config's own references."""
         config = Path(self.request["config"])
         return config.parent if config.suffix == ".toml" else Path.cwd()
 
@@ -139,11 +141,11 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     """Read the folder of a finished study.
 
     Args:
-        folder: As `--out` of `navloom compare`.
+        folder: Folder given to `navloom compare` as `--out`.
         baseline: Name of a method; default that of the open loop, else the first.
 
     Raises:
-        ConfigError: No study, an unfinished or damaged one, or no such method.
+        ConfigError: Not a study, an unfinished or damaged one, or no such method.
     """
     if not (folder / "study.json").is_file():
         raise ConfigError(f"{folder}: holds no study: study.json is missing; name the --out of `navloom compare`")
@@ -152,7 +154,7 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     request = _read(folder / "study.json", _json)
     rows = _read(folder / "episodes.csv", _table)
     try:
-        # intern raises TypeError for what is not a text
+        # intern raises TypeError for anything but a string
         names, told = ([intern(name) for name in request[part]] for part in ("methods", "metrics"))
         baseline = baseline or intern(request.get("open_loop", {}).get("baseline", "")) or names[0]
         complete = len(rows) == len(names) * len(request["worlds"]) * len(request["seeds"])
@@ -174,7 +176,7 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
 
 
 def _installed(discovery: Discovery) -> tuple[Metric, ...]:
-    """Metrics there are here; a broken plugin's costs its better side and unit, not the report."""
+    """Installed metrics; with a broken plugin only the built-in ones, so that the report can still be made."""
     try:
         return all_metrics(discovery)
     except PluginError:
@@ -182,7 +184,7 @@ def _installed(discovery: Discovery) -> tuple[Metric, ...]:
 
 
 def _unknown(name: str) -> Metric:
-    """A metric of a plugin that is not installed here: its numbers are there, its better side is not known."""
+    """Stand-in for a metric that is not installed here: its values are known, its unit and better side are not."""
     return Metric(name, "?", None, lambda trail: None, "Of a plugin that is not installed here.")
 
 

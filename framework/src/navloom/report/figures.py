@@ -1,4 +1,4 @@
-"""The figures of a study's report: what came of it, by how much methods differ, and how numbers are spread."""
+"""Figures of a study's report: outcomes, differences between methods, and distributions of metrics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["difference_figure", "distribution_figure", "line_of", "outcome_figure", "success_figures"]
 
 WIDTH = 180.0
-"""mm: the text of an A4 page."""
+"""Width of a figure, mm: the text width of an A4 page."""
 COLOURS = {
     "succeeded": "#009E73", "collision": "#D55E00", "stuck": "#E69F00", "timeout": "#F0E442", "no_path": "#56B4E9",
     "rejected": "#0072B2", "error": "#333333", "stopped": "#CC79A7", "lost": "#117733", "cancelled": "#B5B5B5",
@@ -31,12 +31,12 @@ DIFFERENCES = (
     "success", "spl", "time", "clearance_min", "danger_share", "cross_track_rms", "turning", "steering_flips", "jerk",
 )  # fmt: skip
 ROWS = 45
-"""Worlds in one picture of success."""
+"""Most worlds in one figure of successes."""
 DASHES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)))
 
 
 def line_of(number: int) -> dict[str, Any]:
-    """Colour and dashes of the method with this number: 24 look different."""
+    """Colour and dashes of the method with this number; 24 combinations are distinct."""
     return {
         "color": OKABE_ITO[number % len(OKABE_ITO)],
         "linestyle": DASHES[number // len(OKABE_ITO) % len(DASHES)],
@@ -44,12 +44,12 @@ def line_of(number: int) -> dict[str, Any]:
 
 
 def shortened(name: str, most: int = 26) -> str:
-    """A name's end where it is long: files differ there."""
+    """The end of a long name, since file names differ there."""
     return name if len(name) <= most else "…" + name[1 - most :]
 
 
 def outcome_figure(study: StudyFiles) -> Figure:
-    """How the episodes of each method ended, stacked to the whole."""
+    """Stacked bars with the share of each outcome, by method."""
     counts, methods = study.comparison.outcomes, study.methods
     figure, axes = new_figure(WIDTH, 26.0 + 6.5 * len(methods))
     with styled():
@@ -77,7 +77,7 @@ def outcome_figure(study: StudyFiles) -> Figure:
 
 
 def success_figures(study: StudyFiles) -> list[Figure]:
-    """Successes of each method in each world, some worlds a figure."""
+    """Successes of each method in each world, at most `ROWS` worlds a figure."""
     figures = math.ceil(len(study.worlds) / ROWS)
     each = math.ceil(len(study.worlds) / figures)
     return [_success(study, study.worlds[first : first + each]) for first in range(0, len(study.worlds), each)]
@@ -119,7 +119,7 @@ def _success(study: StudyFiles, worlds: Sequence[str]) -> Figure:
 
 
 def difference_figure(study: StudyFiles) -> Figure | None:
-    """Differences from the baseline with their intervals, one panel a metric; None where nothing is compared."""
+    """Differences from the baseline with their intervals, one panel a metric; None if nothing is compared."""
     others = [method for method in study.methods if method != study.baseline]
     shown = [
         metric for metric in map(study.metric, DIFFERENCES) if metric is not None and _is_told(study, metric, others)
@@ -183,7 +183,7 @@ def _difference_legend(figure: Figure) -> None:
 
 
 def distribution_figure(study: StudyFiles) -> Figure | None:
-    """Empirical distributions over all episodes, one panel a metric; None where none is defined anywhere."""
+    """Empirical distributions over all episodes, one panel a metric; None if no metric is defined in any episode."""
     shown = [
         metric
         for metric in map(study.metric, SPREAD)
@@ -224,7 +224,7 @@ def distribution_figure(study: StudyFiles) -> Figure | None:
 
 
 def _handles(methods: Sequence[str]) -> list[Any]:
-    """Legend entries of all methods, those without a line in some panel too."""
+    """Legend entries of all methods, including those without a line in some panel."""
     from matplotlib.lines import Line2D
 
     return [Line2D([], [], label=shortened(name), **line_of(k)) for k, name in enumerate(methods)]

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: no script, no file beside it, good on a screen and on A4."""
+"""Writes a self-contained HTML page: no scripts or further files, suitable for screens and for A4."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ figcaption { color: var(--soft); font-size: .86rem; margin-top: .35rem; max-widt
 }
 """
 SHORT = 14
-"""Rows up to which a table is not cut in print; longer ones have their heads on each page."""
+"""Most rows of a table that is kept on one printed page; longer tables repeat their heads on each page."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class Section:
     """A part of a page.
 
     Attributes:
-        title: Its heading; also its anchor.
-        body: HTML, as the functions of this module give it.
+        title: Its heading.
+        body: HTML from the functions of this module.
     """
 
     title: str
@@ -70,11 +70,11 @@ class Section:
 
 
 def page(title: str, sections: Sequence[Section], lead: str = "") -> str:
-    """The page.
+    """The HTML of a page.
 
     Args:
-        title: As text.
-        sections: In order; a list of them stands at the top, on screens only.
+        title: Title, as plain text.
+        sections: Sections in order; a table of contents is at the top, on screens only.
         lead: HTML above the first section.
     """
     anchors = [f"s{number}" for number in range(1, len(sections) + 1)]
@@ -100,17 +100,17 @@ def heading(text: str) -> str:
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """Text as a paragraph; kind "note" makes it stand out."""
+    """Text as a paragraph; the kind "note" highlights it."""
     return f'<p class="{kind}">{escape(text)}</p>\n' if kind else f"<p>{escape(text)}</p>\n"
 
 
 def code(text: str) -> str:
-    """A command or a listing, wrapped where it is wide."""
+    """A command or a listing; long lines are wrapped."""
     return f"<pre><code>{escape(text)}</code></pre>\n"
 
 
 def listing(entries: Sequence[str]) -> str:
-    """Texts as a list of points."""
+    """Texts as a bulleted list."""
     return "<ul>\n" + "".join(f"<li>{escape(entry)}</li>\n" for entry in entries) + "</ul>\n"
 
 
@@ -125,12 +125,12 @@ def table(
     """A table.
 
     Args:
-        columns: Heads; line breaks in them are kept.
-        rows: As many cells each. A cell's lines after the first are shown small below it.
-        caption: Above it.
-        text: Columns aligned left, of texts; all others hold numbers.
-        marked: Rows that stand out.
-        code: Columns of what is typed.
+        columns: Column heads; line breaks in them are kept.
+        rows: Rows with one cell for each column. Further lines of a cell are shown in small print below it.
+        caption: Caption above the table.
+        text: Indices of text columns, aligned left; all others hold numbers.
+        marked: Indices of highlighted rows.
+        code: Indices of columns with commands.
     """
     heads = "".join(f'<th scope="col"{_kind(k in text)}>{escape(name)}</th>' for k, name in enumerate(columns))
     body = "".join(
@@ -157,13 +157,13 @@ def _cell(text: str, is_code: bool) -> str:
 
 
 def figure(svg: str, caption: str) -> str:
-    """A drawing, of `plotting.svg_of`, with its caption below."""
+    """An SVG from `plotting.svg_of`, with its caption below."""
     told = escape(caption)
     return f'<figure role="img" aria-label="{told}">\n{svg}\n<figcaption>{told}</figcaption></figure>\n'
 
 
 def picture(png: bytes, caption: str, width_mm: float) -> str:
-    """A PNG file with its caption below, `width_mm` wide, or as wide as there is room."""
+    """A PNG file with its caption below, `width_mm` mm wide, or narrower if there is less room."""
     held = base64.b64encode(png).decode("ascii")
     return (
         f'<figure><img src="data:image/png;base64,{held}" alt="{escape(caption)}" style="width:{width_mm:g}mm">\n'

@@ -1,4 +1,4 @@
-"""What methods say to the same inputs: tables and figures of the open-loop episodes of a study."""
+"""Tables and figures of a study's open-loop episodes, in which methods answer the same inputs."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ __all__ = ["OpenLoopData", "open_loop_data", "over_time_figure", "shadow_summary
 
 Floats = NDArray[np.float64]
 BIN = 0.5
-"""s over which disagreement is drawn as one value."""
+"""Time over which differences are averaged to one drawn value, s."""
 WORLDS = 5
-"""Worlds drawn over time: those with most disagreement."""
+"""Most worlds drawn over time: those with the largest differences."""
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoopData:
-    """Open-loop episodes as they were kept.
+    """Stored data of the open-loop episodes.
 
     Attributes:
-        baseline: Who drove.
-        shadows: Methods that ran beside it.
+        baseline: The method that drove.
+        shadows: Methods that ran in shadow.
         quantities: Names of the differences that are not 0 everywhere.
-        tracks: By world, one a seed.
+        tracks: Tracks by world, one a seed.
         values: By (method, quantity, world), pairs of times (n,), s, and differences (n,), one a seed.
-        changed: Episodes whose trace is not that of the baseline alone: none, or shadows were not leaves.
-        compared: Episodes with a trace to compare.
+        changed: Number of episodes whose trace differs from that of the baseline alone; must be 0, since shadows are
+            leaves.
+        compared: Number of episodes with a trace to compare.
     """
 
     baseline: str
@@ -52,7 +53,7 @@ class OpenLoopData:
     compared: int
 
     def pooled(self, method: str, quantity: str) -> Floats:
-        """(n,) absolute differences of every tick in every world."""
+        """(n,) absolute differences of all ticks in all worlds."""
         told = [
             np.abs(values)
             for (m, q, _), pairs in self.values.items()
@@ -63,7 +64,7 @@ class OpenLoopData:
 
 
 def open_loop_data(study: StudyFiles) -> OpenLoopData | None:
-    """What was kept of the open loop; None for a study without one."""
+    """The stored open-loop data; None for a study without any."""
     told = study.request.get("open_loop")
     if not told:
         return None
@@ -92,7 +93,7 @@ def open_loop_data(study: StudyFiles) -> OpenLoopData | None:
 
 
 def shadow_summary(study: StudyFiles, data: OpenLoopData) -> TextTable:
-    """Of each method and quantity: ticks, the share that differ, how far they are apart; once more while it drove."""
+    """Ticks, share of differing ticks, and differences by method and quantity; for avoiders also while they drove."""
     rows = []
     for method in data.shadows:
         told = [row for row in study.open_loop if row["method"] == method]
@@ -126,7 +127,7 @@ def _pooled_share(episodes: list[dict[str, str]], prefix: str) -> tuple[int, str
 
 
 def _pooled_sizes(lines: list[dict[str, str]], prefix: str) -> tuple[float | None, float | None]:
-    """RMS and greatest over the ticks of all episodes."""
+    """RMS and maximum over the ticks of all episodes."""
     known = [row for row in lines if row[f"{prefix}rms"]]
     count = sum(int(row[f"{prefix}ticks"]) for row in known)
     if not count:
@@ -136,7 +137,7 @@ def _pooled_sizes(lines: list[dict[str, str]], prefix: str) -> tuple[float | Non
 
 
 def over_time_figure(study: StudyFiles, data: OpenLoopData) -> tuple[Figure, list[str]] | None:
-    """RMS over seeds of the disagreement at each time, and the worlds drawn; None where nothing disagrees."""
+    """Figure of the RMS difference over seeds at each time, and the worlds drawn; None if nothing differs."""
     worlds = [world for world in study.worlds if any(key[2] == world for key in data.values)]
     worlds.sort(key=lambda world: -_overall(data, world))
     worlds = sorted(worlds[:WORLDS], key=study.worlds.index)
@@ -195,7 +196,7 @@ def _handles(study: StudyFiles, data: OpenLoopData) -> list[Any]:
 
 
 def spread_figure(study: StudyFiles, data: OpenLoopData) -> Figure | None:
-    """How far each method is from the baseline over all ticks, on a logarithmic scale; None where nothing disagrees."""
+    """Figure of each method's differences from the baseline over all ticks, on a log scale; None if nothing differs."""
     shown = [name for name in data.quantities if any(data.pooled(method, name).size for method in data.shadows)]
     if not shown:
         return None

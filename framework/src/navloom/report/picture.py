@@ -1,4 +1,4 @@
-"""A run as a picture: the robot's map, the plan, the trajectory and the way it drove."""
+"""Draws a run: the robot's map, the plan, the trajectory and the driven track."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ __all__ = ["Canvas", "Key", "draw_map_update", "draw_run"]
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
 Rectangle = tuple[float, float, float, float]
-"""Least u, least v, greatest u and v, pixels of the canvas; or x and y, m."""
+"""Smallest u, smallest v, largest u, largest v, pixels of the canvas; or the same in x and y, m."""
 WIDTH, OVERSAMPLING, MARGIN = 1100, 2, 60
-# Okabe & Ito's palette: told apart with any colour vision.
+# Palette of Okabe and Ito, suitable for any colour vision.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, GREY = (
     (30, 30, 30), (230, 159, 0), (86, 180, 233), (0, 158, 115), (0, 114, 178), (213, 94, 0), (150, 150, 150)
 )  # fmt: skip
@@ -34,11 +34,11 @@ CELLS, FOOTPRINT = (205, 205, 205), (235, 175, 145)
 START = 0.08
 """Radius of the disc that marks a start, m."""
 OUTLINE_EVERY = 2.0
-"""s between two outlines of the robot."""
+"""Interval of the robot's outlines, s."""
 DASH, GAP = 9.0, 6.0
-"""Of a dashed line, pixels of the finished picture."""
+"""Dash and gap of a dashed line, pixels of the finished picture."""
 ROW, SWATCH = 22, 24
-"""Height of a row of the legend and width of the sample before each name, pixels of the finished picture."""
+"""Height of a legend row and width of the sample before each name, pixels of the finished picture."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Key:
     """One entry of a legend.
 
     Attributes:
-        name: What is drawn so.
+        name: What the sample represents.
         colour: Its colour.
-        shape: How the sample looks; "dashed" is an outline in dashes.
+        shape: Shape of the sample; "dashed" is a dashed outline.
     """
 
     name: str
@@ -61,7 +61,7 @@ TRUE, ABOVE = Key("true obstacles", SKY, "outline"), Key("above the robot", SKY,
 
 
 class Canvas:
-    """Draws in metres, map frame, y up; made larger and scaled down for smooth lines.
+    """Draws in metres, map frame, y up. It is drawn larger and scaled down for smooth lines.
 
     Args:
         bounds: Lowest x, lowest y, highest x, highest y, m.
@@ -88,28 +88,28 @@ class Canvas:
         return [((x - self.x0) * self.scale + edge, (self.y1 - y) * self.scale + self._top) for x, y in points]
 
     def line(self, points: Floats, colour: Colour, width: float) -> None:
-        """A polyline; width in pixels of the finished picture."""
+        """Draw a polyline; width in pixels of the finished picture."""
         if len(points) > 1:
             self.pen.line(self.pixels(points), fill=colour, width=round(width * OVERSAMPLING), joint="curve")
 
     def polygon(self, points: Floats, fill: Colour | None, outline: Colour) -> None:
-        """A filled or empty polygon."""
+        """Draw a filled or empty polygon."""
         self.pen.polygon(self.pixels(points), fill=fill, outline=outline, width=OVERSAMPLING)
 
     def dashed(self, points: Floats, outline: Colour) -> None:
-        """A polygon in dashes."""
+        """Draw a dashed polygon."""
         _dashed_polygon(self.pen, self.pixels(points), outline)
 
     def disc(self, x: float, y: float, radius: float, fill: Colour | None, outline: Colour) -> None:
-        """A disc of a radius in m."""
+        """Draw a disc; position and radius in m."""
         ((u, v),) = self.pixels(np.array([(x, y)]))
         r = radius * self.scale
         self.pen.ellipse((u - r, v - r, u + r, v + r), fill=fill, outline=outline, width=OVERSAMPLING)
 
     def text(self, x: float, y: float, text: str, clear: float = 0.0) -> None:
-        """Text beside a point, at least `clear` m away, with a white rim, so that it reads on any ground.
+        """Draw text beside a point, at least `clear` m away, with a white rim so that it is legible on any background.
 
-        Of its four sides the one inside the frame is taken where no other text and the least of the drawing is.
+        Of the four sides it takes one inside the frame, without other text and with the least drawing below it.
         """
         ((u, v),) = self.pixels(np.array([(x, y)]))
         away, rim = clear * self.scale + 5 * OVERSAMPLING, 3 * OVERSAMPLING
@@ -121,24 +121,24 @@ class Canvas:
         self.pen.text((a, b), text, BLACK, self.font, anchor, stroke_width=rim, stroke_fill="white")
 
     def _is_taken(self, box: Rectangle) -> bool:
-        """Another text is there, or part of it is outside the frame."""
+        """Whether the box overlaps another text or is partly outside the frame."""
         (left, low), (right, high) = self.pixels(np.array([self.bounds[:2], self.bounds[2:]]))
         is_inside = left <= box[0] and box[2] <= right and high <= box[1] and box[3] <= low
         return not is_inside or any(_overlap(box, other) for other in self._texts)
 
     def _ink(self, box: Rectangle) -> int:
-        """How many pixels there are not white."""
+        """Number of pixels in the box that are not white."""
         left, top, right, bottom = (round(edge) for edge in box)
         return int((np.asarray(self.image.crop((left, top, right, bottom))) < 255).any(axis=2).sum())
 
     def cells(self, occupied: NDArray[np.bool_], corner: Floats, resolution: float, colour: Colour) -> None:
-        """Every true cell of a raster; `corner` is the pose (x, y, heading) of its lower left corner."""
+        """Draw every true cell of a raster; `corner` is the pose of its lower left corner: x, y, m, heading, rad."""
         square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=np.float64)
         for row, col in np.argwhere(occupied):
             self.pen.polygon(self.pixels(transform(corner, (square + (col, row)) * resolution)), fill=colour)
 
     def frame(self) -> None:
-        """Wipes what lies outside the bounds; draws the legend, and a frame in m with a tick at every 1, 2, 5, …"""
+        """Clear the area outside the bounds; draw the legend, and a frame with ticks in m at steps of 1, 2, 5, …"""
         x0, y0, x1, y1 = self.bounds
         (left, low), (right, high) = self.pixels(np.array([(x0, y0), (x1, y1)]))
         width, height = self.image.size
@@ -162,7 +162,7 @@ class Canvas:
             self.pen.text((u + (SWATCH + 5) * OVERSAMPLING, v - OVERSAMPLING), key.name, BLACK, self.font)
 
     def _rows(self, keys: Sequence[Key], right: float) -> tuple[list[tuple[Key, tuple[float, float]]], int]:
-        """Where each entry of the legend begins, and how much higher it makes the picture than one row would."""
+        """Position of each legend entry, and the additional height of the legend compared to one row, pixels."""
         left, top = float(OVERSAMPLING * MARGIN), 0.3 * OVERSAMPLING * MARGIN
         places, u, v = [], left, top
         for key in keys:
@@ -184,7 +184,7 @@ def _overlap(one: Rectangle, other: Rectangle) -> bool:
 
 
 def _dashed_polygon(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], colour: Colour) -> None:
-    """Dashes from each corner to the next, in pixels."""
+    """Draw dashes from each corner to the next, in pixels."""
     for (u0, v0), (u1, v1) in zip(corners, [*corners[1:], corners[0]], strict=True):
         length = math.hypot(u1 - u0, v1 - v0)
         for begin in np.arange(0.0, length, (DASH + GAP) * OVERSAMPLING):
@@ -193,7 +193,7 @@ def _dashed_polygon(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, flo
 
 
 def _sample(pen: ImageDraw.ImageDraw, key: Key, box: Rectangle) -> None:
-    """The sample before a name of the legend."""
+    """Draw the sample before a name in the legend."""
     left, top, right, bottom = box
     middle, half = 0.5 * (top + bottom), 0.5 * (bottom - top)
     if key.shape == "line":
@@ -208,11 +208,11 @@ def _sample(pen: ImageDraw.ImageDraw, key: Key, box: Rectangle) -> None:
 
 
 def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image:
-    """A map alone: its cells grey or black, its segments black, the origin of the map frame marked.
+    """Draw a map: its cells grey or black, its segments black, the origin of the map frame marked.
 
     Args:
         update: The map.
-        way: (n, 2) where the robot went meanwhile, m, map frame; None where it stood.
+        way: (n, 2) track of the robot, m, map frame; None if it did not move.
     """
     grid = update.grid
     rows, cols = grid.cells.shape
@@ -230,7 +230,7 @@ def draw_map_update(update: MapUpdate, way: Floats | None = None) -> Image.Image
 
 
 def draw_run(episode: Episode) -> Image.Image:
-    """Map, plan, trajectory and true way of a finished run, with start, goal and the world's own obstacles."""
+    """Draw map, plan, trajectory and true track of a finished run, with start, goal and the true obstacles."""
     recorder, system = episode.recorder, episode.system
     extent = _extent(episode)
     obstacles = _obstacles_in(extent, episode)
@@ -258,7 +258,7 @@ def draw_run(episode: Episode) -> Image.Image:
 
 
 def _run_keys(episode: Episode, obstacles: Collection[Key]) -> list[Key]:
-    """The legend of a run: of what is drawn, and of nothing else."""
+    """The legend of a run, with entries only for what is drawn."""
     recorder = episode.recorder
     keys = [] if recorder.map is None else _map_keys(recorder.map)
     keys += [key for key in (TRUE, ABOVE) if key in obstacles]
@@ -268,14 +268,14 @@ def _run_keys(episode: Episode, obstacles: Collection[Key]) -> list[Key]:
 
 
 def _map_keys(update: MapUpdate) -> list[Key]:
-    """A mapper with segments has them in black, and its cells in grey; without, its cells in black."""
+    """Legend of a map: segments black and cells grey; without segments, cells black."""
     if not len(update.segments):
         return [Key("occupied cells of the map", BLACK)]
     return [Key("outlines in the map", BLACK, "line"), Key("occupied cells of the map", CELLS)]
 
 
 def _extent(episode: Episode) -> tuple[float, float, float, float]:
-    """What there is to see: the world's bounds, cut to the surroundings of plan and way where those are small."""
+    """Bounds of the picture, m: start, plans and track with a margin, cut to the world's bounds."""
     points = [episode.recorder.driven, *(path.points for path in episode.recorder.plans)]
     start = episode.system.start
     seen = np.concatenate([np.array([(start.x, start.y)]), *points])
@@ -301,7 +301,7 @@ def _draw_map(canvas: Canvas, update: MapUpdate) -> None:
 
 
 def _obstacles_in(extent: Rectangle, episode: Episode) -> list[tuple[Floats, Key]]:
-    """Outline of each obstacle of the world in a part of it, m, at the end of the run; and how it is drawn."""
+    """Outline, m, of each true obstacle within the extent at the end of the run, and its legend entry."""
     world, height, truth = episode.system.world, episode.system.robot.height, episode.recorder.truth
     time = truth[-1][0] if truth else 0.0
     turns = np.linspace(0.0, math.tau, 24, endpoint=False)
@@ -318,7 +318,7 @@ def _obstacles_in(extent: Rectangle, episode: Episode) -> list[tuple[Floats, Key
 
 
 def _draw_outlines(canvas: Canvas, episode: Episode) -> None:
-    """The robot's footprint as time passes."""
+    """Draw the robot's footprint at intervals along the track."""
     outline = episode.system.robot.footprint
     every = max(1, round(OUTLINE_EVERY / episode.system.config.run.period))
     for _, x, y, heading, _, _ in episode.recorder.truth[::every]:

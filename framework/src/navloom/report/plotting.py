@@ -1,4 +1,4 @@
-"""Figures for print and screen: matplotlib without a display or global state, byte for byte the same each time."""
+"""Figures for print and screen: matplotlib without a display or global state, with reproducible bytes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 __all__ = ["GREY", "MM", "OKABE_ITO", "need_matplotlib", "new_figure", "png_of", "styled", "svg_of"]
 
 MM = 1.0 / 25.4
-"""One millimetre in inches, in which matplotlib counts."""
+"""One millimetre in inches, matplotlib's unit."""
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
-"""Okabe & Ito's colours, told apart with any colour vision; the pale yellow last, it is hard to see on white."""
+"""Colours of Okabe and Ito, suitable for any colour vision; pale yellow, hard to see on white, is last."""
 GREY = "#8A8A8A"
-"""For what must not draw the eye: grids, obstacles, lines at zero."""
+"""Colour of background elements: grids, obstacles, zero lines."""
 SALT = "navloom"
 STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -50,7 +50,7 @@ STYLE: Any = {
 
 
 def need_matplotlib() -> None:
-    """Raises ConfigError that names the extra where matplotlib is missing."""
+    """Raise ConfigError that names the extra to install if matplotlib is missing."""
     try:
         import_module("matplotlib")
     except ImportError:
@@ -61,7 +61,7 @@ def need_matplotlib() -> None:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """The one style, for as long as something is drawn; whatever else uses matplotlib keeps its own.
+    """Apply navloom's style within a `with` statement; other users of matplotlib are not affected.
 
     Raises:
         ConfigError: matplotlib is not installed.
@@ -74,9 +74,9 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(width_mm: float, height_mm: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
-    """A figure in the one style, and its axes as `Figure.subplots` gives them: one, or an array of them.
+    """A figure in navloom's style, and its axes as `Figure.subplots` returns them: one, or an array.
 
-    Draw on them within `with styled():`, since matplotlib looks up sizes of titles, legends and lines as it adds them.
+    Draw within `with styled():`, because matplotlib reads sizes of titles, legends and lines when it adds them.
 
     Raises:
         ConfigError: matplotlib is not installed.
@@ -90,9 +90,9 @@ def new_figure(width_mm: float, height_mm: float, rows: int = 1, columns: int = 
 
 
 def svg_of(figure: Figure) -> str:
-    """The figure as one `<svg>` element for a page: no prologue, the same text each time.
+    """The figure as one `<svg>` element for a page: without prologue, reproducible.
 
-    What is left of its ids are hashes of what they name, so that several figures may stand on one page.
+    The remaining ids are content hashes, so that one page can contain several figures.
     """
     text = _saved(figure, "svg", metadata={"Date": None, "Creator": None}).decode()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
@@ -100,7 +100,7 @@ def svg_of(figure: Figure) -> str:
 
 
 def png_of(figure: Figure, dpi: int = 200) -> bytes:
-    """The figure as a PNG file, the same bytes each time."""
+    """The figure as a PNG file with reproducible bytes."""
     return _saved(figure, "png", dpi=dpi, metadata={"Software": None})
 
 

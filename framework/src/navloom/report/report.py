@@ -1,4 +1,4 @@
-"""The report of a study: one self-contained page, the same tables in Markdown, and as CSV."""
+"""Writes the report of a study: a self-contained HTML page, and the same tables in Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -14,60 +14,60 @@ from navloom.report.data import StudyFiles, read_study
 from navloom.report.html import Section
 from navloom.report.openloop import open_loop_data, over_time_figure, shadow_summary, spread_figure
 from navloom.report.tables import TextTable
+from navloom.study.metrics import headlines
 from navloom.study.statistics import THESE_WORLDS
 from navloom.study.trail import FALSE_SUCCESS
 
-__all__ = ["Report", "build_report", "write_report"]
+__all__ = ["WrittenReport", "build_report", "write_report"]
 
 PLOTS_MISSING = (
     "No figures: matplotlib is not installed. Install the extra `plots` (uv sync --group plots, or "
     "pip install 'navloom[plots]') and write the report again with `navloom report`."
 )
-HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 FILES = ("report.html", "report.md", "summary.csv", "differences.csv")
 
 
 @dataclass
 class ReportPart:
-    """One section, for both forms of the report."""
+    """One section of the report, in HTML and Markdown."""
 
     title: str
     html: list[str] = field(default_factory=list)
     markdown: list[str] = field(default_factory=list)
 
     def say(self, text: str, kind: str = "") -> None:
-        """A paragraph."""
+        """Add a paragraph."""
         self.html.append(html.paragraph(text, kind))
         self.markdown.append(f"{text}\n")
 
     def head(self, text: str) -> None:
-        """A heading within the section."""
+        """Add a heading within the section."""
         self.html.append(html.heading(text))
         self.markdown.append(f"### {text}\n")
 
     def add(self, table: TextTable) -> None:
-        """A table."""
+        """Add a table."""
         self.html.append(table.html())
         self.markdown.append(table.markdown())
 
     def points(self, entries: list[str]) -> None:
-        """A list."""
+        """Add a list."""
         self.html.append(html.listing(entries))
         self.markdown.append("".join(f"- {entry}\n" for entry in entries))
 
     def draw(self, svg: str, caption: str) -> None:
-        """A figure; Markdown has none."""
+        """Add a figure to the HTML; Markdown has none."""
         self.html.append(html.figure(svg, caption))
 
 
 @dataclass(frozen=True)
-class Report:
-    """What is written.
+class WrittenReport:
+    """The texts of a report.
 
     Attributes:
         html, markdown: The whole report.
         summary_csv, differences_csv: Its numbers.
-        has_figures: matplotlib was there.
+        has_figures: Whether matplotlib was installed.
         missing: Why a file was not written, by name.
     """
 
@@ -79,23 +79,23 @@ class Report:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
-def write_report(folder: Path, baseline: str = "") -> Report:
-    """Make the report of a study's folder, in it, each file at once.
+def write_report(folder: Path, baseline: str = "") -> WrittenReport:
+    """Write the report of a study into its folder, each file atomically.
 
     Args:
-        folder: As `--out` of `navloom compare`.
+        folder: Folder given to `navloom compare` as `--out`.
         baseline: Name of a method; default that of the open loop, else the first.
 
     Raises:
-        ConfigError: No finished study, or no such method.
+        ConfigError: Not a finished study, or no such method.
     """
     report = build_report(read_study(folder, baseline))
     contents = (report.html, report.markdown, report.summary_csv, report.differences_csv)
     return replace(report, missing=write_each(folder, dict(zip(FILES, contents, strict=True))))
 
 
-def build_report(study: StudyFiles) -> Report:
-    """The report of a study: the same text for the same folder, but for the section made of `timing.json`."""
+def build_report(study: StudyFiles) -> WrittenReport:
+    """The report of a study. It is reproducible, except for the section from `timing.json`."""
     draws = find_spec("matplotlib") is not None
     parts = [_in_short(study), _outcomes(study, draws), _results(study, draws)]
     if len(study.methods) > 1:
@@ -110,7 +110,7 @@ def build_report(study: StudyFiles) -> Report:
     title = f"Study of {study.request['config']}: {title}"
     page = html.page(title, [Section(part.title, "\n".join(part.html)) for part in parts])
     text = f"# {title}\n\n" + "\n".join(f"## {part.title}\n\n" + "\n".join(part.markdown) for part in parts)
-    return Report(page, text, tables.summary_csv(study), tables.differences_csv(study), draws)
+    return WrittenReport(page, text, tables.summary_csv(study), tables.differences_csv(study), draws)
 
 
 def _in_short(study: StudyFiles) -> ReportPart:
@@ -158,7 +158,8 @@ def _in_short(study: StudyFiles) -> ReportPart:
     if any(untold.values()):
         counts = ", ".join(f"{count} of {total} with {method}" for method, count in untold.items() if count)
         part.say(f"Successes by the robot's own report only, without ground truth: {counts}.", "note")
-    names = [metric for metric in map(study.metric, HEADLINES) if metric is not None]
+    wanted = headlines([metric.name for metric in study.metrics])
+    names = [metric for metric in map(study.metric, wanted) if metric is not None]
     rows = []
     for method in study.methods:
         cells = []

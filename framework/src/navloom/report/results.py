@@ -1,4 +1,4 @@
-"""The folder that a command leaves: whole files or none, and never in the place of an earlier result."""
+"""Output folders of commands: files are written atomically, and earlier results are never overwritten."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class OutFolder:
     """The folder of `--out`. Use it in a `with` statement; without a folder nothing is written.
 
     Args:
-        folder: New, or an old one that holds none of the files.
-        files: Names that the command may write, as patterns.
+        folder: A new folder, or an existing one without any of the files.
+        files: Patterns of the file names that the command may write.
 
     Raises:
-        ConfigError: On entering: the folder holds such a file already, or cannot be written.
+        ConfigError: On entering: the folder contains such a file already, or cannot be written.
 
     Attributes:
-        names: Files that were written.
-        missing: Why others were not, by name.
+        names: Names of the files that were written.
+        missing: Why other files were not written, by name.
     """
 
     def __init__(self, folder: Path | None, files: Sequence[str]) -> None:
@@ -63,14 +63,14 @@ class OutFolder:
             self._leave(self.folder)
 
     def write(self, files: Mapping[str, str | bytes]) -> None:
-        """Write files; what does not fit on the disk is left out and noted, the others are whole."""
+        """Write files. Those that do not fit on the disk are recorded as missing; the others are complete."""
         if self.folder is not None:
             missing = write_each(self.folder, files)
             self.names += [name for name in files if name not in missing]
             self.missing |= missing
 
     def write_map(self, grid: OccupancyGrid) -> None:
-        """Write a map as files of map_server: the image, and, where that is there, the YAML file that names it."""
+        """Write a map as map_server files: the image, then, if that succeeded, the YAML file that names it."""
         from navloom.geometry.grid import GridMap
         from navloom.geometry.world import Place
         from navloom.worlds.rosmap import rosmap_files
@@ -86,7 +86,7 @@ class OutFolder:
 
     @property
     def failure(self) -> str:
-        """What is missing, why, and what is there; empty where nothing is missing."""
+        """Message about missing and complete files; empty if nothing is missing."""
         return failure_of(f"--out {self.folder}", self.names, self.missing)
 
     def _claim(self, folder: Path) -> None:
@@ -106,7 +106,7 @@ class OutFolder:
 
 
 def failure_of(place: str, names: Sequence[str], missing: Mapping[str, str]) -> str:
-    """A message about files of a folder: those that are missing, by name and why, and those that are complete."""
+    """Message about a folder's files: missing ones with reasons, and complete ones; empty if none is missing."""
     if not missing:
         return ""
     told = ", ".join(f"{name} ({why})" for name, why in missing.items())
@@ -114,10 +114,10 @@ def failure_of(place: str, names: Sequence[str], missing: Mapping[str, str]) -> 
 
 
 class ResultFolder(OutFolder):
-    """The folder of a run: result.json, trace.bin, run.png, the map and, of shadows, shadows.csv.
+    """The folder of a run: result.json, trace.bin, run.png, the map and, with shadows, shadows.csv.
 
     Attributes:
-        trace: File for the trace, while the run goes on.
+        trace: File for the trace during the run; None without a folder.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -125,7 +125,7 @@ class ResultFolder(OutFolder):
         self.trace: TraceFile | None = None
 
     def keep(self, episode: Episode, summary: dict[str, object]) -> None:
-        """Write everything about a finished run."""
+        """Write all files of a finished run."""
         if self.folder is None or self.trace is None:
             return
         from navloom.report.picture import draw_run
@@ -157,16 +157,16 @@ class ResultFolder(OutFolder):
 
 
 class TraceFile(io.FileIO):
-    """A trace that grows under another name. A full disk ends the file, not the run that is traced.
+    """A trace that is written under a temporary name. A full disk ends the file, not the run.
 
     Args:
-        draft: Name until it is whole. One that a killed run left is taken over.
+        draft: Temporary path. A draft left by a killed run is overwritten.
 
     Raises:
-        ConfigError: Another run writes it now.
+        ConfigError: Another run is writing it.
 
     Attributes:
-        failure: Why it is not written on; empty while it is.
+        failure: Why writing stopped; empty while it continues.
     """
 
     def __init__(self, draft: Path) -> None:
@@ -180,7 +180,7 @@ class TraceFile(io.FileIO):
         self.truncate(0)
 
     def write(self, data: bytes | memoryview, /) -> int:  # type: ignore[override]
-        """Take all of it, or, once the disk is full, nothing of it."""
+        """Write all of the data, or nothing once the disk is full."""
         rest = memoryview(data)
         try:
             while rest and not self.failure:
@@ -191,7 +191,7 @@ class TraceFile(io.FileIO):
         return len(data)
 
     def finish(self, path: Path) -> bool:
-        """Give it its name, where it is whole."""
+        """Rename the draft to `path` if it is complete. Returns whether it was."""
         try:
             if not self.failure:
                 os.fsync(self.fileno())
@@ -201,7 +201,7 @@ class TraceFile(io.FileIO):
         return not self.failure
 
     def discard(self) -> None:
-        """Remove the draft, if it is still there."""
+        """Remove the draft if it still exists."""
         if not self.closed:
             self.draft.unlink(missing_ok=True)
             self.close()

@@ -1,4 +1,4 @@
-"""The picture of a substitute beside the recorded plugin."""
+"""Figure of a substitute compared with the recorded plugin."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["draw_substitute", "substitute_figure"]
 
 TICKS = 5
-"""At most on an x axis: those of a robot that has run for days have many digits."""
+"""Most ticks on an x axis; their labels have many digits for a robot that has run for days."""
 LARGE = 1e6
-"""Numbers above it are shown as what they exceed a common one by."""
+"""Number above which axis labels are shown relative to a common offset."""
 
 
 def draw_substitute(result: Substitute, what: str) -> bytes:
@@ -28,11 +28,11 @@ def draw_substitute(result: Substitute, what: str) -> bytes:
 
 
 def substitute_figure(result: Substitute, what: str) -> Figure:
-    """Where along the driven way it would have acted differently, and by how much over time.
+    """Figure of the places on the track where the answers differ, and of the differences over time.
 
     Args:
-        result: Of the comparison.
-        what: The recorded plugin's name, for the legend.
+        result: Result of the comparison.
+        what: Name of the recorded plugin, for the legend.
     """
     found = result.found
     names = [name for name in found.values if np.nanmax(np.abs(found.values[name]), initial=0.0) > 0.0][:3]

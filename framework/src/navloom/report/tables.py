@@ -1,4 +1,4 @@
-"""The tables of a study's report, as text: for the page, for Markdown, and as CSV."""
+"""Tables of a study's report, for HTML, Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from navloom.study.statistics import Difference, Estimate
 __all__ = ["TextTable", "decimals", "differences_csv", "summary_csv"]
 
 ABREAST = 6
-"""Methods side by side on a page of A4."""
+"""Most methods side by side on an A4 page."""
 NONE = "–"
 PLACE = re.compile(r"\(-?\d+\.\d+, -?\d+\.\d+\)")
 DISTANCE = re.compile(r"\d+\.\d m (?=from the goal by ground truth)")
@@ -31,12 +31,12 @@ class TextTable:
     """A table of texts.
 
     Attributes:
-        columns: Heads.
-        rows: As many cells each; lines after the first of a cell are details.
-        caption: Above it.
-        text: Columns of texts, all others hold numbers.
-        marked: Rows that stand out.
-        code: Columns of what is typed.
+        columns: Column heads.
+        rows: Rows with one cell for each column; further lines of a cell are details.
+        caption: Caption above the table.
+        text: Indices of text columns; all others hold numbers.
+        marked: Indices of highlighted rows.
+        code: Indices of columns with commands.
     """
 
     columns: Sequence[str]
@@ -47,11 +47,11 @@ class TextTable:
     code: Sequence[int] = ()
 
     def html(self) -> str:
-        """For the page."""
+        """The table as HTML."""
         return html.table(self.columns, self.rows, self.caption, self.text, self.marked, self.code)
 
     def markdown(self) -> str:
-        """As a table of GitHub's Markdown."""
+        """The table as GitHub Markdown."""
         lines = [
             [_flat(name) for name in self.columns],
             ["---" if k in self.text else "---:" for k in range(self.wide)],
@@ -62,7 +62,7 @@ class TextTable:
 
     @property
     def wide(self) -> int:
-        """Columns."""
+        """Number of columns."""
         return len(self.columns)
 
 
@@ -72,13 +72,13 @@ def _flat(cell: str) -> str:
 
 
 def decimals(values: Sequence[float | None]) -> int:
-    """Digits after the point with which numbers of this size are told apart: three digits of the greatest."""
+    """Decimal places for numbers of this size: three significant digits of the largest, at most three places."""
     greatest = max((abs(value) for value in values if value is not None), default=0.0)
     return 3 if greatest < 1.0 else 2 if greatest < 10.0 else 1 if greatest < 100.0 else 0
 
 
 def number(value: float | None, digits: int) -> str:
-    """A number as printed; no sign on what rounds to 0."""
+    """A number as text; a value that rounds to 0 has no sign."""
     if value is None:
         return NONE
     text = f"{value:.{digits}f}"
@@ -86,14 +86,14 @@ def number(value: float | None, digits: int) -> str:
 
 
 def head(metric: Metric) -> str:
-    """A metric with its unit and its better side."""
+    """Name of a metric with its unit and an arrow for the better direction."""
     side = {"higher": "↑", "lower": "↓", None: ""}[metric.better]
     unit = "" if metric.unit == "1" else f", {metric.unit}"
     return f"{metric.name}{unit} {side}".strip()
 
 
 def results(study: StudyFiles) -> list[TextTable]:
-    """Every metric of every method with its interval, a few methods abreast."""
+    """Every metric of every method with its interval, at most `ABREAST` methods a table."""
     found = study.comparison
     blocks = [study.methods[k : k + ABREAST] for k in range(0, len(study.methods), ABREAST)]
     total = len(study.worlds) * len(study.seeds)
@@ -119,7 +119,7 @@ def _estimated(one: Estimate, digits: int, total: int) -> str:
 
 
 def differences(study: StudyFiles) -> list[TextTable]:
-    """Every metric less the baseline's, with its interval and its p-value after Holm, a few methods abreast."""
+    """Differences from the baseline with interval and p-value after Holm, at most `ABREAST` methods a table."""
     found, others = study.comparison, [name for name in study.methods if name != study.baseline]
     tables = []
     for block in (others[k : k + ABREAST] for k in range(0, len(others), ABREAST)):
@@ -148,7 +148,7 @@ def _difference(one: Difference, digits: int) -> str:
 
 
 def worst_worlds(study: StudyFiles, method: str) -> TextTable:
-    """The worlds a method did worst in, with the command that drives its worst episode there again."""
+    """The worst worlds of a method, with the command that repeats its worst episode there."""
     rows = [
         [one.world, f"{one.failures} of {one.episodes}", str(one.seed), one.outcome,
          study.command(method, one.world, one.seed)]
@@ -158,12 +158,12 @@ def worst_worlds(study: StudyFiles, method: str) -> TextTable:
 
 
 def chance(value: float | None) -> str:
-    """A p-value."""
+    """A p-value as text."""
     return NONE if value is None else "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
 def outcome_table(study: StudyFiles) -> TextTable:
-    """How many episodes of each method ended how."""
+    """Number of episodes by method and outcome."""
     counts = study.comparison.outcomes
     kinds = [kind for kind, _ in Counter(row["outcome"] for row in study.rows).most_common()]
     kinds.sort(key=lambda kind: kind != "succeeded")
@@ -172,7 +172,7 @@ def outcome_table(study: StudyFiles) -> TextTable:
 
 
 def reasons(study: StudyFiles, most: int = 12) -> TextTable:
-    """Why episodes failed, the commonest reasons first; places and distances, which differ each time, are left out."""
+    """Why episodes failed, the most common reasons first; places and distances, which vary, are left out."""
     told = Counter(
         (row["method"], row["outcome"], DISTANCE.sub("… m ", PLACE.sub("(…)", row["reason"])))
         for row in study.rows
@@ -187,13 +187,13 @@ def reasons(study: StudyFiles, most: int = 12) -> TextTable:
 
 
 def versions(study: StudyFiles) -> TextTable:
-    """Of what an episode depends on."""
+    """Versions of everything that an episode depends on."""
     rows = [[name, value] for name, value in study.request["versions"].items()]
     return TextTable(["what", "version"], rows, "", (0, 1))
 
 
 def hashes(study: StudyFiles) -> list[TextTable]:
-    """Of each method's config and of each world."""
+    """Hashes of each method's config and of each world."""
     methods = [[name, told["config_sha256"][:16]] for name, told in study.request["methods"].items()]
     worlds = [[name, told["sha256"][:16]] for name, told in study.request["worlds"].items()]
     return [
@@ -203,7 +203,7 @@ def hashes(study: StudyFiles) -> list[TextTable]:
 
 
 def held_equal(study: StudyFiles) -> TextTable:
-    """Every value that is the same for all methods."""
+    """Every config value that is equal for all methods."""
     told = [[place, brief(value)] for place, value in study.request["held_equal"].items()]
     half = (len(told) + 1) // 2
     rows = [[*left, *(told[half + k] if half + k < len(told) else ["", ""])] for k, left in enumerate(told[:half])]
@@ -211,7 +211,7 @@ def held_equal(study: StudyFiles) -> TextTable:
 
 
 def differs(study: StudyFiles) -> TextTable:
-    """Every value that is not the same for all methods."""
+    """Every config value that differs between methods."""
     rows = []
     for place, values in study.request["differs"].items():
         by_value: dict[str, list[str]] = {}
@@ -222,13 +222,13 @@ def differs(study: StudyFiles) -> TextTable:
 
 
 def brief(value: object) -> str:
-    """A value of a config, cut where it is long."""
+    """A config value as text, cut if it is long."""
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 48 else f"{text[:47]}…"
 
 
 def timings(study: StudyFiles) -> TextTable:
-    """Wall time of control steps by method; a method that is late in any episode is marked."""
+    """Wall time of control steps by method; a method that is too slow in any episode is highlighted."""
     by_method: dict[str, list[dict[str, float]]] = {method: [] for method in study.methods}
     for entry in study.timing.get("episodes", []):
         if entry.get("method") in by_method and "tick_us_p50" in entry:
@@ -255,7 +255,7 @@ def timings(study: StudyFiles) -> TextTable:
 
 
 def summary_csv(study: StudyFiles) -> str:
-    """Every metric of every method, one a line: numbers to 12 digits, empty where there is none."""
+    """Every metric of every method, one a line, as CSV: numbers with 12 digits, empty if undefined."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["method", "metric", "unit", "better", "mean", "low", "high", "worlds", "episodes"])
@@ -268,7 +268,7 @@ def summary_csv(study: StudyFiles) -> str:
 
 
 def differences_csv(study: StudyFiles) -> str:
-    """Every metric of every method less the baseline's, one a line."""
+    """Every difference from the baseline, one a line, as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = ["method", "baseline", "metric", "unit", "better", "difference", "low", "high", "p", "p_holm"]

@@ -1,4 +1,4 @@
-"""Ways driven, drawn into their world: all methods in one picture, and each in one of its own."""
+"""Draws driven tracks in their world: all methods in one panel, and each method in its own."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ __all__ = ["WorldWays", "draw_world", "ways_figure", "ways_in", "worlds_shown"]
 Floats = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 SEEDS = 10
-"""Ways of one method that are drawn in one picture."""
+"""Most tracks of one method in one panel."""
 AROUND = 1.5
-"""m, shown around everything driven."""
+"""Margin around the tracks, m."""
 DRIVEN = 0.1
-"""m, less than which is not driving."""
+"""Shortest extent of a track that counts as driving, m."""
 OVERLAY = 1.8
-"""Width of the picture of all methods where it stands beside those of each."""
+"""Width of the panel of all methods relative to the others, if it is beside them."""
 TALLEST = 222.0
-"""mm: with its heading and caption a figure fits on one page."""
+"""Largest height of a figure, mm: with heading and caption it fits on one page."""
 WALL, GHOST = "#6E6E6E", "#C2C2C2"
 
 
 @dataclass(frozen=True, eq=False)
 class WorldWays:
-    """What was driven in one world.
+    """Tracks in one world.
 
     Attributes:
-        world: Its reference.
-        tracks: By method, one a seed, and how it ended.
-        seeds: How many of each method are drawn.
+        world: The world's reference.
+        tracks: By method, the track and outcome of each seed.
+        seeds: Number of seeds drawn for each method.
     """
 
     world: str
@@ -54,12 +54,12 @@ class WorldWays:
 
     @property
     def is_driven(self) -> bool:
-        """Somebody got anywhere."""
+        """Whether any robot moved."""
         return any(np.ptp(track.points, axis=0).max() > DRIVEN for told in self.tracks.values() for track, _ in told)
 
 
 def ways_in(study: StudyFiles, world: str) -> WorldWays:
-    """The ways of the first seeds in one world, as far as they were kept."""
+    """The stored tracks of the first seeds in one world."""
     seeds = study.seeds[:SEEDS]
     tracks: dict[str, list[tuple[StoredWay, str]]] = {}
     ends = {(row["method"], int(row["seed"])): row["outcome"] for row in study.rows if row["world"] == world}
@@ -70,9 +70,9 @@ def ways_in(study: StudyFiles, world: str) -> WorldWays:
 
 
 def worlds_shown(study: StudyFiles) -> list[tuple[str, WorldWays]]:
-    """The world with the least success of all methods together, and the one in the middle, of those driven in.
+    """The world with the lowest success over all methods and the median world, of those in which a robot moved.
 
-    Worlds are ranked by success, then by SPL, then in the order asked for.
+    Worlds are ranked by success, then by SPL, then in the order of the request.
     """
     order = sorted(study.worlds, key=lambda world: _rank(study, world))
     driven = [ways for world in order if (ways := ways_in(study, world)).is_driven]
@@ -90,7 +90,7 @@ def _rank(study: StudyFiles, world: str) -> tuple[float, float]:
 
 
 def ways_figure(study: StudyFiles, ways: WorldWays) -> Figure:
-    """All methods overlaid, and each by itself: below a wide world, beside one that is higher than wide."""
+    """All methods overlaid, and each by itself: below the overlay for a wide world, beside it for a tall one."""
     methods, world = study.methods, study.world(ways.world)
     bounds = _bounds(ways, world)
     high = (bounds[3] - bounds[1]) / (bounds[2] - bounds[0])
@@ -160,12 +160,12 @@ def _draw_ways(
 
 
 def draw_world(axes: Any, world: World, robot_height: float) -> None:
-    """Draw what a robot of this height can meet dark, what is above or below it pale, what moves with its way.
+    """Draw obstacles: dark at the robot's height, pale above or below it, moving ones with their path.
 
     Args:
-        axes: Of matplotlib, in m of the map frame.
-        world: The ground truth.
-        robot_height: m.
+        axes: Matplotlib axes, m, map frame.
+        world: The true world.
+        robot_height: Height of the robot, m.
     """
     from matplotlib.collections import PatchCollection
 
@@ -178,7 +178,7 @@ def draw_world(axes: Any, world: World, robot_height: float) -> None:
         if obstacle.waypoints:
             way = np.array(obstacle.waypoints)[:, 1:]
             axes.plot(*way.T, color=colour, linewidth=0.9, linestyle=":", zorder=2)
-    for (colour, filled, late), alike in shapes.items():  # one by one, hundreds of them take seconds
+    for (colour, filled, late), alike in shapes.items():  # drawn one by one, hundreds of them take seconds
         face = "#E8E8E8" if late else colour if filled else "none"
         hatch = "//////" if late else None
         axes.add_collection(
@@ -213,7 +213,7 @@ def _draw_raster(axes: Any, world: World) -> None:
 
 
 def _bounds(ways: WorldWays, world: World | None) -> Bounds:
-    """What is shown: everything driven and the goal, with a margin, cut to the world."""
+    """Bounds of the panels, m: all tracks and the goal with a margin, cut to the world."""
     told = [track for tracks in ways.tracks.values() for track, _ in tracks]
     points = np.concatenate(
         [track.points for track in told] + [track.goal[None] for track in told if track.goal is not None]
@@ -221,7 +221,7 @@ def _bounds(ways: WorldWays, world: World | None) -> Bounds:
     low, high = points.min(axis=0) - AROUND, points.max(axis=0) + AROUND
     if world is not None:
         low, high = np.maximum(low, world.bounds[:2]), np.minimum(high, world.bounds[2:])
-    # A way straight on is no line on paper: at least a third as wide as high, and the other way round.
+    # A straight track must not become a line: the shorter side is at least 1 / 2.5 of the longer one.
     size = high - low
     least = float(size.max()) / 2.5
     for axis in (0, 1):

@@ -198,7 +198,11 @@ class Role(ABC, Generic[P]):
         self.context = context
 
     def reset(self) -> None:
-        """Forget everything learned since construction. Override it if the plugin has memory."""
+        """Forget everything learned since construction. Override it if the plugin has memory.
+
+        A run never calls it: every run, episode and restarted process makes a new object. `navloom check`, tests and
+        scripts call it, to use one object for several trials.
+        """
 
     def configure(self, params: P) -> None:
         """Take new, checked parameters between two ticks. The default forgets what was learned."""

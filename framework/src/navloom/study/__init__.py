@@ -1,4 +1,4 @@
-"""Episodes, metrics and reports: what a run was like. Plugins that add a metric need no more than this."""
+"""Episodes, metrics and studies. A plugin that adds a metric imports only what is listed here."""
 
 from navloom.study.metrics import METRICS, Metric
 from navloom.study.trail import Trail

@@ -1,4 +1,4 @@
-"""A closed-loop study: methods × worlds × seeds, the same for every method, one row an episode."""
+"""A closed-loop study: methods × worlds × seeds, with equal conditions for every method, one row an episode."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from navloom.engine.build import assemble
 from navloom.engine.checks import check_task
 from navloom.engine.system import System
 from navloom.plugins import PluginError
+from navloom.plugins.one_file import files_in_use
 from navloom.plugins.registry import NODE, nearest
 from navloom.study.episode_key import EpisodeKey
 from navloom.study.journal import StudyFolder
@@ -35,24 +36,24 @@ from navloom.study.worldset import CachedDiscovery, WorldCase, placed, worlds_of
 __all__ = ["Study", "StudyResult", "plan_study", "run_study"]
 
 Progress = Callable[[int, int, float | None], None]
-"""Told how many episodes have ended, how many there are, and the time left, s, or None where it is not known yet."""
+"""Called with the number of ended episodes, the total, and the remaining time, s, or None if it is not known yet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What is to be run, checked.
+    """A checked request for a study.
 
     Attributes:
         config: Path or shipped name of the config.
         methods, worlds, seeds: Every combination is one episode.
         metrics: Names, in the order of the table.
-        held_equal: Value by place of the config, of all that is the same for every method.
+        held_equal: By place in the config, the values that are equal for every method.
         differs: By place, the value of each method that has one.
-        dropped: By method, parameters of the config's that went with the plugin they belong to.
-        versions: Of what an episode depends on.
-        here: Folder that references in no file start from.
-        baseline: Name of the method the others are compared with.
-        open_loop: What else is driven once a world and seed, for its shadows; None for nothing.
+        dropped: By method, the parameters that were dropped together with the replaced plugin.
+        versions: Versions that an episode depends on.
+        here: Base folder of references that are not from a file.
+        baseline: Name of the method that the others are compared with.
+        open_loop: Additional drives, one for each world and seed, for their shadows; None for none.
     """
 
     config: str
@@ -70,20 +71,20 @@ class Study:
 
     @property
     def keys(self) -> list[EpisodeKey]:
-        """Every episode in the order of the table: by method, world and seed, each as asked."""
+        """Every episode in the order of the table: by method, world and seed, each in the order of the request."""
         return [
             EpisodeKey(m.name, w.ref, seed) for m in self.methods for w in self.worlds for seed in self.seeds
         ]  # fmt: skip
 
     @property
     def open_loop_keys(self) -> list[EpisodeKey]:
-        """Every episode that is driven for its shadows."""
+        """Every episode that is driven only for its shadows."""
         if self.open_loop is None:
             return []
         return [EpisodeKey(METHOD, w.ref, seed) for w in self.worlds for seed in self.seeds]
 
     def twice(self) -> list[EpisodeTask]:
-        """The first episode of each method, to be run twice."""
+        """Tasks that run the first episode of each method twice."""
         world, seed = self.worlds[0].ref, self.seeds[0]
         return [
             replace(task, is_twice=True)
@@ -92,7 +93,7 @@ class Study:
         ]
 
     def tasks(self) -> list[EpisodeTask]:
-        """Every episode for a worker, those of one world together."""
+        """A task for every episode, grouped by world."""
         given = {method.name: method.loaded.to_json() for method in self.methods}
         token = hashlib.sha256(json.dumps(self.request(), sort_keys=True).encode()).hexdigest()
         drives = [(method.name, given[method.name], False) for method in self.methods]
@@ -106,10 +107,10 @@ class Study:
         ]
 
     def request(self) -> dict[str, Any]:
-        """What was asked, for `study.json`: with equal requests every row is equal.
+        """The request as `study.json` stores it: equal requests give equal rows.
 
-        `changes` of a method and of a world, and the seed, are what `navloom run` needs as `--set` and `--seed` to
-        drive one episode again.
+        To drive one episode again, pass the `changes` of its method and world to `navloom run` as `--set`, its seed as
+        `--seed` and the `plugin_files` as `--plugin`.
         """
         return {
             "config": self.config,
@@ -128,21 +129,22 @@ class Study:
             "held_equal": self.held_equal,
             "differs": self.differs,
             "versions": self.versions,
+            **({"plugin_files": files} if (files := files_in_use()) else {}),
             **({} if self.open_loop is None else {"open_loop": self.open_loop.request()}),
         }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """A study that has been run to its end.
+    """A finished study.
 
     Attributes:
-        study: What was asked.
-        rows: In the order of the table.
-        before: Episodes that had ended in an earlier call.
-        lost: Workers that died or were killed in this call.
+        study: The request.
+        rows: One row an episode, in the order of the table.
+        before: Number of episodes that had ended in an earlier call.
+        lost: Number of workers that died or were killed in this call.
         wall: Wall time of this call, s.
-        files: Names of what the folder holds.
+        files: Names of the files in the folder.
         open_loop: Rows of the episodes driven for their shadows.
         missing: Why a file was not written, by name.
         repeated: Rows of the episodes that were run twice.
@@ -159,8 +161,8 @@ class StudyResult:
     repeated: tuple[Row, ...] = ()
 
     def summary(self) -> dict[str, Any]:
-        """By method: episodes, outcomes, the mean of each metric over the episodes it is defined for, and the exact
-        95 % interval of each share, as of `compare_methods`."""
+        """By method: number of episodes, outcomes, the mean of each metric over the episodes for which it is defined,
+        and the exact 95 % interval of each share, see `compare_methods`."""
         found, intervals = {}, self._shares()
         for method in self.study.methods:
             rows = [row for row in self.rows if row.key.method == method.name]
@@ -174,12 +176,12 @@ class StudyResult:
         return found
 
     def _shares(self) -> dict[str, dict[str, tuple[float, float]]]:
-        """By method, the intervals of its shares; none where there is too little to tell."""
+        """By method, the intervals of its shares; an interval is missing if there are too few episodes."""
         from navloom.study.statistics import compare_methods
 
         shares = [metric for metric in METRICS if metric.is_share and metric.name in self.study.metrics]
         rows = [{**vars(row.key), "outcome": row.outcome, **row.metrics} for row in self.rows]
-        # Exact intervals need no resamples.
+        # The intervals of shares are exact and need no resamples.
         compared = compare_methods(rows, self.study.methods[0].name, shares, np.random.default_rng(0), resamples=100)
         found: dict[str, dict[str, tuple[float, float]]] = {method.name: {} for method in self.study.methods}
         for one in compared.summaries:
@@ -189,7 +191,7 @@ class StudyResult:
 
     @property
     def warnings(self) -> list[dict[str, Any]]:
-        """What its runs warned of: each once for a method, with the number of its episodes and the first of them."""
+        """Warnings of its runs, each once for a method, with the number of affected episodes and the first of them."""
         found: dict[tuple[str, ...], dict[str, Any]] = {}
         for is_counted, rows in ((True, self.rows), (False, self.repeated)):
             for row in rows:
@@ -201,12 +203,12 @@ class StudyResult:
 
     @property
     def is_repeatable(self) -> bool:
-        """No episode that was run twice differed."""
+        """Whether no episode that was run twice differed."""
         return not any(one["kind"] == "repeat" for row in self.repeated for one in row.warnings)
 
     @property
     def notes(self) -> list[str]:
-        """What went wrong beside episodes: metrics that broke, and on how many episodes."""
+        """Failures outside the episodes: broken metrics and failed open-loop runs, each with the number of episodes."""
         counts = Counter(note for row in self.rows for note in row.notes)
         counts.update(f"open loop failed: {row.reason}" for row in self.open_loop if row.outcome == "error")
         return [f"{note} ({count} episodes)" for note, count in sorted(counts.items())]
@@ -226,13 +228,13 @@ def plan_study(
 
     Args:
         config: Path of a config, or a shipped name.
-        vary: `PATH=a,b,c` each; the methods are their product.
-        worlds: References, ranges among them; default the config's own.
-        seeds: Default the config's own.
-        changes: `PATH=VALUE` each, for all methods.
-        say: Told what is being checked.
+        vary: Variations, each `PATH=a,b,c`; the methods are their product.
+        worlds: References and ranges of them; default the config's own world.
+        seeds: Seeds; default the config's own.
+        changes: Changes for all methods, each `PATH=VALUE`.
+        say: Receives the progress of the checks.
         baseline: Name of a method; default the first.
-        open_loop: Whether to drive the baseline once more a world and seed, with the other methods in shadow.
+        open_loop: Whether to drive the baseline once more for each world and seed, with the other methods in shadow.
 
     Raises:
         ConfigError, PluginError: Something does not fit; the text names it and the nearest fix.
@@ -277,7 +279,7 @@ def _baseline(name: str, methods: Sequence[Method]) -> str:
 
 
 def _checked(method: Method, case: WorldCase, discovery: CachedDiscovery, here: Path, single: bool) -> System:
-    """A method's system in a world. Raises ConfigError that names which of them does not fit."""
+    """A method's system in a world. Raises ConfigError that names the method and the world that do not fit."""
     loaded: Loaded = placed(method.loaded.to_json(), case.values, method.loaded.config.run.seed, here)
     try:
         system = assemble(loaded, discovery)
@@ -289,7 +291,7 @@ def _checked(method: Method, case: WorldCase, discovery: CachedDiscovery, here: 
 
 
 def _versions(systems: dict[str, System], discovery: CachedDiscovery) -> dict[str, str]:
-    """Of Python, of the numerics, and of the distributions whose plugins are active."""
+    """Versions of Python, the numerical packages, and the distributions whose plugins are active."""
     owners = {(info.role, info.name): info for info in discovery.infos()}
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in ("navloom", "numpy", "numba", "scipy"):
@@ -315,21 +317,21 @@ def run_study(
     hang_after: float = HANG_AFTER,
     twice: bool = False,
 ) -> StudyResult:
-    """Run what has not ended before.
+    """Run the episodes that have not ended before.
 
     Args:
-        study: Of `plan_study`.
-        out: Folder to keep it in and to go on from; without one nothing is written.
-        jobs: Processes; default one a core.
+        study: A study from `plan_study`.
+        out: Folder that stores the study and from which it continues; without one nothing is written.
+        jobs: Number of processes; default one a core.
         executor: Runs the episodes instead of processes of this machine.
-        progress: Told how far it is, at least twice a second.
-        hang_after: s without a sign of life after which a worker is killed.
-        twice: Run the first episode of each method twice more, and say where the second run differs.
+        progress: Called with the progress, at least twice a second.
+        hang_after: Time without a heartbeat after which a worker is killed, s.
+        twice: Run the first episode of each method twice more, and report where the second run differs.
 
     Raises:
         ConfigError: The folder holds another study, or cannot be used.
-        PoolError: Workers cannot run at all, or the cluster went away. What has ended is kept, as with Ctrl-C.
-        StudyError: The disk is full. What has ended is kept.
+        PoolError: Workers cannot run at all, or the cluster went away. Ended episodes are kept, as with Ctrl-C.
+        StudyError: The disk is full. Ended episodes are kept.
     """
     started = perf_counter()
     tasks = study.tasks()
@@ -364,21 +366,21 @@ def run_study(
 
 
 class _Clock:
-    """How far a study is, and for how long it will go on."""
+    """Progress of a study, and an estimate of the remaining time."""
 
     def __init__(self, before: int, total: int, progress: Progress) -> None:
         self.done, self.total, self.progress = before, total, progress
         self._first: tuple[int, float] | None = None
 
     def count(self) -> None:
-        """One more episode. The first one's time is that of imports and compilation, so it is not counted with."""
+        """Count an episode. The first one includes imports and compilation, so its time is not used."""
         self.done += 1
         if self._first is None:
             self._first = (self.done, perf_counter())
         self.tell()
 
     def tell(self) -> None:
-        """Say where it is."""
+        """Report the progress."""
         left = None
         if self._first is not None and self.done > self._first[0]:
             each = (perf_counter() - self._first[1]) / (self.done - self._first[0])
@@ -387,7 +389,7 @@ class _Clock:
 
 
 def _timings(rows: Sequence[Row], wall: float, jobs: int) -> dict[str, Any]:
-    """Everything that is not the same the next time."""
+    """Timings, which differ from run to run."""
     spent = sum(float(row.timing.get("wall_s", 0.0)) for row in rows)
     return {
         "wall_s": wall,

@@ -1,4 +1,4 @@
-"""One closed-loop run from a config, and what it comes to."""
+"""Runs one closed-loop episode from a config, and summarises it."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ POSE_ERRORS = {
 
 @dataclass(eq=False)
 class Episode:
-    """A finished run: what ran, what it left, and what was collected beside it.
+    """A finished run with its system, log and collected data.
 
     Attributes:
-        system, log, recorder: As their classes say.
-        shadows: What alternatives in shadow said; empty for a live run, where nobody compares them.
-        warnings: What is wrong with plugins that did not break.
+        system, log, recorder: See their classes.
+        shadows: Comparisons of the shadows; empty for a live run, in which they are not compared.
+        warnings: Problems of plugins that did not fail.
     """
 
     system: System
@@ -60,13 +60,13 @@ class Episode:
 
     @property
     def result(self) -> GoalResult:
-        """How the last goal ended."""
+        """Result of the last goal."""
         if self.log.results:
             return self.log.results[-1]
         return GoalResult(0, "timeout", "no goal was given before the run ended", Point2D(0.0, 0.0))
 
     def summary(self) -> dict[str, Any]:
-        """The object `run --json` prints. SI units; times in ms and µs where the name says so."""
+        """The object that `run --json` prints. SI units, or ms and µs if the name says so."""
         log, recorder, result, trail = self.log, self.recorder, self.result, self.trail
         errors = {name: measure(trail) for name, measure in POSE_ERRORS.items()}
         tick_us = np.array(log.tick_ns) * 1e-3
@@ -105,7 +105,7 @@ class Episode:
 
     @cached_property
     def trail(self) -> Trail:
-        """The episode as the metrics see it."""
+        """The trail of the episode, which the metrics are computed from."""
         return trail_of(self.system, self.recorder, self.log, self.result)
 
 
@@ -124,13 +124,13 @@ def run_episode(
 
     Args:
         loaded: The config.
-        discovery: Plugins; default those installed.
-        observers: Who else looks on.
-        onlookers: Observers of plugins, which are told when it begins; who hands them in tells them the end.
+        discovery: Plugins; default the installed ones.
+        observers: Further observers.
+        onlookers: Observers of plugins. They are notified of the start here; the caller notifies them of the end.
         trace: File for the trace.
-        say: Told what is being prepared.
-        progress: Told the run time reached and the longest possible, s.
-        looks_at: Ticks whose steps are looked at for what makes a run unrepeatable.
+        say: Receives progress of the preparation.
+        progress: Called with the run time so far and the longest possible one, s.
+        looks_at: Selects the ticks whose steps are inspected for causes of unrepeatable runs.
 
     Raises:
         ConfigError, PluginError: The request was wrong; nothing ran.
@@ -164,7 +164,7 @@ def run_episode(
 
 
 def _warn(found: RunWarnings, system: System, executor: Lockstep) -> None:
-    """Look for what is wrong with plugins in a run that has ended."""
+    """Add warnings about plugins after a run has ended."""
     log, steppers, period = executor.log, executor.steppers, system.config.run.period
     run_warnings.slow_steps(found, system, log.spent_ns)
     run_warnings.far_commands(found, steppers)

@@ -1,4 +1,4 @@
-"""What tells the episodes of a study apart."""
+"""The key of an episode within a study."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["EpisodeKey"]
 
 @dataclass(frozen=True, order=True)
 class EpisodeKey:
-    """Which episode of a study."""
+    """Identifies an episode of a study."""
 
     method: str
     world: str

@@ -1,4 +1,4 @@
-"""The folder of a study: what was asked, a journal that grows as episodes end, and the tables made of it."""
+"""The folder of a study: the request, a journal that grows as episodes end, and the final tables."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from navloom.study.tracks import FOLDER, file_of
 __all__ = ["StudyError", "StudyFolder", "open_loop_table", "table_of"]
 
 SHOWN = 3
-"""Differences that a refusal names."""
+"""Most differences that an error names."""
 
 
 class StudyError(RuntimeError):
-    """A study that cannot be kept any longer; what has ended is. The text says why, and what to do."""
+    """The study can no longer be stored; ended episodes are kept. The text says why, and what to do."""
 
 
 class StudyFolder:
-    """Keeps `study.json`, `journal.jsonl`, `trails/`, `episodes.csv` and `timing.json`; without a folder nothing.
+    """Writes `study.json`, `journal.jsonl`, `trails/`, `episodes.csv` and `timing.json`; without a folder nothing.
 
     Args:
-        folder: Where, or None.
-        request: What was asked, as `study.json` says it: a folder with another request is refused.
+        folder: The folder, or None.
+        request: The request in the form of `study.json`; a folder with another request is refused.
 
     Raises:
-        ConfigError: On entering: the folder holds another study, is no study's, is in use, or cannot be written.
+        ConfigError: On entering: the folder holds another study or other files, is in use, or cannot be written.
 
     Attributes:
         missing: Why a table was not written, by name.
@@ -70,10 +70,10 @@ class StudyFolder:
         self._close()
 
     def keep(self, row: Row) -> None:
-        """Take an episode that has ended: it is in the journal when this returns.
+        """Store an ended episode: it is in the journal when this returns.
 
         Raises:
-            StudyError: The disk is full: the journal ends with the episode before.
+            StudyError: The disk is full; the journal ends with the previous episode.
         """
         if self._journal is not None and self.folder is not None:
             try:
@@ -102,7 +102,7 @@ class StudyFolder:
     def finish(
         self, rows: Sequence[Row], metrics: Sequence[str], timing: dict[str, Any], open_loop: Sequence[Row] = ()
     ) -> list[str]:
-        """Write the tables of a whole study, each at once. Gives the names of all files that are there now."""
+        """Write the tables of a complete study atomically. Returns the names of all files in the folder."""
         if self.folder is None:
             return []
         tables = {"episodes.csv": table_of(rows, metrics), "timing.json": json.dumps(timing, indent=1) + "\n"}
@@ -142,11 +142,11 @@ class StudyFolder:
             more = f" (and {len(found) - SHOWN} more)" if len(found) > SHOWN else ""
             raise ConfigError(
                 f"--out {self.folder}: holds another study: {'; '.join(found[:SHOWN])}{more}; "
-                "ask for the same again to go on with it, or name another folder"
+                "repeat the same request to continue it, or name another folder"
             )
 
     def _read(self, journal: Path) -> None:
-        """Take over what has ended before; what comes after the first line that is damaged never ended."""
+        """Read the episodes of earlier calls; the journal is cut at the first damaged line."""
         whole = 0
         for line in io.BytesIO(read_file(journal, IMAGE_MB, ConfigError)):
             try:
@@ -160,7 +160,7 @@ class StudyFolder:
         os.truncate(journal, whole)
 
     def _fits(self, row: Row) -> bool:
-        """It has what the tables of this study are made of."""
+        """Whether it has all columns of this study's tables."""
         if row.key.method == METHOD:
             shadows = self.request.get("open_loop", {}).get("shadows", {})
             return all(shadow["instance"] in shadows for shadow in row.shadows)
@@ -173,7 +173,7 @@ class StudyFolder:
 
 
 def table_of(rows: Sequence[Row], metrics: Sequence[str]) -> str:
-    """Rows as CSV: numbers to 12 digits, empty where a metric is not defined."""
+    """Rows as CSV: numbers with 12 digits, empty if a metric is not defined."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["method", "world", "seed", "outcome", "reason", *metrics, "trace_sha256"])
@@ -185,7 +185,7 @@ def table_of(rows: Sequence[Row], metrics: Sequence[str]) -> str:
 
 
 def open_loop_table(rows: Sequence[Row], methods: Mapping[str, str]) -> str:
-    """Open-loop rows as CSV, one line a shadow, world, seed and quantity; `methods` by the instance standing for it."""
+    """Open-loop rows as CSV, one line a shadow, world, seed and quantity; `methods` maps instances to methods."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([
@@ -210,7 +210,7 @@ def _number(value: float | None) -> str:
 
 
 def _differences(before: Any, now: Any, place: str = "") -> list[str]:
-    """Where two requests differ: place, what it was, what it is."""
+    """Differences of two requests: place, old and new value."""
     if isinstance(before, dict) and isinstance(now, dict):
         found: list[str] = []
         for key in [*before, *(key for key in now if key not in before)]:

@@ -1,4 +1,4 @@
-"""A run of a live robot from its config: all its processes, its goal and events, and what it comes to."""
+"""Runs a live robot from its config: its processes, goal and events, and the resulting episode."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 from navloom.config import Loaded
 from navloom.engine.build import assemble
-from navloom.engine.checks import check_drive, check_task
+from navloom.engine.checks import check_drive
 from navloom.engine.events import schedule
 from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
 from navloom.engine.system import System
-from navloom.engine.trace import TraceWriter
 from navloom.hosting.network import network_of
 from navloom.hosting.robot import LiveRobot
 from navloom.live.cells import all_sources
-from navloom.live.conductor import BarrierError, Conductor
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.placing import spread
 from navloom.live.switchboard import Switchboard
@@ -50,88 +48,43 @@ from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
 from navloom.transport.keyspace import FAULT
 
-__all__ = ["LiveRun", "run_barrier"]
+__all__ = ["START", "Beside", "LiveRun"]
 
 START = 180.0
-"""s a robot may take to come up: kernels may have to be compiled."""
+"""Longest startup of a robot, s; kernels may have to be compiled."""
 ASK_AGAIN = 2.0
-"""s between looks at the goal's last words, in case they came while the network was down."""
+"""Interval of queries for the goal's last messages, s, in case they came while the network was down."""
 TELL_AGAIN = 10.0
-"""s until a node that raises again is told of again."""
+"""Shortest time between two reports of the same failing node, s."""
 Beside = Callable[[LiveRobot], AbstractContextManager[None]]
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
-"""Ports that are recorded of every robot, by role, also where another process judges the run."""
+"""Ports that are subscribed to on every host, by role, also if the run is judged on another host."""
 LOOK = 0.1
-"""s between two looks at what came and at the processes: most of what comes does not wake this one."""
+"""Polling interval for messages and processes, s: most messages do not wake this thread."""
 TELLING = ("goal", "gate")
-"""Roles whose words are told at once."""
+"""Roles whose messages wake this thread immediately."""
 QUIET = 1.0
-"""s without a goal after which a run that was to end with its goals does."""
-
-
-def run_barrier(
-    loaded: Loaded,
-    *,
-    trace: IO[bytes] | None = None,
-    say: Callable[[str], None] = lambda text: None,
-    progress: Callable[[float, float], None] | None = None,
-    ends: Callable[[], bool] = lambda: False,
-    beside: Beside | None = None,
-    onlookers: Onlookers | None = None,
-) -> Episode:
-    """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for the rest.
-
-    Raises:
-        ConfigError, PluginError: The request was wrong; StartError: the robot did not come up;
-        BarrierError: a node did not report a tick.
-    """
-    system = assemble(loaded)
-    check_task(system)
-    recorder, run = Recorder(), loaded.config.run
-    with LiveRobot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
-        robot.wait_complete(START, ends=ends)
-        if beside is not None:
-            attending.enter_context(beside(robot))
-
-        def check() -> None:
-            if ends():
-                raise KeyboardInterrupt
-            for child in robot.supervisor.poll(restarts=False):
-                raise BarrierError(
-                    f"process {child.task.name} {child.why} in the run. "
-                    f"Its last message: {robot.supervisor.tail(child)}"
-                )
-
-        board = Switchboard(robot.bus, robot.keys, lossless=True)
-        shown = [] if onlookers is None else onlookers.begin(run_info(loaded, "barrier"))
-        conductor = Conductor(
-            system, board, schedule(loaded.config, system.goal), [recorder, *shown], TraceWriter(trace), check
-        )
-        board.connect()
-        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
-        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
-        log = conductor.run(ticks, tell)
-        return Episode(system, log, recorder, warnings=LiveWarnings(robot.bus, robot.keys).look())
+"""Time without a goal after which a run that ends with its goals ends, s."""
 
 
 @dataclass(eq=False)
 class LiveRun:
-    """A live robot and what its supervisor sees of it.
+    """A live robot as its supervisor observes it.
 
     Args:
         loaded: The config.
         host: Share of it that runs here; None for all.
-        insecure: Plain TCP beyond this host was asked for.
-        say: Told what happens.
-        beside: What attends it from when every node is there to its end: a recorder.
-        onlookers: Observers of plugins, told when every node is there; who hands them in tells them the end.
+        insecure: Plain TCP to other hosts was requested.
+        say: Receives messages about events.
+        beside: Runs beside the robot from the time when every node is up to the end: a recorder.
+        onlookers: Observers of plugins. They are notified when every node is up; the caller notifies them of the end.
         recording: File that `beside` writes; None for none.
 
     Attributes:
-        judges: The run is judged here, where the platform is: other hosts are spared all that is judged by.
-        feedback, status: The goal's and the gate's newest word.
-        result: Of the newest goal that has ended.
-        log, recorder: As of a run in lockstep, of the newest goal: a robot may be up for weeks.
+        judges: Whether the run is judged here, on the host of the platform; other hosts do not receive the data for it.
+        feedback, status: Newest feedback of the goal and status of the gate.
+        result: Result of the newest goal that has ended.
+        log, recorder: Data of the newest goal only, as in lockstep: a robot may be up for weeks.
     """
 
     loaded: Loaded
@@ -171,22 +124,22 @@ class LiveRun:
         look: Callable[[LiveRobot], None] = lambda robot: None,
         ended: Callable[[Episode], None] | None = None,
     ) -> Episode | None:
-        """Bring it up, drive the config's goal and events, and stay until told to end.
+        """Start the robot, drive the config's goal and events, and run until it is stopped.
 
         Args:
             until_idle: End when the last goal has ended.
-            progress: Told who is missing while it comes up.
-            look: Called now and then with the robot.
-            ended: Told of each goal that ended.
+            progress: Called with the missing nodes during startup.
+            look: Called at intervals with the robot.
+            ended: Called with the episode of each ended goal.
 
         Returns:
-            What the goals came to; None where there was none.
+            The episode of the last goal; None if there was no goal.
 
         Raises:
-            StartError: It did not come up; DirectoryError: it is up already.
+            StartError: The robot did not start; DirectoryError: it is up already.
         """
         network = network_of(self.loaded.config, self.host, self.insecure)
-        attended = self.beside is not None and network.keys is None  # behind certificates who looks announces nothing
+        attended = self.beside is not None and network.keys is None  # with certificates, observers announce nothing
         with LiveRobot(self.system, network, self.host, False, self.say, attended, self.ending.is_set) as robot:
             robot.wait_complete(START if self.host is None else math.inf, progress, self.ending.is_set)
             if not self.ending.is_set():
@@ -195,20 +148,20 @@ class LiveRun:
                     if self.beside is not None:
                         stack.enter_context(self.beside(robot))
                     stack.enter_context(closing(show))
-                    if self.judges:  # the host of the platform asks all processes
+                    if self.judges:  # the host of the platform queries all processes
                         self._warnings = stack.enter_context(LiveWarnings(robot.bus, robot.keys, self.say))
-                    self.say("up: every node is there")  # and who attends it too: what is asked from now on is recorded
+                    self.say("up: every node is there")  # and so is the recorder: all requests from now on are recorded
                     self._drive(robot, until_idle, look, ended)
         return self._episode() if self.log.results else None
 
     def _episode(self) -> Episode:
-        # What was shortest is known for the config's own goal alone, which began at the config's start.
+        # The shortest path is known only for the config's own goal, which starts at the config's start pose.
         is_own = bool(self.log.results) and self.log.results[-1].goal_id == self._own_goal
         system = self.system if is_own else replace(self.system, goal=None)
         return Episode(system, self.log, self.recorder, warnings=self._warned)
 
     def _listen(self, robot: LiveRobot) -> LiveShow:
-        """Hear how it goes, and what the run is judged by, where it is: that would fill a slow link to another host."""
+        """Subscribe to the status, and to the data for judging only on the judging host: it would fill a slow link."""
         board = Switchboard(robot.bus, robot.keys, lossless=False)
         wanted = (self.recorder.wants or frozenset()) if self.judges else frozenset()
         for source in all_sources(self.system):
@@ -265,7 +218,7 @@ class LiveRun:
         self._tell_ended(client, tell)
 
     def _patience(self, requests: Sequence[tuple[int, Any]], first: int | None, tick: int) -> float:
-        """s until the next look: the tick of a request of the config is not passed over by many."""
+        """Time until the next poll, s: short enough not to miss the tick of the config's next request by many."""
         if not requests:
             return LOOK
         period = self.loaded.config.run.period
@@ -273,7 +226,7 @@ class LiveRun:
         return min(LOOK, period * max(1, left))
 
     def _give_up(self, robot: str) -> None:
-        """The robot goes down: a goal on its way ends with it."""
+        """End a goal in progress, because the robot shuts down."""
         number = 0 if self.feedback is None else self.feedback.goal_id
         if number:
             self._end(GoalResult(number, "error", f"robot {robot} went down, and goal {number} with it", self._place))
@@ -287,7 +240,7 @@ class LiveRun:
                 tell(self._episode())
 
     def _catch_up(self, client: Client) -> None:
-        """Take in what came while the network was down."""
+        """Fetch messages that came while the network was down."""
         result = client.last("goal", "main", "result", timeout=0.2)
         if isinstance(result, GoalResult):
             self._end(result)
@@ -296,21 +249,21 @@ class LiveRun:
             self.feedback = feedback
 
     def _end(self, result: GoalResult) -> None:
-        """A goal has ended; the same may be heard twice."""
+        """Store the result of an ended goal; it may be received twice."""
         if all(one.goal_id != result.goal_id for one in (*self.log.results, *self._ended)):
             self._ended.append(result)
             self.result = result
             self.log.wall_ns = time.perf_counter_ns() - self._began_ns
 
     def _begin(self, goal_id: int, tick: int) -> None:
-        """A goal begins: what the one before left is forgotten, but for the map."""
+        """Begin a goal: drop the data of the previous one, except the map."""
         self._newest_goal, self._first_tick = goal_id, tick
         self.log = RunLog(results=self.log.results, swaps=self.log.swaps)
         self.recorder = Recorder(map=self.recorder.map)
         self._began_ns = time.perf_counter_ns()
 
     def _ask(self, client: Client, request: OperatorRequest) -> None:
-        """Do what the config's goal or one of its events asks for."""
+        """Send the request of the config's goal or of one of its events."""
         try:
             if request.goal is not None:
                 goal = request.goal
@@ -334,7 +287,7 @@ class LiveRun:
             self.say(f"{request.do}: {error}")
 
     def _take(self) -> int:
-        """Take in what came; gives the newest tick of the platform."""
+        """Process new messages; returns the newest tick of the platform."""
         newest = -1
         for source, port, inlet in self._inlets:
             for message, envelope in inlet.take():
@@ -368,7 +321,7 @@ class LiveRun:
             self.recorder.on_message(role, name, active, port, message, at)
 
     def _tell_fault(self, source: tuple[str, str], fault: str, tick: int) -> None:
-        """Say what a node raised; one that raises each tick is not told of each time."""
+        """Report a node's exception; one that raises in each tick is not reported each time."""
         now = time.monotonic()
         if now - self._told_faults.get(source, -math.inf) > TELL_AGAIN:
             self._told_faults[source] = now
@@ -385,7 +338,7 @@ class LiveRun:
         return "main" if role in ("goal", "gate", "reference") else self.loaded.config.role_table(role).instance
 
     def _learn_times(self, client: Client) -> None:
-        """Ask the active nodes how long their steps took since the goal began; those that are gone are left out."""
+        """Query the durations of the active nodes' steps since the goal began; nodes that are gone are left out."""
         spent: dict[int, int] = defaultdict(int)
         for answer in [] if not self.judges else client.bus.ask(client.keys.process("*", "steps"), timeout=1.0):
             for place, steps in json.loads(answer.data or b"{}").items():

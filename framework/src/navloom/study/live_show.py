@@ -1,4 +1,4 @@
-"""Shows observers the messages of a live robot, by a thread of their own."""
+"""Passes the messages of a live robot to observers, on a separate thread."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from navloom.plugins.observing import Onlooker
 __all__ = ["LiveShow"]
 
 WAITING = 1024
-"""Messages of one stream that may wait for observers; beyond that the oldest are left out."""
+"""Most messages of one stream that may wait for observers; beyond that the oldest are dropped."""
 ENDS = 2.0
-"""Longest wait for an observer that is still looking at a message when the run has ended, s."""
+"""Longest wait for an observer that still handles a message when the run has ended, s."""
 
 
 class LiveShow:
-    """Shows observers the messages of a live robot: one that is slow, or hangs, keeps nobody else waiting.
+    """Passes the messages of a live robot to observers. A slow or hanging observer does not delay the robot.
 
     Args:
-        system: The robot.
+        system: The robot's system.
         board: Streams of this process; connect it afterwards.
         onlookers: The observers' objects.
         is_active: Whether an instance is the active one of its role.
@@ -47,7 +47,7 @@ class LiveShow:
             self._thread.start()
 
     def close(self) -> None:
-        """Show what has come so far, and end."""
+        """Pass on the messages received so far, and end."""
         self._ends = True
         self._mailbox.ring()
         if self._streams:

@@ -1,4 +1,4 @@
-"""What the processes of a live robot warn of, heard by who brought it up: each once."""
+"""Collects the warnings of a live robot's processes, each once."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from navloom.transport.zenoh_bus import Bus
 __all__ = ["LiveWarnings"]
 
 EVERY = 5.0
-"""Time between two questions, s."""
+"""Interval of queries, s."""
 PATIENCE = 1.0
-"""How long the answers may take, s: a process that hangs gives none."""
+"""Longest wait for the answers, s; a hanging process gives none."""
 
 
 class LiveWarnings:
-    """Asks now and then, on a thread of its own, within a `with` statement.
+    """Queries the processes at intervals, on a separate thread, within a `with` statement.
 
     Args:
-        bus, keys: How to ask.
-        say: Told of each warning.
+        bus, keys: Session and key space of the robot.
+        say: Receives each new warning.
     """
 
     def __init__(self, bus: Bus, keys: KeySpace, say: Callable[[str], None] = lambda text: None) -> None:
@@ -46,7 +46,7 @@ class LiveWarnings:
         self._thread.join(2 * PATIENCE)
 
     def look(self) -> list[RunWarning]:
-        """Ask, say what is new, and give all that was heard."""
+        """Query once, report new warnings, and return all so far."""
         with self._asking:
             for answer in self._bus.ask(self._keys.process("*", "warnings"), timeout=PATIENCE):
                 for given in [] if answer.refusal else json.loads(answer.data or b"[]"):
@@ -58,7 +58,7 @@ class LiveWarnings:
             return list(self._found.values())
 
     def traceback_of(self, fault: str) -> str:
-        """The traceback of a fault, from the process of the node; empty where none was kept."""
+        """The traceback of a fault, from the process of the node; empty if none was kept."""
         if os.environ.get(TRACEBACK):
             for answer in self._bus.ask(self._keys.process("*", "tracebacks"), timeout=PATIENCE):
                 kept: dict[str, str] = {} if answer.refusal else json.loads(answer.data or b"{}")

@@ -1,7 +1,7 @@
-"""The numbers behind the metrics: functions of a trail. Definitions, sources and limits: docs/metrics.md.
+"""Computes the metrics as functions of a trail. Definitions, sources and limits: docs/metrics.md.
 
-Values are taken as linear between ticks, and integrals over time as those of that polyline, so that a trail sampled at
-another period gives the same to within what its motion does between two ticks.
+Values are interpolated linearly between ticks, and integrals over time are those of the polyline. So another sampling
+period gives the same result, up to the motion between two ticks.
 """
 
 from __future__ import annotations
@@ -51,30 +51,30 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 JERK_WINDOW = 0.4
-"""s the acceleration is averaged over: longer than a tick of any controller, shorter than any manoeuvre."""
+"""Window over which the acceleration is averaged, s: longer than any control period, shorter than any manoeuvre."""
 LEAST_WAY = 0.1
-"""m below which nothing is said per metre: there the metre in the denominator is noise."""
+"""Shortest driven distance for metrics per metre, m; below it the denominator is noise."""
 DEAD_BAND = 0.05
-"""rad/s of commanded turn rate, either way, that is neither left nor right: 3°/s."""
+"""Largest commanded turn rate that counts neither as left nor as right, rad/s: 3°/s."""
 STILL_SPEED = 0.02
-"""m/s below which a robot does not drive."""
+"""Speed below which a robot counts as not driving, m/s."""
 STILL_TURN = 0.02
-"""rad/s below which it does not turn."""
+"""Turn rate below which a robot counts as not turning, rad/s."""
 REFERENCE_SPEED = 2.0
-"""m/s of the BARN challenge's optimal time, whatever the robot's own limit."""
+"""Speed of the BARN challenge's optimal time, m/s, whatever the robot's own limit."""
 CLOCK_STARTS = 0.1
-"""m from the start beyond which the BARN challenge's clock runs."""
+"""Distance from the start beyond which the BARN challenge's clock runs, m."""
 _JERK_STEPS = 8
-"""Steps of the jerk's own grid in a window: the grid does not depend on the period."""
+"""Number of grid steps of the jerk in one window; the grid does not depend on the control period."""
 
 
 def success(trail: Trail) -> float:
-    """1 where the goal was reached, in truth where truth is known, else 0."""
+    """1 if the goal was reached, according to the ground truth if there is one, else 0."""
     return float(trail.succeeded)
 
 
 def false_success(trail: Trail) -> float | None:
-    """1 where the robot said that it had arrived and had not, else 0."""
+    """1 if the robot reported that it had arrived but had not, else 0; None without ground truth."""
     return float(trail.outcome == FALSE_SUCCESS) if trail.has_truth else None
 
 
@@ -85,7 +85,7 @@ def pose_error_rms(trail: Trail) -> float | None:
 
 
 def pose_error_p95(trail: Trail) -> float | None:
-    """95th percentile over the ticks of the same distance, m."""
+    """95th percentile over the ticks of the distance between the estimated and the true position, m."""
     known = _known(trail.pose_error)
     return float(np.percentile(known, 95)) if known.size else None
 
@@ -115,7 +115,7 @@ def barn_4_8(trail: Trail) -> float | None:
 
 
 def time_to_goal(trail: Trail) -> float | None:
-    """Time from the start of the run to the goal, s; the limit for a failure, so that to give up early is not fast."""
+    """Time from the start of the run to the goal, s. A failure counts as the limit, so that giving up is not fast."""
     if _is_untold(trail):
         return None
     return trail.duration if trail.succeeded else trail.limit
@@ -139,7 +139,7 @@ def clearance_min(trail: Trail) -> float | None:
 
 
 def clearance_p5(trail: Trail) -> float | None:
-    """5th percentile of the clearance over the ticks, m: linear between the two it falls between."""
+    """5th percentile of the clearance over the ticks, m, interpolated linearly."""
     known = np.sort(_known(trail.clearance))
     if not known.size:
         return None
@@ -152,20 +152,21 @@ def clearance_p5(trail: Trail) -> float | None:
 
 
 def danger_share(trail: Trail) -> float | None:
-    """Share of the time in which the clearance is at most the way the robot needs to stop from its speed.
+    """Share of the time in which the clearance is at most the stopping distance at the current speed.
 
-    That way is |v| t + v² / (2 a), with t the longest time a command may go on and a the robot's deceleration.
+    The stopping distance is |v| t + v² / (2 a), with t the longest time a command stays in effect without renewal, and
+    a the robot's deceleration.
     """
     speed = np.abs(trail.vx)
     to_stop = speed * trail.reaction + 0.5 * speed**2 / trail.max_deceleration
     is_known = ~np.isnan(trail.clearance)
-    # Beyond any braking distance all clearances are alike; infinite ones would spoil the line between two ticks.
+    # Clearances beyond the stopping distance are equivalent; infinite ones would break the interpolation.
     spare = np.minimum(trail.clearance, to_stop + 1.0) - to_stop
     return _share_below(trail.time[is_known], spare[is_known])
 
 
 def cross_track_rms(trail: Trail) -> float | None:
-    """Root mean square over time of the cross-track error, m, over the stretches with a reference."""
+    """Root mean square over time of the cross-track error, m, over the intervals with a reference."""
     e = trail.cross_track
     if np.isnan(e).all():
         return None
@@ -174,7 +175,7 @@ def cross_track_rms(trail: Trail) -> float | None:
     if not there.any():
         return math.sqrt(float(np.nanmean(e**2)))
     a, b, step = e[:-1][there], e[1:][there], steps[there]
-    # Of a line from a to b, the mean square is (a² + ab + b²) / 3.
+    # The mean square of a line from a to b is (a² + ab + b²) / 3.
     return math.sqrt(float(((a * a + a * b + b * b) * step).sum() / (3.0 * step.sum())))
 
 
@@ -187,8 +188,8 @@ def cross_track_max(trail: Trail) -> float | None:
 def integrated_jerk(trail: Trail) -> float | None:
     """∫ |da/dt| dt, m/s², of the acceleration a of base in the plane, averaged over a sliding window.
 
-    The mean acceleration of a window is the change of the velocity over it, by its length: no second derivative of
-    samples is taken. The integral is the length of the way of a, on a grid of its own.
+    The mean acceleration of a window is the change of velocity over the window divided by its length, which avoids a
+    second derivative of samples. The integral is the path length of a, on a separate grid.
     """
     if trail.duration < 2.0 * JERK_WINDOW:
         return None
@@ -207,13 +208,13 @@ def turning_per_metre(trail: Trail) -> float | None:
 
 
 def steering_flips_per_metre(trail: Trail) -> float | None:
-    """Changes of the commanded turn rate from left to right or back, 1/m, with what lies in the dead band left out."""
+    """Changes of the commanded turn rate from left to right or back, 1/m, ignoring commands within the dead band."""
     steering = trail.command_wz[np.abs(trail.command_wz) > DEAD_BAND]
     return _per_metre(trail, float(np.count_nonzero(np.diff(np.sign(steering)))))
 
 
 def stopped_time(trail: Trail) -> float | None:
-    """Time the robot neither drove nor turned, s."""
+    """Time in which the robot neither drove nor turned, s."""
     motion = np.maximum(np.abs(trail.vx) / STILL_SPEED, np.abs(trail.wz) / STILL_TURN)
     share = _share_below(trail.time, motion - 1.0)
     return None if share is None else share * trail.duration
@@ -225,27 +226,27 @@ def avoider_share(trail: Trail) -> float | None:
 
 
 def recoveries(trail: Trail) -> float:
-    """Attempts of the recovery."""
+    """Number of recovery attempts."""
     return float(trail.recoveries)
 
 
 def gate_stops(trail: Trail) -> float:
-    """How often the gate stopped a driving robot."""
+    """Number of times the gate stopped a driving robot."""
     return float(trail.gate_stops)
 
 
 def gate_limits(trail: Trail) -> float:
-    """How often the gate's monitor began to slow or stop the robot."""
+    """Number of times the gate's monitor began to slow or stop the robot."""
     return float(trail.gate_limits)
 
 
 def collisions(trail: Trail) -> float:
-    """How often a contact began; a run that ended in one had one, also where no truth tells."""
+    """Number of contacts; at least 1 if the run ended in a collision, even without ground truth."""
     return float(max(trail.touches, trail.outcome == "collision"))
 
 
 def _is_untold(trail: Trail) -> bool:
-    """The robot says that it has arrived, and no ground truth says when and by which way."""
+    """Whether the robot reports success but there is no ground truth of its time and path."""
     return trail.succeeded and not trail.has_truth
 
 
@@ -263,7 +264,7 @@ def _barn(trail: Trail, low: float, high: float) -> float | None:
 
 
 def _moving_time(trail: Trail) -> float:
-    """AT, s: to the end from when the robot first was 0.1 m from its start; 0 where it never was."""
+    """AT, s: from the time when the robot was first 0.1 m from its start to the end; 0 if it never was."""
     if not trail.time.size:
         return 0.0
     away = np.hypot(trail.x - trail.x[0], trail.y - trail.y[0])
@@ -290,7 +291,7 @@ def _velocity(trail: Trail, at: Floats) -> Floats:
 
 
 def _share_below(time: Floats, values: Floats) -> float | None:
-    """Share of the time in which a polyline of values is at most 0; of a single tick, whether it is."""
+    """Share of the time in which a polyline of values is at most 0; for a single tick 1 or 0."""
     if time.size < 2:
         return float(values[0] <= 0.0) if time.size else None
     a, b = values[:-1], values[1:]

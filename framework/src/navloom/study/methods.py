@@ -1,4 +1,4 @@
-"""What a study compares: methods, made of variations of one config."""
+"""The methods of a study: variations of one config."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from navloom.plugins.registry import NODE
 __all__ = ["Method", "Variation", "compared", "methods_of", "toml_value", "variation_of"]
 
 OF_THE_EPISODE = ("world.", "run.seed", "navigation.start", "navigation.goal", "navigation.via", "alternative")
-"""Places that are set by episode, alike for all methods, or that no method uses: neither equal nor different."""
+"""Config places that each episode sets equally for all methods, or that no method uses; they are not compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """One way to drive.
+    """One compared method.
 
     Attributes:
-        name: Short, unique in the study.
-        changes: What `--set` would need to make it of the config file.
-        loaded: The config that comes of it.
+        name: Short name, unique in the study.
+        changes: The `--set` changes that produce it from the config file.
+        loaded: The resulting config.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Variation:
-    """One `--vary`: a place of the config, or a role or node, and its values as text."""
+    """One `--vary`: a place in the config, or a role or node, and its values as text."""
 
     place: str
     values: tuple[str, ...]
@@ -48,7 +48,7 @@ def variation_of(text: str) -> Variation:
     """Read `PATH=a,b,c`; commas within brackets, braces and quotes do not separate.
 
     Raises:
-        ConfigError: No path, no value, an empty value, or one twice.
+        ConfigError: The path or the value is missing, or a value is empty or repeated.
     """
     place, equals, values = text.partition("=")
     place = place.strip()
@@ -64,7 +64,7 @@ def variation_of(text: str) -> Variation:
 
 
 def _split(text: str) -> list[str]:
-    """The parts between commas that are in no bracket, brace or quotes."""
+    """The parts between commas that are not inside brackets, braces or quotes."""
     parts, depth, quote = [""], 0, ""
     for letter in text:
         if quote:
@@ -80,20 +80,20 @@ def _split(text: str) -> list[str]:
 
 
 def methods_of(reference: str, vary: Sequence[str], changes: Sequence[str], discovery: Discovery) -> list[Method]:
-    """Every combination of the variations' values, in the order they are written, the last one changing fastest.
+    """Every combination of the variations' values, in the given order; the last variation changes fastest.
 
-    A role's values are plugins, or the names of `[[alternative]]` tables of that role, which take the role's table's
-    place; those of a `[[node]]`, under its name, likewise. Alternatives that no event names are left out: in a study
-    nothing runs beside the method.
+    The values of a role are plugins or names of `[[alternative]]` tables of that role, which replace the role's table.
+    The same holds for a `[[node]]`, under its name. Alternatives that no event names are left out: in a study nothing
+    runs beside the method.
 
     Args:
         reference: Path of a config, or a shipped name.
-        vary: As `--vary`.
-        changes: As `--set`, for all methods.
+        vary: Values of `--vary`.
+        changes: Values of `--set`, for all methods.
         discovery: Plugins.
 
     Raises:
-        ConfigError: A place or value that does not fit, with the nearest that does.
+        ConfigError: A place or value is not valid; the text suggests the nearest valid one.
     """
     base = load_config(reference, changes)
     exchanged = {*ROLE_TABLES, *(table.name for table in base.config.node)}
@@ -144,7 +144,7 @@ def _check_places(variations: Sequence[Variation]) -> None:
 
 
 def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[AlternativeTable], list[str]]:
-    """Alternatives that events need, and the changes that are not in the tables yet."""
+    """Alternatives that events need, and the changes that these tables do not contain yet."""
     named = {(event.role, event.name) for event in base.config.event if event.name}
     spare = [table for table in base.config.alternative if (table.role, table.instance) in named]
     if not base.config.alternative:
@@ -153,7 +153,7 @@ def _alternatives(base: Loaded, changes: Sequence[str]) -> tuple[list[Alternativ
 
 
 def _exchange(base: Loaded, role: str, value: str, discovery: Discovery) -> list[str]:
-    """The changes that make a plugin or alternative the active one of a role or node; none where it is already."""
+    """The changes that make a plugin or alternative the active one of a role or node; none if it is already."""
     active = base.config.role_table(role)
     if value == active.instance:
         return []
@@ -179,7 +179,7 @@ def _dump(table: AlternativeTable) -> dict[str, Any]:
 
 
 def _label(place: str, value: str) -> str:
-    """A value as a method's name: itself for a plugin, `key=value` for a setting."""
+    """Part of a method's name: the value for a plugin, `key=value` for a setting."""
     return value if place.endswith(".plugin") else f"{place.rpartition('.')[2]}={value}"
 
 
@@ -187,7 +187,7 @@ def toml_value(value: Any) -> str:
     """A value as TOML on one line.
 
     Args:
-        value: Text, number, truth value, or lists and tables of these.
+        value: Text, number, boolean, or lists and tables of these.
     """
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(key)} = {toml_value(entry)}" for key, entry in value.items()) + " }"
@@ -199,14 +199,14 @@ def toml_value(value: Any) -> str:
 
 
 def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """What is the same for all methods and what is not, computed from their full configs with every default.
+    """Values that are equal for all methods and values that differ, from their full configs with every default.
 
     Args:
-        systems: By name of the method.
+        systems: System of each method, by name.
 
     Returns:
-        Values by dotted place that are equal for all; and, by place, the values by method of the others. A place that
-        a method does not have, as a parameter of another plugin, has no entry for it.
+        Equal values by dotted place; and the differing values by place and method. A method that lacks a place, as a
+        parameter of another plugin, has no entry there.
     """
     full = {name: _full(system) for name, system in systems.items()}
     places = sorted({place for values in full.values() for place in values})
@@ -222,7 +222,7 @@ def compared(systems: Mapping[str, System]) -> tuple[dict[str, Any], dict[str, d
 
 
 def _full(system: System) -> dict[str, Any]:
-    """Every value that holds by dotted place, parameters of the active plugins with their defaults."""
+    """Every value in effect by dotted place, including the active plugins' parameters with their defaults."""
     tree = system.config.model_dump(mode="json")
     tree["node"] = {table["name"]: table for table in tree["node"]}
     for _, role, table in system.config.role_tables():

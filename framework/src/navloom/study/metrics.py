@@ -1,8 +1,8 @@
-"""What an episode is worth: numbers from its trail, each defined for failed episodes too. See docs/metrics.md."""
+"""Metrics of episodes: numbers from a trail, each defined for failed episodes too. See docs/metrics.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -14,21 +14,21 @@ from navloom.study.trail import Trail
 if TYPE_CHECKING:
     from navloom.plugins import Discovery
 
-__all__ = ["METRICS", "Metric", "all_metrics", "measure", "timing"]
+__all__ = ["METRICS", "Metric", "all_metrics", "headlines", "measure", "timing"]
 
 
 @dataclass(frozen=True)
 class Metric:
-    """One number of an episode.
+    """A number that describes an episode.
 
     Attributes:
         name: Column of the table: lower case letters, digits and `_`.
-        unit: As printed: "m", "s", "1/m", "1" for shares and counts.
-        better: Which way is better; None where neither is.
-        compute: Gives the number, or None where it is not defined for this episode.
+        unit: Printed unit: "m", "s", "1/m", "1" for shares and counts.
+        better: Which direction is better; None if neither is.
+        compute: Returns the number, or None if it is not defined for the episode.
         about: One or two sentences: what it is, and when it is not defined.
-        bounds: Least and greatest possible value, None where there is no bound: no interval goes beyond them.
-        is_share: It is 1 or 0 in each episode, so that its mean is a share and has an exact interval.
+        bounds: Smallest and largest possible value, None for no bound; intervals are cut at them.
+        is_share: Whether it is 1 or 0 in each episode, so that its mean is a share with an exact interval.
     """
 
     name: str
@@ -41,10 +41,10 @@ class Metric:
 
 
 def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, float | None]:
-    """Every metric of one episode by name, default the built-in ones; None where it is not defined.
+    """Every metric of one episode by name, default the built-in ones; None if it is not defined.
 
     Raises:
-        ValueError: A metric gave something else than a finite number or None.
+        ValueError: A metric returned neither a finite number nor None.
     """
     found: dict[str, float | None] = {}
     for metric in METRICS if metrics is None else metrics:
@@ -65,10 +65,10 @@ def measure(trail: Trail, metrics: Iterable[Metric] | None = None) -> dict[str, 
 
 
 def timing(trail: Trail) -> dict[str, float | bool]:
-    """Wall time of the control steps: median, 95th and 99th percentile and maximum, µs, and whether the 99th is late.
+    """Wall time of the control steps: median, 95th and 99th percentile and maximum, µs, and whether they are too slow.
 
-    `too_slow` says that one step in a hundred or more takes longer than the control period. Empty without ticks.
-    Not reproducible: for timing.json, never for the table.
+    `too_slow` is true if at least one step in a hundred takes longer than the control period. Empty without ticks.
+    The values are not reproducible: they go to timing.json, never to the table.
     """
     if not trail.tick_ns.size:
         return {}
@@ -78,10 +78,10 @@ def timing(trail: Trail) -> dict[str, float | bool]:
 
 
 def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
-    """The built-in metrics and then those of plugins, by name.
+    """The built-in metrics, then those of plugins in order of name.
 
     Raises:
-        PluginError: A plugin's metric is no metric, or is named like a built-in one.
+        PluginError: A plugin's metric is not a `Metric`, or has the name of a built-in column.
     """
     from navloom.plugins import PluginError
 
@@ -97,6 +97,13 @@ def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
     return (*METRICS, *found)
 
 
+def headlines(names: Sequence[str]) -> list[str]:
+    """Which metrics of a study its short tables show: the chief built-in ones, and all that other distributions add."""
+    built_in = {metric.name for metric in METRICS}
+    return [name for name in _HEADLINES if name in names] + [name for name in names if name not in built_in]
+
+
+_HEADLINES = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 _COLUMNS = {"method", "world", "seed", "outcome", "reason", "trace_sha256"}
 SHARE = (0.0, 1.0)
 NOT_NEGATIVE = (0.0, None)
@@ -104,24 +111,24 @@ NOT_NEGATIVE = (0.0, None)
 METRICS: tuple[Metric, ...] = (
     Metric(
         "success", "1", "higher", measures.success,
-        "1 where the goal was reached, by the ground truth where there is one, else 0.",
+        "1 if the goal was reached, according to the ground truth if there is one, else 0.",
         SHARE, is_share=True,
     ),
     Metric(
         "spl", "1", "higher", measures.spl,
-        "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, with the shortest way up "
-        "to the goal's tolerance. Undefined where no shortest way is known.",
+        "Success weighted by path length: shortest / max(driven, shortest), 0 for a failure, with the shortest path up "
+        "to the goal's tolerance. Undefined if no shortest path is known.",
         SHARE,
     ),
     Metric(
         "barn_2_8", "1", "higher", measures.barn_2_8,
         "BARN score: success times OT / clip(AT, 2 OT, 8 OT), OT = the world's reference length, or else the shortest "
-        "way, at 2 m/s, AT from the first 0.1 m; at best 0.5. Undefined where neither length is known.",
+        "path, at 2 m/s, AT from the first 0.1 m; at best 0.5. Undefined if neither length is known.",
         (0.0, 0.5),
     ),
     Metric(
         "barn_4_8", "1", "higher", measures.barn_4_8,
-        "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined where neither length is known.",
+        "BARN score with the clip of 2022, 4 OT to 8 OT; at best 0.25. Undefined if neither length is known.",
         (0.0, 0.25),
     ),
     Metric(
@@ -136,32 +143,32 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "goal_distance", "m", "lower", measures.goal_distance,
-        "Distance to the goal where the episode ended. Undefined without a goal, and where nothing is left of a run.",
+        "Distance to the goal at the end of the episode. Undefined without a goal, or if a run left no data.",
         NOT_NEGATIVE,
     ),
     Metric(
         "clearance_min", "m", "higher", measures.clearance_min,
         "Least gap between footprint and obstacles; 0 in contact, negative by the depth of an overlap. "
-        "Undefined where nothing is near or without ground truth.",
+        "Undefined if nothing is near or without ground truth.",
     ),
     Metric(
         "clearance_p5", "m", "higher", measures.clearance_p5,
-        "Gap that 5 % of the time is below. Undefined where nothing is near or without ground truth.",
+        "5th percentile of the gap over time. Undefined if nothing is near or without ground truth.",
     ),
     Metric(
         "danger_share", "1", "lower", measures.danger_share,
-        "Share of the time in which the gap is within the way the robot would need to stop. "
+        "Share of the time in which the gap is at most the robot's stopping distance. "
         "Undefined without ground truth.",
         SHARE,
     ),
     Metric(
         "cross_track_rms", "m", "lower", measures.cross_track_rms,
-        "Root mean square over time of the distance from the trajectory. Undefined where none was driven.",
+        "Root mean square over time of the distance from the trajectory. Undefined if none was driven.",
         NOT_NEGATIVE,
     ),
     Metric(
         "cross_track_max", "m", "lower", measures.cross_track_max,
-        "Largest distance from the trajectory. Undefined where none was driven.",
+        "Largest distance from the trajectory. Undefined if none was driven.",
         NOT_NEGATIVE,
     ),
     Metric(
@@ -197,32 +204,33 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "collisions", "1", "lower", measures.collisions,
-        "How often a contact began; at least 1 where the outcome is collision.",
+        "Number of contacts; at least 1 if the outcome is collision.",
         NOT_NEGATIVE,
     ),
     Metric(
         "false_success", "1", "lower", measures.false_success,
-        "1 where the robot said that it had arrived and was further from the goal than its tolerance plus 0.1 m. "
+        "1 if the robot reported that it had arrived and was further from the goal than its tolerance plus 0.1 m. "
         "Undefined without ground truth.",
         SHARE, is_share=True,
     ),
     Metric(
         "pose_error_rms", "m", "lower", measures.pose_error_rms,
-        "Root mean square of how far the robot was from where it took itself to be. Undefined without ground truth.",
+        "Root mean square of the distance between estimated and true position. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
         "pose_error_p95", "m", "lower", measures.pose_error_p95,
-        "95th percentile of the same distance. Undefined likewise.",
+        "95th percentile of that distance. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
-        "pose_error_max", "m", "lower", measures.pose_error_max, "Largest such distance. Undefined likewise.",
+        "pose_error_max", "m", "lower", measures.pose_error_max,
+        "Largest such distance. Undefined without ground truth.",
         NOT_NEGATIVE,
     ),
     Metric(
         "gate_limits", "1", "lower", measures.gate_limits,
-        "How often the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
+        "Number of times the gate's monitor began to slow or stop the robot because of what the sensors saw ahead.",
         NOT_NEGATIVE,
     ),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What observers are told of a run."""
+"""Describes a run for observers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["run_info"]
 
 
 def run_info(loaded: Loaded, kind: Literal["lockstep", "barrier", "live"]) -> RunInfo:
-    """What observers are told of a run of this config."""
+    """Description of a run of this config, for observers."""
     config = loaded.config
     return RunInfo(
         kind, loaded.name, config.model_dump(mode="json"), loaded.sha256(), config.robot.realm, config.robot.name,

@@ -1,4 +1,4 @@
-"""Methods on the same inputs: the baseline drives, and the others that differ in one role run beside it in shadow."""
+"""Open-loop comparison: the baseline drives, and the methods that differ from it in one role run in shadow."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from navloom.study.methods import Method
 __all__ = ["METHOD", "OpenLoop", "open_loop_of"]
 
 METHOD = "(open loop)"
-"""Stands for a method in the keys of open-loop episodes: no method can be named so."""
+"""Method name in the keys of open-loop episodes; no method can have this name."""
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """What is driven and what runs beside it.
+    """The method that drives and the methods that run in shadow.
 
     Attributes:
         baseline: Name of the method that drives.
-        shadows: Method by name of the instance that stands for it.
-        left_out: By method, why it cannot run beside the baseline.
-        loaded: The config.
+        shadows: Method by name of the instance that represents it.
+        left_out: By method, why it cannot run in shadow of the baseline.
+        loaded: The config with the shadows.
     """
 
     baseline: str
@@ -34,12 +34,12 @@ class OpenLoop:
     loaded: Loaded
 
     def request(self) -> dict[str, Any]:
-        """For `study.json`."""
+        """The entry of `study.json`."""
         return {"baseline": self.baseline, "shadows": self.shadows, "left_out": self.left_out}
 
 
 def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
-    """The baseline's config with the others in shadow.
+    """The baseline's config with the other methods in shadow.
 
     Raises:
         ConfigError: No method differs from the baseline in one role only.
@@ -75,7 +75,7 @@ def open_loop_of(methods: Sequence[Method], baseline: str) -> OpenLoop:
 
 
 def _differing(ours: Config, theirs: Config) -> list[str]:
-    """Tables in which two methods differ, alternatives aside; a [[node]] counts by its name."""
+    """Tables in which two methods differ, alternatives excepted; a [[node]] appears under its name."""
     mine, other = ours.model_dump(mode="json"), theirs.model_dump(mode="json")
     for tree in (mine, other):
         tree |= {table["name"]: table for table in tree.pop("node")}

@@ -1,8 +1,9 @@
-"""One path on one map, without a run."""
+"""Plans one path on one map, without a run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path as FilePath
 from time import perf_counter_ns
 from typing import Any
@@ -15,21 +16,33 @@ from navloom.engine.build import grid_of
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import World
-from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanRequest, Pose2D
-from navloom.plugins import Discovery
-from navloom.roles import Context, Planner, PlannerInput, RobotSpec
+from navloom.messages import MapUpdate, OccupancyGrid, Path, PlanFailure, PlanRequest, Pose2D
+from navloom.plugins import Discovery, PluginError
+from navloom.plugins.blame import raised_in
+from navloom.roles import Context, InputError, Planner, PlannerInput, RobotSpec, Role
 
-__all__ = ["map_update", "plan_once"]
+__all__ = ["blamed", "map_update", "plan_once"]
 
 LARGEST = 100.0
 """Longest side of a robot, m."""
 POINT = 1e-6
-"""Size that stands for a point robot, m."""
+"""Side length that represents a point robot, m."""
 
 
 def map_update(grid: OccupancyGrid) -> MapUpdate:
-    """A map without segments: planners then work on its cells."""
+    """A map without segments, so that planners use its cells."""
     return MapUpdate(0, grid, np.empty((0, 4)), ())
+
+
+@contextmanager
+def blamed(cls: type[Role]) -> Iterator[None]:
+    """Makes a PluginError, with the line, of what a plugin raises; an InputError goes through."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{cls.role} {cls.name} failed: {raised_in(error, cls)}") from error
 
 
 def plan_once(
@@ -47,15 +60,19 @@ def plan_once(
     """Plan on a world's map.
 
     Args:
-        reference: World reference, relative paths from `base`.
-        start, goal: m, map frame.
+        reference: World reference.
+        base: Base folder of relative paths.
+        start, goal: x and y, m, map frame.
         planner: Name of the plugin.
         changes: Its parameters as `key=value`.
         size: Length and width of the robot, m; 0 is a point.
-        resolution: Cell of maps without a raster, m.
+        resolution: Cell size for maps without a raster, m.
 
     Returns:
         `outcome` ("found" or the kind of failure), `reason`, `place`, `length_m`, `points`, `planner`, `planner_ms`.
+
+    Raises:
+        ConfigError: The request is wrong; PluginError: so is the planner, or what it gives.
     """
     _check_sizes(size, resolution)
     discovery = discovery or Discovery()
@@ -68,14 +85,17 @@ def plan_once(
     length, width = (max(side, POINT) for side in size)
     robot = RobotSpec(rectangle(length, width), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
     context = Context("plan", 0.05, robot, stream_source(0, "planner", "plan"), Pose2D(*start, 0.0))
-    cls.warm_up()
-    plugin = cls(params, context)
     given = PlannerInput(
         PlanRequest(1, Pose2D(*start, 0.0), Pose2D(*goal, 0.0)), map_update(grid_of(world, resolution, robot.height))
     )
-    before = perf_counter_ns()
-    answer = plugin.plan(given)
-    spent = (perf_counter_ns() - before) * 1e-6
+    with blamed(cls):
+        cls.warm_up()
+        plugin = cls(params, context)
+        before = perf_counter_ns()
+        answer = plugin.plan(given)
+        spent = (perf_counter_ns() - before) * 1e-6
+        if not isinstance(answer, (Path, PlanFailure)):
+            raise TypeError(f"plan() gives {type(answer).__name__}, expected Path or PlanFailure")
     if isinstance(answer, Path):
         return {
             "outcome": "found", "reason": "", "place": None, "length_m": answer.length,

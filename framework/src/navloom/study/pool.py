@@ -1,4 +1,4 @@
-"""Processes that run episodes, one each at a time, and what happens when one of them dies or hangs."""
+"""Worker processes that run one episode at a time; workers that die or hang are replaced."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ __all__ = ["Agenda", "PoolError", "Workers", "cores", "run_on_executor", "run_on
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 BEAT = 1.0
-"""s between signs of life of an episode."""
+"""Interval of heartbeats of an episode, s."""
 HANG_AFTER = 300.0
-"""s without a sign of life before a worker is killed: longer than the slowest compilation of one plugin."""
+"""Time without a heartbeat before a worker is killed, s; longer than the slowest compilation of one plugin."""
 SETTLED = 16
-"""Episodes after which a worker has loaded whatever it keeps."""
+"""Number of episodes after which a worker has loaded everything that it keeps."""
 GROWTH = 256 * 2**20
-"""Bytes a worker may grow by after that before it is replaced."""
+"""Memory growth after that at which a worker is replaced, bytes."""
 COLLECTED = 8
-"""Episodes between collections of garbage."""
+"""Number of episodes between garbage collections."""
 STILLBORN = 3
-"""Workers in a row that end before their first episode until the study is given up."""
+"""Number of workers in a row that end before their first episode at which the study fails."""
 
 
 class PoolError(RuntimeError):
-    """Episodes cannot be run at all here; the text says why."""
+    """Episodes cannot run here at all; the text says why."""
 
 
 def cores() -> int:
-    """Cores this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Agenda:
-    """Episodes still to run. A worker stays in its world as long as there are any: it has parsed it already."""
+    """Episodes still to run. A worker stays in its world while episodes are left there, since it has parsed it."""
 
     def __init__(self, tasks: Iterable[EpisodeTask]) -> None:
         self._by_world: dict[str, deque[EpisodeTask]] = {}
@@ -60,7 +60,7 @@ class Agenda:
         return sum(map(len, self._by_world.values()))
 
     def take(self, world: str | None) -> EpisodeTask | None:
-        """The next episode for a worker that was in a world: of the same, of a fresh one, or of the fullest."""
+        """The next episode for a worker: from its world, a world that no worker has begun, or the fullest one."""
         if not self._by_world:
             return None
         if world not in self._by_world:
@@ -76,8 +76,8 @@ class Agenda:
 
 
 @dataclass(eq=False)
-class Worker:
-    """One process, seen from outside."""
+class EpisodeWorker:
+    """One worker process, as its parent sees it."""
 
     process: BaseProcess
     connection: Connection
@@ -91,7 +91,7 @@ class Worker:
     settled: int = 0
 
     def has_grown(self, resident: int) -> bool:
-        """Whether it should be replaced, from its resident memory, bytes, after an episode."""
+        """Whether to replace it, judged by its resident memory, bytes, after an episode."""
         self.episodes += 1
         if self.episodes <= SETTLED:
             self.settled = max(self.settled, resident)
@@ -99,29 +99,29 @@ class Worker:
 
 
 class Workers:
-    """A few processes at work on an agenda.
+    """A pool of processes that work on an agenda.
 
     Args:
-        agenda: What to run.
-        jobs: Processes.
-        on_row: Told of every episode that ended, in the order they end.
-        hang_after: s without a sign of life after which a worker is killed.
+        agenda: Episodes to run.
+        jobs: Number of processes.
+        on_row: Called with the row of every episode, in the order in which they end.
+        hang_after: Time without a heartbeat after which a worker is killed, s.
     """
 
     def __init__(
         self, agenda: Agenda, jobs: int, on_row: Callable[[Row], None], hang_after: float = HANG_AFTER
     ) -> None:
         self.agenda, self.jobs, self.on_row, self.hang_after = agenda, jobs, on_row, hang_after
-        self.workers: list[Worker] = []
+        self.workers: list[EpisodeWorker] = []
         self.lost = 0
         self._stillborn = 0
         self._context = multiprocessing.get_context("spawn")
 
     def run(self, idle: Callable[[], None] = lambda: None) -> None:
-        """Run everything. `idle` is called at least twice a second.
+        """Run all episodes. `idle` is called at least twice a second.
 
         Raises:
-            PoolError: Workers end before they can begin.
+            PoolError: Workers end before they are ready.
         """
         try:
             while True:
@@ -140,7 +140,7 @@ class Workers:
             self.end()
 
     def end(self) -> None:
-        """Kill what still runs: an episode under way is run again when the study goes on."""
+        """Kill running workers; their episodes run again when the study continues."""
         for worker in self.workers:
             worker.process.kill()
         for worker in self.workers:
@@ -149,14 +149,14 @@ class Workers:
         self.workers.clear()
 
     def _fill(self) -> None:
-        """Processes for what waits; those with nothing to do end."""
+        """Start processes for waiting episodes, and end those without work."""
         for worker in [w for w in self.workers if w.is_ready and w.task is None]:
             self._employ(worker)
         starting = sum(not worker.is_ready for worker in self.workers)
         for _ in range(min(self.jobs - len(self.workers), len(self.agenda) - starting)):
             self.workers.append(self._start())
 
-    def _start(self) -> Worker:
+    def _start(self) -> EpisodeWorker:
         ours, theirs = self._context.Pipe()
         dump = NamedTemporaryFile("r", prefix="navloom-", errors="replace")  # noqa: SIM115  (as long as the worker)
         given = (theirs, dump.name)
@@ -164,20 +164,20 @@ class Workers:
         with _one_thread():
             process.start()
         theirs.close()
-        return Worker(process, ours, dump)
+        return EpisodeWorker(process, ours, dump)
 
-    def _employ(self, worker: Worker) -> None:
+    def _employ(self, worker: EpisodeWorker) -> None:
         worker.task = self.agenda.take(worker.world)
         if worker.task is None:
             self._retire(worker)
             return
         worker.world = worker.task.key.world
         worker.began = worker.seen = monotonic()
-        # A worker that has died meanwhile is noticed by its end of file, together with this task.
+        # If the worker has died in the meantime, its end of file is noticed later, together with this task.
         with suppress(OSError):
             worker.connection.send(worker.task)
 
-    def _hear(self, worker: Worker) -> None:
+    def _hear(self, worker: EpisodeWorker) -> None:
         kind, value, resident = _word_of(worker.connection)
         worker.seen = monotonic()
         if kind == "ready":
@@ -190,16 +190,16 @@ class Workers:
         elif kind == "dead":
             self._reap(worker, "")
 
-    def _patience(self, worker: Worker) -> float:
-        """s without a sign of life that a worker is allowed: what bounds episodes does not bound imports."""
+    def _patience(self, worker: EpisodeWorker) -> float:
+        """Longest time without a heartbeat for a worker, s: the bound of episodes does not apply to imports."""
         return self.hang_after if worker.task is not None else max(self.hang_after, HANG_AFTER)
 
-    def _give_up(self, worker: Worker) -> None:
+    def _give_up(self, worker: EpisodeWorker) -> None:
         worker.process.kill()
         self._reap(worker, f"hung: no sign of life for {self.hang_after:g} s, so the worker process was killed")
 
-    def _reap(self, worker: Worker, reason: str) -> None:
-        """Take a dead worker out; what it was at is lost."""
+    def _reap(self, worker: EpisodeWorker, reason: str) -> None:
+        """Remove a dead worker and report its episode as lost."""
         worker.process.join()
         worker.connection.close()
         self.workers.remove(worker)
@@ -216,7 +216,7 @@ class Workers:
                     'is above; a script must start its study below `if __name__ == "__main__":`'
                 )
 
-    def _retire(self, worker: Worker) -> None:
+    def _retire(self, worker: EpisodeWorker) -> None:
         with suppress(OSError):
             worker.connection.send(None)
         self.workers.remove(worker)
@@ -228,7 +228,7 @@ class Workers:
 
 
 def _word_of(connection: Connection) -> tuple[str, Any, int]:
-    """What a worker says: "ready", "alive" or "row", with a row and its resident memory; "dead" at its end."""
+    """A message of a worker: "ready", "alive" or "row", with a row and its memory, bytes; "dead" at its end."""
     try:
         kind, value, resident = connection.recv() if connection.poll() else ("dead", None, 0)
     except (EOFError, OSError):
@@ -244,7 +244,7 @@ def _ending(code: int | None) -> str:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Processes started within use one thread each: as many episodes as cores run already."""
+    """Limit processes started within to one thread each, since one episode runs on each core already."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -258,8 +258,8 @@ def _one_thread() -> Iterator[None]:
 
 
 def serve(connection: Connection, dump: str) -> None:
-    """What a worker does: take a task, give a row, until there is none or nobody asks any more."""
-    # Ctrl-C reaches the whole group: it is for the one who keeps the journal. Plugins that print must not spoil --json.
+    """Main function of a worker: take tasks and return rows until there are none left or the parent is gone."""
+    # Ctrl-C reaches the whole process group, but only the parent handles it. Output of plugins must not break --json.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
     with suppress(OSError):
@@ -281,13 +281,13 @@ def serve(connection: Connection, dump: str) -> None:
             if count % COLLECTED == 0:
                 gc.collect()
             if count == SETTLED:
-                # What has lived this long is modules and kernels: later collections need not walk them again.
+                # Objects that have lived this long are modules and kernels; later collections can skip them.
                 gc.freeze()
             connection.send(("row", row, _resident()))
 
 
 def _resident() -> int:
-    """Resident memory of this process, bytes; 0 where the system does not say."""
+    """Resident memory of this process, bytes; 0 if it is not known."""
     try:
         return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
@@ -305,17 +305,17 @@ def run_on_processes(
     """Run episodes on processes of this machine.
 
     Args:
-        tasks: Which.
-        on_row: Told of every episode that ended, in the order they end.
-        jobs: Processes.
+        tasks: The episodes.
+        on_row: Called with the row of every episode, in the order in which they end.
+        jobs: Number of processes.
         idle: Called at least twice a second.
-        hang_after: s without a sign of life after which a worker is killed.
+        hang_after: Time without a heartbeat after which a worker is killed, s.
 
     Returns:
-        Workers that were lost.
+        Number of lost workers.
 
     Raises:
-        PoolError: Workers end before they can begin.
+        PoolError: Workers end before they are ready.
     """
     workers = Workers(Agenda(tasks), jobs, on_row, hang_after)
     workers.run(idle)
@@ -323,10 +323,10 @@ def run_on_processes(
 
 
 def run_on_executor(tasks: Iterable[EpisodeTask], on_row: Callable[[Row], None], executor: Executor) -> None:
-    """Run episodes on an executor, as that of a Dask cluster. A task that its workers die of is lost.
+    """Run episodes on an executor, as that of a Dask cluster. A task that kills its workers is lost.
 
     Raises:
-        PoolError: The executor went away; what has ended is kept.
+        PoolError: The executor went away; ended episodes are kept.
     """
     futures = {executor.submit(episode_row, task): task for task in tasks}
     try:
@@ -334,9 +334,9 @@ def run_on_executor(tasks: Iterable[EpisodeTask], on_row: Callable[[Row], None],
             try:
                 row = future.result()
             except CancelledError:
-                raise PoolError("the cluster went away; the same command goes on with what is left") from None
+                raise PoolError("the cluster went away; the same command continues with what is left") from None
             except Exception as error:
-                # What a cluster says of a task it lost names hosts and ports, which are others the next time.
+                # A cluster's text about a lost task names hosts and ports, which are not reproducible.
                 kind = type(error).__name__
                 told = f"{kind}: {error}" if isinstance(error, ValueError) else f"the cluster lost it: {kind}"
                 row = lost_row(futures[future], told)

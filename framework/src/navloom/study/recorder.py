@@ -1,4 +1,4 @@
-"""What an episode is judged by, collected beside the run."""
+"""Collects the data that the metrics of an episode need."""
 
 from __future__ import annotations
 
@@ -38,23 +38,24 @@ class Recorder:
 
     Attributes:
         truth: (time s, x m, y m, heading rad, speed m/s, clearance m) of each tick, map frame.
-        turn_rates: True turn rate, rad/s, of each tick.
-        cross_tracks: m, of each tick that had a reference.
-        reference_times: s, of the same ticks.
+        turn_rates: True turn rate of each tick, rad/s.
+        cross_tracks: Cross-track error of each tick with a reference, m.
+        reference_times: Times of the same ticks, s.
         speeds: Reference speeds, m/s.
         commands: (time s, forward m/s, turn rate rad/s) of the gate.
-        gate_stopped: (time s, it stops a driving robot) at each change.
-        touches: How often a contact began.
+        gate_stopped: (time s, whether the gate stops a driving robot) at each change.
+        touches: Number of contacts.
         contacts: (row of the truth, name of the obstacle) of each tick in contact.
-        engaged: (time s, avoider drives) at each change.
+        nearest: Name of the obstacle at the smallest clearance.
+        engaged: (time s, whether the avoider drives) at each change.
         plans: Every path of the active planner.
         trajectories: Every trajectory.
         map: The newest map of the active mapper.
-        recoveries: Attempts.
+        recoveries: Number of recovery attempts.
         estimates: (time s, x m, y m, heading rad) of each pose of the active localizer, map frame.
         goals: (x m, y m) of each goal by its number.
-        legs: How many legs the first goal has: one more than it has `via` points.
-        asked: (x m, y m) that each plan request asked for a way to, by the number of the request.
+        legs: Number of legs of the first goal: one more than its `via` points.
+        asked: Goal (x m, y m) of each plan request, by the number of the request.
     """
 
     wants: frozenset[tuple[str, str]] | None = frozenset(
@@ -97,14 +98,14 @@ class Recorder:
     _least: float = math.inf
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Keep what counts of the active instances."""
+        """Store the relevant messages of the active instances."""
         if active:
             keep = _KEPT.get(message.__class__)
             if keep is not None:
                 keep(self, message, at.stamp_ns * 1e-9)
 
     def on_step(self, record: StepRecord) -> None:
-        """Not asked for."""
+        """Never called: `wants_steps` is false."""
 
     def _keep_truth(self, truth: Truth, time: float) -> None:
         pose = truth.pose
@@ -166,7 +167,7 @@ class Recorder:
 
     @property
     def plan_length(self) -> float | None:
-        """Length of the first plan of each leg of the first goal, m; of a run that ended early, of the legs planned."""
+        """Total length of the first plans of the first goal's legs, m; of the planned legs if the run ended early."""
         firsts: list[float] = []
         leg = None
         for plan in self.plans:
@@ -183,7 +184,7 @@ class Recorder:
 
     @property
     def min_clearance(self) -> float | None:
-        """Least gap between footprint and anything, m; None where nothing was near or no truth is known."""
+        """Smallest gap between footprint and obstacles, m; None if nothing was near or there is no ground truth."""
         return self._least if math.isfinite(self._least) else None
 
 
@@ -201,4 +202,4 @@ _KEPT: dict[type[Message], Callable[[Recorder, Any, float], None]] = {
     MapUpdate: Recorder._keep_map,
     RecoveryRequest: Recorder._keep_recovery,
 }
-"""What keeps a message of a class: (recorder, message, run time in s)."""
+"""Function that stores a message, by class: (recorder, message, run time, s)."""

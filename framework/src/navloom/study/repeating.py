@@ -1,4 +1,4 @@
-"""Whether an episode gives the same twice in one process, and which node's stream differs first where it does not."""
+"""Runs an episode twice in one process and finds the first stream that differs."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ __all__ = ["Divergence", "run_twice"]
 
 @dataclass(frozen=True)
 class Divergence:
-    """Where a second run of an episode first differs from the first.
+    """The first difference between two runs of an episode.
 
     Attributes:
-        tick: Of the message.
-        role, instance, plugin, port: The stream; of several that differ in that tick the first in the graph's order.
+        tick: Tick of the message.
+        role, instance, plugin, port: The stream; if several differ in that tick, the first in the graph's order.
         what: Field and both values, in words.
     """
 
@@ -42,18 +42,18 @@ class Divergence:
 
     @property
     def text(self) -> str:
-        """In words, to be read after the node's name."""
+        """The difference in words that follow the node's name."""
         return f"differs first when the same episode runs twice: in tick {self.tick}, {self.port}{self.what}"
 
 
 def run_twice(
     loaded: Loaded, discovery: Discovery | None = None, progress: Callable[[], None] = lambda: None
 ) -> tuple[Episode, Divergence | None, list[RunWarning]]:
-    """Run an episode twice, with other random state of the process.
+    """Run an episode twice, with different global random states.
 
     Returns:
-        The first episode, where the second first differs, and what every step was seen to do in the second: warnings of
-        the kinds `clock` and `random`.
+        The first episode; the first difference of the second, or None; and warnings of the kinds `clock` and `random`
+        from the second run, in which every step is inspected.
 
     Raises:
         ConfigError, PluginError: Nothing ran.
@@ -63,7 +63,7 @@ def run_twice(
         episodes = []
         for number, path in enumerate(traces):
             random.seed(number)
-            np.random.seed(number)  # noqa: NPY002  (what a plugin should not use is another in each run)
+            np.random.seed(number)  # noqa: NPY002  (plugins should not use the global state: it differs in each run)
             with path.open("wb") as file:
                 episodes.append(
                     run_episode(
@@ -101,7 +101,7 @@ Key = tuple[str, str, str]
 
 
 def _ticks(path: Path) -> Iterator[tuple[int, dict[Key, list[TraceEntry]]]]:
-    """By tick, the messages of each stream."""
+    """Messages of each stream, by tick."""
     for tick, entries in groupby(read_trace(path), lambda one: one.tick):
         found: dict[Key, list[TraceEntry]] = {}
         for one in entries:
@@ -110,7 +110,7 @@ def _ticks(path: Path) -> Iterator[tuple[int, dict[Key, list[TraceEntry]]]]:
 
 
 def _difference(was: list[TraceEntry] | None, now: list[TraceEntry] | None) -> str | None:
-    """What differs in one stream in one tick, to follow its name; None for nothing."""
+    """Difference of one stream in one tick, in words that follow its name; None if it is equal."""
     if was is None or now is None or len(was) != len(now):
         return f": {len(was or ())} messages, then {len(now or ())}"
     for one, other in zip(was, now, strict=True):

@@ -1,7 +1,7 @@
 """Bootstrap intervals, sign-flip tests and Holm's adjustment, for many columns at once. Arrays in, arrays out.
 
-Units are (n, columns), NaN where a unit has no value, each in a stratum (n,) of whole numbers. The statistic of a
-column is the mean over its strata of the mean within each.
+Units are (n, columns), NaN where a unit has no value. Each unit belongs to a stratum, an integer in (n,). The statistic
+of a column is the mean over its strata of the mean within each stratum.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ Ints = NDArray[np.int64]
 
 _LEVEL = 0.95
 _EXACT_UNITS = 13
-"""Units that differ up to which all 2^n sign patterns are gone through."""
+"""Largest number of nonzero units for which all 2^n sign patterns are enumerated."""
 _ENTRIES = 1_000_000
-"""Numbers a chunk of resamples may hold."""
+"""Most numbers in one chunk of resamples."""
 
 
 def intervals(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> tuple[Floats, Floats, Floats]:
-    """Mean of each column and the ends of its 95 % interval: (columns,) three times, NaN where there is none.
+    """Mean of each column and the ends of its 95 % interval: (columns,) three times, NaN if there is none.
 
     BCa (Efron 1987) over resampled units, with Student's t in place of the normal quantile (Hesterberg 2015), since
-    the variance within the strata is estimated. No ends where a stratum has but one value.
+    the variance within the strata is estimated. There is no interval if a stratum has only one value.
     """
     from scipy.special import stdtrit
 
@@ -42,10 +42,10 @@ def intervals(units: Floats, strata: Ints, rng: np.random.Generator, resamples: 
 
 
 def bootstrap(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> Floats:
-    """(resamples, columns) of the statistic, units drawn with replacement within their strata.
+    """(resamples, columns) of the statistic; units are drawn with replacement within their strata.
 
-    Deviations are stretched by sqrt(n / (n - 1)) in a stratum of n values (Rao and Wu 1988): without that the interval
-    is too narrow, by 30 % for two episodes a world.
+    Deviations are scaled by sqrt(n / (n - 1)) in a stratum of n values (Rao and Wu 1988). Otherwise the interval would
+    be too narrow, by 30 % for two episodes a world.
     """
     names = np.unique(strata)
     total = np.zeros((resamples, units.shape[1]))
@@ -62,16 +62,16 @@ def bootstrap(units: Floats, strata: Ints, rng: np.random.Generator, resamples: 
 
 
 def sign_flip_p(units: Floats, strata: Ints, rng: np.random.Generator, resamples: int) -> Floats:
-    """(columns,) two-sided chance of a statistic as far from 0, were the sign of each unit a coin's; NaN without units.
+    """(columns,) two-sided p-value of the statistic if the sign of each unit is random; NaN without units.
 
-    Exact, over all patterns, where few units differ from 0; else by resamples, the one observed among them.
+    Exact, over all sign patterns, if few units differ from 0; otherwise by resamples, including the observed one.
     """
     _, counts, _ = _statistic(units, strata)
     told = (counts > 0).sum(axis=0)
     places = np.searchsorted(np.unique(strata), strata)
     weights = 1.0 / (np.maximum(counts, 1)[places] * np.maximum(told, 1))
     shares = np.where(np.isnan(units), 0.0, units) * weights
-    # Sums of the same numbers in another order may differ in the last digits; such a tie is one.
+    # Sums of the same numbers in another order may differ in the last digits; they count as ties.
     least = np.abs(shares.sum(axis=0)) - 1e-9 * np.abs(shares).sum(axis=0)
     few = np.count_nonzero(shares, axis=0) <= _EXACT_UNITS
     chance = np.full(units.shape[1], np.nan)
@@ -88,7 +88,7 @@ def sign_flip_p(units: Floats, strata: Ints, rng: np.random.Generator, resamples
 
 
 def holm(chances: Floats) -> Floats:
-    """Holm 1979: (n,) p-values adjusted so that the chance of any false one in the family stays below the level."""
+    """Holm 1979: (n,) p-values adjusted so that the probability of any false positive stays below the level."""
     order = np.argsort(chances, kind="stable")
     stepped = np.minimum(np.maximum.accumulate(chances[order] * (len(chances) - np.arange(len(chances)))), 1.0)
     adjusted = np.empty_like(stepped)
@@ -97,7 +97,7 @@ def holm(chances: Floats) -> Floats:
 
 
 def _statistic(units: Floats, strata: Ints) -> tuple[Floats, Ints, Floats]:
-    """The statistic (columns,), values in each stratum (strata, columns), and each unit's influence (n, columns)."""
+    """The statistic (columns,), counts of values (strata, columns), and the influence of the units (n, columns)."""
     names, places = np.unique(strata, return_inverse=True)
     there = ~np.isnan(units)
     counts = np.zeros((len(names), units.shape[1]), dtype=np.int64)
@@ -112,7 +112,7 @@ def _statistic(units: Floats, strata: Ints) -> tuple[Floats, Ints, Floats]:
 
 
 def _deviations(values: Floats, mean: Floats, rng: np.random.Generator, resamples: int) -> Floats:
-    """(resamples, columns) resampled means of one stratum's values (n, columns), less their mean."""
+    """(resamples, columns) resampled means of one stratum's values (n, columns), minus their mean."""
     count = len(values)
     there = (~np.isnan(values)).astype(np.float64)
     off = np.where(there > 0.0, values - mean, 0.0)
@@ -128,7 +128,7 @@ def _deviations(values: Floats, mean: Floats, rng: np.random.Generator, resample
 
 
 def _bca_levels(drawn: Floats, mean: float, influence: Floats, reach: float) -> tuple[float, float]:
-    """Shares of the resamples below the two ends: bias from how many lie below the mean, acceleration from the skew."""
+    """Quantile levels of the two ends: bias from the share of resamples below the mean, acceleration from the skew."""
     from scipy.special import ndtr, ndtri
 
     spread = float((influence**2).sum())
@@ -146,7 +146,7 @@ def _bca_levels(drawn: Floats, mean: float, influence: Floats, reach: float) -> 
 
 
 def _exact_p(shares: Floats, least: float) -> float:
-    """Share of all sign patterns that reach a statistic."""
+    """Share of all sign patterns whose statistic reaches `least`."""
     shares = shares[shares != 0.0]
     patterns = np.arange(2 ** len(shares))[:, None]
     signs = 1.0 - 2.0 * ((patterns >> np.arange(len(shares))) & 1)

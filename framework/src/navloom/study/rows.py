@@ -1,4 +1,4 @@
-"""One episode of a study: what a worker is told, and the row it gives back, whatever happens in the episode."""
+"""One episode of a study: the task for a worker, and the row that it returns even if the episode fails."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ Progress = Callable[[], None]
 
 @dataclass(frozen=True)
 class EpisodeTask:
-    """Everything a worker needs for one episode, on whatever machine it is.
+    """Everything that a worker on any machine needs for one episode.
 
     Attributes:
-        study: Hash of the request it belongs to: what is cached for one study does not serve another.
-        key: Which.
-        config: The method's, of `Loaded.to_json`.
-        values: What the world changes, of `WorldCase`.
-        here: Folder that references which are in no file start from.
+        study: Hash of the study's request; caches are not shared between studies.
+        key: Key of the episode.
+        config: The method's config, from `Loaded.to_json`.
+        values: Changes of the world, from `WorldCase`.
+        here: Base folder of references that are not from a file.
         metrics: Names, in the order of the table.
-        is_open_loop: The config's alternatives run in shadow; what counts is what they say, not how it drives.
-        is_twice: It is run twice, and the row warns where the second run differs.
+        is_open_loop: The config's alternatives run in shadow; only their answers count, not the drive.
+        is_twice: The episode runs twice, and the row contains a warning if the second run differs.
     """
 
     study: str
@@ -60,15 +60,15 @@ class Row:
     """One line of the table.
 
     Attributes:
-        key: Which episode.
-        outcome, reason: How it ended; `error` with its cause where nothing ran to an end.
-        metrics: By name; None where a metric is not defined for it.
-        trace_sha256: Of the trace, empty where there is none.
+        key: Key of the episode.
+        outcome, reason: Its outcome; `error` with the cause if it did not run to its end.
+        metrics: Values by name; None if a metric is not defined for it.
+        trace_sha256: Hash of the trace, empty if there is none.
         timing: Wall times, µs and s: not reproducible, and not in the table.
-        notes: Metrics that broke.
-        warnings: What the run warned of, of `RunWarning.to_json`; how slow a plugin is may be other the next time.
-        shadows: Of an open-loop episode, what each alternative in shadow came to.
-        track: File of the way driven, for `trails/`; not in the journal.
+        notes: Failed metrics.
+        warnings: Warnings of the run, from `RunWarning.to_json`; those about timing are not reproducible.
+        shadows: Summary of each shadow of an open-loop episode.
+        track: File of the driven track, for `trails/`; not in the journal.
     """
 
     key: EpisodeKey
@@ -83,13 +83,13 @@ class Row:
     warnings: tuple[dict[str, Any], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        # Every row has the same names: one copy of each serves thousands of rows.
+        # All rows have the same names, so thousands of rows share one copy of each.
         for place in ("metrics", "timing"):
             named = {sys.intern(name): value for name, value in getattr(self, place).items()}
             object.__setattr__(self, place, named)
 
     def to_json(self) -> dict[str, Any]:
-        """For the journal."""
+        """The row as a line of the journal."""
         told = {name: value for name, value in vars(self).items() if name not in ("key", "track")}
         for name in ("shadows", "warnings"):
             if not told[name]:
@@ -98,7 +98,7 @@ class Row:
 
     @classmethod
     def from_json(cls, given: Any) -> Row:
-        """From the journal. Raises ValueError for anything else."""
+        """Read a row from the journal. Raises ValueError for anything else."""
         _Line.model_validate(given, strict=True)
         rest = {name: given[name] for name in ("outcome", "reason", "metrics", "trace_sha256", "timing")}
         key = EpisodeKey(given["method"], given["world"], given["seed"])
@@ -128,7 +128,7 @@ class _Warning(BaseModel):
 
 
 class _Line(BaseModel):
-    """What the tables need of a line of the journal."""
+    """The parts of a journal line that the tables need."""
 
     method: str
     world: str
@@ -144,11 +144,11 @@ class _Line(BaseModel):
 
 
 def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
-    """Run one episode. A plugin that breaks, wherever it does, costs the episode only.
+    """Run one episode. A plugin that fails anywhere loses only this episode.
 
     Args:
-        task: Which.
-        progress: Called now and then while it gets on.
+        task: The episode.
+        progress: Called at intervals while the episode makes progress.
     """
     started = perf_counter()
     discovery = _shared(task).discovery
@@ -169,7 +169,7 @@ def episode_row(task: EpisodeTask, progress: Progress = lambda: None) -> Row:
 
 
 def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress) -> Episode:
-    """The first of two runs, with a warning where the second differs, and one for each plugin that makes it differ."""
+    """The first of two runs, with a warning if the second differs, and one for each plugin that may be the cause."""
     episode, divergence, seen = run_twice(loaded, discovery, progress)
     found = [*episode.warnings, *(one for one in seen if one not in episode.warnings)]
     if divergence is not None:
@@ -179,7 +179,7 @@ def _repeated(loaded: Loaded, discovery: Discovery, progress: Progress) -> Episo
 
 
 def _with_track(row: Row, trail: Trail, episode: Episode) -> Row:
-    """The row with what is drawn of it."""
+    """The row with its track, shadows and warnings."""
     goal, shadows = episode.system.goal, episode.shadows
     place = None if goal is None else (goal.x, goal.y)
     track = encoded(trail, place, episode.system.goal_tolerance, shadows)
@@ -188,11 +188,11 @@ def _with_track(row: Row, trail: Trail, episode: Episode) -> Row:
 
 
 def lost_row(task: EpisodeTask, reason: str, spent: float = 0.0) -> Row:
-    """The row of an episode that came to no end: a plugin that cannot be made, a worker that was killed.
+    """The row of an episode that did not end: a plugin could not be created, or a worker was killed.
 
     Args:
-        task: Which.
-        reason: Why.
+        task: The episode.
+        reason: The cause.
         spent: Wall time, s.
     """
     discovery = _shared(task).discovery
@@ -214,7 +214,7 @@ def lost_row(task: EpisodeTask, reason: str, spent: float = 0.0) -> Row:
 
 
 def _ways(loaded: Any, discovery: CachedDiscovery) -> WayLengths:
-    """What the episode would have been measured by; nothing where the config cannot be assembled at all."""
+    """Reference lengths of the episode; empty if the config cannot be assembled."""
     from navloom.engine.build import assemble
 
     try:
@@ -234,7 +234,7 @@ def _row(task: EpisodeTask, trail: Trail, trace: str, spent: float) -> Row:
 
 
 def _measured(metric: Metric, trail: Trail, notes: list[str]) -> float | None:
-    """A metric's value; one that breaks costs its cell."""
+    """A metric's value; None with a note if the metric fails."""
     from navloom.study.metrics import measure
 
     try:
@@ -246,24 +246,24 @@ def _measured(metric: Metric, trail: Trail, notes: list[str]) -> float | None:
 
 
 def _one_line(text: str) -> str:
-    """A reason that is the same in every process: on one line, without addresses of objects."""
+    """A reason on one line without object addresses, so that it is equal in every process."""
     return ADDRESS.sub("0x…", " ".join(text.split()))
 
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """What one study's episodes share in a process: a worker lives for many, and imports plugins once."""
+    """Objects that the episodes of one study share in a process: a worker runs many and imports plugins once."""
 
     discovery: CachedDiscovery
     metrics: dict[str, Metric]
 
 
 _SHARED: dict[str, Shared] = {}
-"""By study, the newest only: world files and plugins may have changed since an older one."""
+"""Shared objects of the newest study only: world files and plugins may have changed since an older one."""
 
 
 def _metrics(task: EpisodeTask) -> list[Metric]:
-    """Those of the table, in its order. Raises PluginError for one that is not installed here."""
+    """Metrics of the table, in its order. Raises PluginError for one that is not installed here."""
     known = _shared(task).metrics
     for name in task.metrics:
         if name not in known:

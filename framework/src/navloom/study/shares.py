@@ -1,6 +1,6 @@
-"""Intervals of shares, of what is 1 or 0 in each episode, and of their differences. Arrays in, numbers out.
+"""Intervals of shares (metrics that are 1 or 0 in each episode) and of their differences. Arrays in, numbers out.
 
-Episodes are (worlds, seeds), NaN where there is none. A share is the mean over worlds of the mean within each.
+Episodes are (worlds, seeds), NaN where there is none. A share is the mean over worlds of the mean within each world.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _TAIL = 0.025
 
 
 def exact_interval(share: float, trials: float) -> tuple[float, float]:
-    """Clopper and Pearson 1934: the 95 % interval of a chance, from the share of so many trials that came out 1.
+    """Clopper and Pearson 1934: the 95 % interval of a probability, from the share of successful trials.
 
-    50 of 50 gives 0.929 to 1. The number of trials need not be whole.
+    50 of 50 gives 0.929 to 1. The number of trials need not be an integer.
     """
     from scipy.special import betaincinv
 
@@ -36,9 +36,9 @@ def share_interval(episodes: Floats, few: bool) -> tuple[float, float]:
 
     Args:
         episodes: (worlds, seeds) of 1, 0 and NaN, at least one of them a number.
-        few: The interval speaks about these worlds only. Then every episode is a trial: the total of trials whose
-            chances differ by world spreads no more than that of as many alike (Hoeffding 1956). Else worlds are drawn,
-            and as many trials count as there are independent ones in the episodes (Korn and Graubard 1998).
+        few: The interval is for these worlds only. Then every episode is a trial: the sum of trials whose probabilities
+            differ by world varies no more than that of equally many identical ones (Hoeffding 1956). Otherwise the
+            worlds are a sample, and the number of trials is the effective sample size (Korn and Graubard 1998).
     """
     means = _means(episodes)
     count = int(np.count_nonzero(~np.isnan(episodes)))
@@ -46,13 +46,13 @@ def share_interval(episodes: Floats, few: bool) -> tuple[float, float]:
 
 
 def difference_interval(episodes: Floats, baseline: Floats, few: bool) -> tuple[float, float]:
-    """95 % interval of a share less another of the same worlds and seeds: Newcombe 1998, method 10.
+    """95 % interval of a share minus another of the same worlds and seeds: Newcombe 1998, method 10.
 
-    Both shares' own intervals are joined by the correlation of the pairs, with its correction for small numbers.
+    The intervals of both shares are combined by the correlation of the pairs, with its correction for small samples.
 
     Args:
         episodes, baseline: (worlds, seeds) of 1, 0 and NaN, at least one pair of them numbers.
-        few: As of `share_interval`.
+        few: See `share_interval`.
     """
     paired = ~np.isnan(episodes) & ~np.isnan(baseline)
     one, other = np.where(paired, episodes, np.nan), np.where(paired, baseline, np.nan)
@@ -69,7 +69,7 @@ def difference_interval(episodes: Floats, baseline: Floats, few: bool) -> tuple[
 
 
 def _means(episodes: Floats) -> Floats:
-    """(k,) means of the worlds that have a value."""
+    """(k,) means of the worlds with at least one value."""
     there = ~np.isnan(episodes)
     count = there.sum(axis=1)
     total: Floats = np.where(there, episodes, 0.0).sum(axis=1)[count > 0] / count[count > 0]
@@ -77,10 +77,10 @@ def _means(episodes: Floats) -> Floats:
 
 
 def _independent(means: Floats, count: int) -> float:
-    """How many independent trials spread as the worlds' means do; between the number of worlds and of episodes.
+    """Effective number of independent trials, from the variance of the worlds' means, at most that of episodes.
 
-    One more world that went the other way throughout is counted with: worlds that all agree do not show how much
-    episodes of one world resemble each other.
+    One artificial world with the opposite outcome is added, because worlds that all agree do not show how strongly the
+    episodes of one world are correlated.
     """
     worlds = np.append(means, 0.0 if means.mean() >= 0.5 else 1.0)
     share, spread = float(worlds.mean()), float(worlds.var())
@@ -88,7 +88,7 @@ def _independent(means: Floats, count: int) -> float:
 
 
 def _correlation(one: Floats, other: Floats) -> float:
-    """Of pairs, nearer to 0 by half a pair where it is positive; 0 where one of the two does not vary."""
+    """Correlation of pairs, corrected by half a pair towards 0 if it is positive; 0 if one of the two does not vary."""
     spread = float(one.std() * other.std())
     if spread <= 0.0:
         return 0.0

@@ -1,8 +1,8 @@
 """Paired comparison of methods over worlds and seeds: intervals, tests, worst worlds. See docs/metrics.md.
 
-Episodes of one world resemble each other, so they are not independent evidence: with enough worlds the unit is the
-world, and what is claimed is about worlds like these. With fewer the unit is the episode within its world, and what is
-claimed is about these worlds only.
+Episodes of one world are correlated, so they are not independent evidence. With enough worlds the unit is the world,
+and the result holds for worlds like these. With fewer worlds the unit is the episode within its world, and the result
+holds for these worlds only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FEW_WORLDS = 10
-"""Worlds below which they say nothing about others."""
+"""Number of worlds below which the result holds for these worlds only."""
 WORLDS_LIKE_THESE = "worlds like these"
 THESE_WORLDS = "for these worlds only"
 WORST = 5
@@ -36,13 +36,13 @@ WORST = 5
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean over worlds, each world's mean counting alike, with its 95 % interval.
+    """A mean over worlds, with equal weight for each world's mean, and its 95 % interval.
 
     Attributes:
-        mean: None where it is defined in no episode.
-        low, high: Ends of the interval, within what is possible; None where there is too little to tell: less than two
-            worlds or, for these worlds only, a world with less than two episodes.
-        worlds, episodes: How many it is made of.
+        mean: The mean; None if it is not defined in any episode.
+        low, high: Ends of the interval, within the metric's bounds; None with too little data: fewer than two worlds
+            or, for these worlds only, a world with fewer than two episodes.
+        worlds, episodes: Numbers of worlds and episodes that it is computed from.
     """
 
     mean: float | None
@@ -54,7 +54,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Summary:
-    """One metric of one method by itself."""
+    """Estimate of one metric of one method."""
 
     method: str
     metric: str
@@ -63,15 +63,14 @@ class Summary:
 
 @dataclass(frozen=True)
 class Difference:
-    """One metric of a method less that of the baseline, over the pairs of equal world and seed.
+    """Difference of one metric between a method and the baseline, over the pairs of equal world and seed.
 
     Attributes:
-        method, metric: Of which.
-        estimate: Of the difference, method minus baseline.
-        p: Two-sided, of a difference as large where signs are flipped by chance; None for a metric without a better
-            side, and without pairs.
-        p_holm: The same, adjusted for the metrics tested of this method.
-        unpaired: Pairs of episodes left out, because the metric is defined in one of them only or one is missing.
+        method, metric: Method and metric.
+        estimate: Estimate of the difference, method minus baseline.
+        p: Two-sided p-value of the sign-flip test; None for a metric without a better side, and without pairs.
+        p_holm: The p-value adjusted for all tested metrics of this method.
+        unpaired: Number of pairs left out, because the metric is defined in one of them only or an episode is missing.
     """
 
     method: str
@@ -84,7 +83,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class WorstWorld:
-    """A world a method did badly in, and its worst episode there, to be run again."""
+    """A world with poor results of a method, and its worst episode there, to be run again."""
 
     world: str
     episodes: int
@@ -95,18 +94,18 @@ class WorstWorld:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a study of several methods says.
+    """Statistical comparison of several methods.
 
     Attributes:
-        baseline: The method the others are compared with.
-        methods, metrics, worlds, seeds: In the order given; worlds and seeds sorted.
-        scope: What the intervals and tests speak about: `WORLDS_LIKE_THESE` or `THESE_WORLDS`.
-        resamples: Draws of the bootstrap, and of a permutation test that is not exact.
-        summaries: Of every method and metric.
-        differences: Of every method but the baseline and every metric.
-        outcomes: How many episodes of each method ended how.
-        worst: The five worst worlds of each method, worst first. Worlds, and the episodes in one, are ranked by the
-            metrics in their order, a later one deciding between equals; what is not defined counts as 0.
+        baseline: The method that the others are compared with.
+        methods, metrics, worlds, seeds: Methods and metrics in the given order; worlds and seeds sorted.
+        scope: Scope of the intervals and tests: `WORLDS_LIKE_THESE` or `THESE_WORLDS`.
+        resamples: Number of draws of the bootstrap, and of a permutation test that is not exact.
+        summaries: Estimates of every method and metric.
+        differences: Differences of every method except the baseline, for every metric.
+        outcomes: Number of episodes by method and outcome.
+        worst: The five worst worlds of each method, worst first. Worlds, and the episodes within one, are ranked by the
+            metrics in their order; later metrics break ties, and undefined values count as 0.
     """
 
     baseline: str
@@ -122,11 +121,11 @@ class Comparison:
     worst: Mapping[str, tuple[WorstWorld, ...]]
 
     def summary(self, method: str, metric: str) -> Estimate:
-        """One metric of one method. Raises KeyError for what was not compared."""
+        """Estimate of one metric of one method. Raises KeyError if it was not compared."""
         return _only(s.estimate for s in self.summaries if (s.method, s.metric) == (method, metric))
 
     def difference(self, method: str, metric: str) -> Difference:
-        """One metric of a method against the baseline. Raises KeyError for what was not compared."""
+        """Difference of one metric between a method and the baseline. Raises KeyError if it was not compared."""
         return _only(d for d in self.differences if (d.method, d.metric) == (method, metric))
 
 
@@ -137,18 +136,18 @@ def compare_methods(
     rng: np.random.Generator,
     resamples: int = 10_000,
 ) -> Comparison:
-    """Compare methods with a baseline, episode by episode of equal world and seed.
+    """Compare methods with a baseline, by pairs of episodes of equal world and seed.
 
     Args:
-        rows: One an episode: `method`, `world`, `seed`, `outcome`, and each metric by name: a number, or None or the
-            empty text where it is not defined. Rows of a CSV file will do.
+        rows: One row an episode: `method`, `world`, `seed`, `outcome`, and each metric by name: a number, or None or an
+            empty string if it is not defined. Rows of a CSV file are accepted.
         baseline: Name of a method.
-        metrics: Which to compare; the first decide which worlds are worst.
-        rng: For the resamples. The same rows and the same state give the same comparison.
-        resamples: Draws, at least 5,000 for a report.
+        metrics: Metrics to compare; the first ones decide which worlds are worst.
+        rng: Generator for the resamples. The same rows and state give the same comparison.
+        resamples: Number of draws, at least 5,000 for a report.
 
     Raises:
-        ValueError: No rows, an unknown baseline, an episode that is there twice, or a missing or unreadable column.
+        ValueError: No rows, an unknown baseline, a duplicate episode, or a missing or unreadable column.
     """
     table = _Table(list(rows), metrics)
     if baseline not in table.methods:
@@ -200,8 +199,8 @@ class _Table:
     """The rows as arrays.
 
     Attributes:
-        values: (methods, worlds, seeds, metrics), NaN where there is none.
-        outcomes: By method, world and seed.
+        values: (methods, worlds, seeds, metrics), NaN where there is no value.
+        outcomes: Outcomes by method, world and seed.
     """
 
     def __init__(self, rows: list[Mapping[str, Any]], metrics: Sequence[Metric]) -> None:
@@ -227,7 +226,7 @@ class _Table:
             self.values[at] = [_number(row[metric.name], metric, key) for metric in metrics]
 
     def counts(self) -> dict[str, dict[str, int]]:
-        """How many episodes of each method ended how."""
+        """Number of episodes by method and outcome."""
         return {
             method: dict(sorted(Counter(end for (m, _, _), end in self.outcomes.items() if m == method).items()))
             for method in self.methods
@@ -249,9 +248,9 @@ def _number(value: Any, metric: Metric, key: tuple[str, str, int]) -> float:
 
 
 def _units(episodes: Floats, few: bool) -> tuple[Floats, Ints]:
-    """What is resampled, (n, columns), and the stratum each is resampled within, (n,).
+    """The resampled units, (n, columns), and their strata, (n,).
 
-    Of few worlds every episode, within its world; else every world by its mean, all in one stratum.
+    With few worlds the units are episodes within their world; otherwise they are the means of worlds, in one stratum.
     """
     worlds, seeds, columns = episodes.shape
     if few:
@@ -260,7 +259,7 @@ def _units(episodes: Floats, few: bool) -> tuple[Floats, Ints]:
 
 
 def _means(episodes: Floats) -> Floats:
-    """(worlds, columns) means over the seeds that have a value, NaN where none has."""
+    """(worlds, columns) means over the seeds with a value, NaN if none has one."""
     there = ~np.isnan(episodes)
     count = there.sum(axis=1)
     total = np.where(there, episodes, 0.0).sum(axis=1)
@@ -270,7 +269,7 @@ def _means(episodes: Floats) -> Floats:
 def _estimates(
     episodes: Floats, units: Floats, strata: Ints, rng: np.random.Generator, resamples: int
 ) -> list[Estimate]:
-    """Of every column."""
+    """The estimate of every column."""
     mean, low, high = intervals(units, strata, rng, resamples)
     there = ~np.isnan(episodes)
     worlds, count = there.any(axis=1).sum(axis=0).tolist(), there.sum(axis=(0, 1)).tolist()
@@ -279,13 +278,13 @@ def _estimates(
 
 
 def _possible(one: Estimate, metric: Metric, few: bool, episodes: Floats, baseline: Floats | None = None) -> Estimate:
-    """An estimate with the exact interval, of a share, and with no interval beyond the metric's bounds.
+    """An estimate with its interval made exact, for a share, and cut at the metric's bounds.
 
     Args:
-        one: Of the metric, or of its difference from the baseline's.
-        metric: Which.
-        few: It speaks about these worlds only.
-        episodes, baseline: (worlds, seeds) values it is made of.
+        one: Estimate of the metric, or of its difference from the baseline.
+        metric: The metric.
+        few: The estimate is for these worlds only.
+        episodes, baseline: (worlds, seeds) values that it is computed from.
     """
     if one.low is None or one.high is None:
         return one
@@ -308,7 +307,7 @@ def _told(value: float) -> float | None:
 def _differences(
     method: str, metrics: Sequence[Metric], estimates: list[Estimate], chances: Floats, unpaired: list[int]
 ) -> list[Difference]:
-    """Of one method; metrics that have no better side are not tested."""
+    """Differences of one method; metrics without a better side are not tested."""
     tested = [k for k, metric in enumerate(metrics) if metric.better is not None and not np.isnan(chances[k])]
     adjusted = dict(zip(tested, holm(chances[tested]).tolist(), strict=True))
     return [

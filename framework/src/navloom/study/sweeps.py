@@ -1,4 +1,4 @@
-"""Recorded sweeps of pitched lasers, and the map one mapper makes of one."""
+"""Recorded sweeps of pitched lasers, and the map that a mapper makes of one."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from navloom.inputs.npz import Arrays
 from navloom.messages import MapUpdate, MessageError, Pose2D, PoseTrack, Sweep
 from navloom.plugins import Discovery
 from navloom.roles import Context, Mapper, MapperInput, RobotSpec
+from navloom.study.planning import blamed
 
 __all__ = ["MappedSweep", "SweepRecording", "find_floor", "map_sweep", "read_recording", "sweep_of"]
 
 Floats = NDArray[np.float64]
 ARRAYS = ("ranges_m", "pitch_deg", "beam_deg")
-"""What a recorded sweep holds."""
+"""Arrays of a recorded sweep."""
 FRAME_TIME = 0.0133
-"""s between frames where the file does not say: 75 frames a second."""
+"""Time between frames, s: 75 frames a second; files do not contain it."""
 SMALLEST = 0.3
-"""Shorter ranges are not looked at when the floor is sought, m."""
+"""Shortest range that is used to find the floor, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class SweepRecording:
-    """One sweep as recorded.
+    """A recorded sweep.
 
     Attributes:
         ranges: (frames, beams) m.
         pitches: (frames,) rad, up positive.
-        bearings: (beams,) rad, rising, counter-clockwise in the scan plane.
-        range_max: Greatest number the scanner gives, m; it stands for no return.
+        bearings: (beams,) rad, increasing, counter-clockwise in the scan plane.
+        range_max: Largest range that the scanner reports, m; it means no return.
     """
 
     ranges: Floats
@@ -51,14 +52,14 @@ class SweepRecording:
 
 @dataclass(frozen=True, eq=False)
 class MappedSweep:
-    """What became of a recording: the sweep as handed in, the map, and how long the mapper took, ms."""
+    """A sweep with its map and the computing time of the mapper, ms."""
 
     sweep: Sweep
     update: MapUpdate
     mapper_ms: float
 
     def counts(self) -> dict[str, int]:
-        """Points by what became of them; they sum to the points given."""
+        """Number of points by use; the sum is the number of points in the sweep."""
         return {count.name: count.value for count in self.update.counts}
 
 
@@ -66,7 +67,7 @@ def read_recording(path: Path) -> SweepRecording:
     """Read an .npz with `ranges_m` (frames, beams), `pitch_deg` (frames,) and `beam_deg` (beams,), right positive.
 
     Raises:
-        ConfigError: Missing, damaged, or arrays that do not fit each other.
+        ConfigError: The file is missing or damaged, or its arrays do not match.
     """
     try:
         found = Arrays(path, ConfigError)
@@ -100,16 +101,16 @@ def _refuse_bad_numbers(path: Path, name: str, values: Floats, good: NDArray[np.
 
 
 def find_floor(recording: SweepRecording) -> tuple[float, float]:
-    """How the pitch is zeroed and how high the sensor stands, read off the floor itself.
+    """Zero offset of the pitch and height of the sensor, estimated from the floor.
 
-    In rings of 0.25 m ahead, the most frequent height below the sensor is the floor's; a line through them gives the
-    height under the sensor, and its slope is the zero offset of the pitch.
+    In rings of 0.25 m ahead, the most frequent height below the sensor is that of the floor. A line through these
+    heights gives the height under the sensor, and its slope the zero offset of the pitch.
 
     Returns:
         Offset to add to the pitches, rad, and height of the sensor above the floor, m.
 
     Raises:
-        ConfigError: No floor in at least three rings.
+        ConfigError: The floor is seen in fewer than three rings.
     """
     alpha, beta = recording.pitches[:, None], recording.bearings[None, :]
     forward = recording.ranges * np.cos(beta)
@@ -129,7 +130,7 @@ def find_floor(recording: SweepRecording) -> tuple[float, float]:
 
 
 def sweep_of(recording: SweepRecording, pitch_offset: float, height: float) -> Sweep:
-    """The message a mapper is given: a planar laser pitched as a whole, `height` m above the floor."""
+    """The message for a mapper: a planar laser that pitches as a whole, `height` m above the floor."""
     frames = len(recording.pitches)
     try:
         return Sweep(
@@ -153,7 +154,7 @@ def sweep_of(recording: SweepRecording, pitch_offset: float, height: float) -> S
 def map_sweep(
     sweep: Sweep, *, mapper: str = "ipabd", changes: Sequence[str] = (), discovery: Discovery | None = None
 ) -> MappedSweep:
-    """Hand one sweep, taken at standstill at the origin, to a mapper plugin.
+    """Map one sweep, taken at standstill at the origin, with a mapper plugin.
 
     Args:
         sweep: The sweep.
@@ -161,19 +162,21 @@ def map_sweep(
         changes: Its parameters as `key=value`.
 
     Raises:
-        ConfigError, PluginError: The request is wrong; InputError: the mapper cannot use the sweep.
+        ConfigError, PluginError: The request is wrong, or the mapper fails; InputError: it cannot use the sweep.
     """
     cls = (discovery or Discovery()).role("mapper", mapper)
     assert issubclass(cls, Mapper)
     params: Any = check_params(cls.Params, dict(map(parse_override, changes)), "--set")
     robot = RobotSpec(rectangle(0.8, 0.8), 1.2, 0.05, 0.3, 0.5, 0.5, 0.5, 1.0)
-    cls.warm_up()
-    plugin = cls(params, Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0)))
+    context = Context("map", 0.05, robot, stream_source(0, "mapper", "map"), Pose2D(0.0, 0.0, 0.0))
     end_ns = round(float(sweep.frame_times.max()) * 1e9)
     track = PoseTrack(np.array([0, end_ns + 1]), np.zeros((2, 3)))
-    before = perf_counter_ns()
-    update = plugin.update(MapperInput(end_ns, (sweep,), (), track))
-    spent = (perf_counter_ns() - before) * 1e-6
+    with blamed(cls):
+        cls.warm_up()
+        plugin = cls(params, context)
+        before = perf_counter_ns()
+        update = plugin.update(MapperInput(end_ns, (sweep,), (), track))
+        spent = (perf_counter_ns() - before) * 1e-6
     if update is None:
         raise ConfigError(f"mapper {mapper} makes no map of a sweep")
     return MappedSweep(sweep, update, spent)

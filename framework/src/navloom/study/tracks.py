@@ -1,6 +1,6 @@
-"""The way of each episode of a study, thinned and small, so that reports can draw thousands of them.
+"""The driven track of each episode of a study, thinned so that reports can draw thousands of them.
 
-One file an episode, `trails/METHOD,WORLD,SEED.npz`, the same bytes whenever and wherever it is written.
+There is one file an episode, `trails/METHOD,WORLD,SEED.npz`, with the same bytes on every run and machine.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ Floats = NDArray[np.float64]
 
 FOLDER = "trails"
 SAMPLES = 256
-"""Places of one way: a drive of two minutes has one every half second."""
+"""Most points of one track: a drive of two minutes has one every half second."""
 MILLI = 1e-3
-"""Places are kept to the millimetre, times to the millisecond, differences to 1 mm/s and 1 mrad/s."""
+"""Resolution of stored values: 1 mm, 1 ms, 1 mm/s and 1 mrad/s."""
 LONGEST_NAME = 120
 EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class StoredWay:
-    """A way as it is kept.
+    """A stored track.
 
     Attributes:
-        time: (n,) s, run clock.
+        time: (n,) run clock, s.
         points: (n, 2) true positions, m, map frame.
-        engaged: (n,) the avoider drives.
-        goal: (2,) m, map frame, or None.
-        tolerance: m, of the goal.
-        shadow_time: By "instance quantity" of an alternative in shadow, (k,) s.
-        shadow: By the same name, (k,) difference from the active instance.
+        engaged: (n,) whether the avoider drives.
+        goal: (2,) goal, m, map frame, or None.
+        tolerance: Tolerance of the goal, m.
+        shadow_time: (k,) s, by "instance quantity" of a shadow.
+        shadow: (k,) difference from the active instance, by the same name.
     """
 
     time: Floats
@@ -59,7 +59,7 @@ class StoredWay:
 
 
 def file_of(key: EpisodeKey) -> str:
-    """Name of an episode's file: its key where that is a file name everywhere, else that with a hash."""
+    """Name of an episode's file: its key if that is a valid file name everywhere, else a cleaned key with a hash."""
     told = f"{key.method},{key.world},{key.seed}"
     plain = re.sub(r"[^A-Za-z0-9_.=+,-]", "_", told)[:LONGEST_NAME]
     if plain != told or plain.startswith("."):
@@ -73,7 +73,7 @@ def encoded(
     tolerance: float,
     shadows: Sequence[Disagreement] = (),
 ) -> bytes:
-    """The file of an episode; nothing for a trail without ticks."""
+    """Contents of an episode's file; empty for a trail without ticks."""
     count = trail.time.size
     if not count:
         return b""
@@ -97,7 +97,7 @@ def encoded(
 
 
 def read_track(folder: Path, key: EpisodeKey) -> StoredWay | None:
-    """An episode's way; None where none was kept, or what is there is no such file."""
+    """An episode's track; None if none was stored or the file is not valid."""
     try:
         held = Arrays(folder / FOLDER / file_of(key), ValueError)
         arrays = {name: held.read(name) for name in held.names}
@@ -121,7 +121,7 @@ def _whole(values: Floats, kind: type[np.int32]) -> NDArray[np.generic]:
 
 
 def _npz(arrays: dict[str, NDArray[np.generic]]) -> bytes:
-    """As `np.savez_compressed`, without the time of day."""
+    """Like `np.savez_compressed`, but without time stamps."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, array in arrays.items():

@@ -1,4 +1,4 @@
-"""What an episode is measured by: its ticks as arrays, and what it came to."""
+"""The data that the metrics of an episode are computed from: its ticks as arrays, and its outcome."""
 
 from __future__ import annotations
 
@@ -27,44 +27,44 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 FALSE_SUCCESS = "false_success"
-"""Outcome of an episode whose robot said that it had arrived where it had not."""
+"""Outcome of an episode whose robot reported that it had arrived but had not."""
 TRUTH_MARGIN = 0.1
-"""How much further than the goal's tolerance a robot that arrived may be from the goal in truth, m."""
+"""Margin beyond the goal's tolerance within which the true position still counts as arrived, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trail:
-    """A finished episode as the metrics see it. Arrays are (n,), one entry a tick of the platform's truth.
+    """A finished episode as the metrics see it. Arrays are (n,), one entry a tick of the platform's ground truth.
 
     Attributes:
-        time: Run time, s, rising; 0 is when the run began.
-        x, y, heading: True pose of base, m, rad, map frame; headings as they come, wrapped or not.
+        time: Run time, s, increasing; 0 is the start of the run.
+        x, y, heading: True pose of base, m, rad, map frame; headings may be wrapped or not.
         vx, wz: True velocity, base frame, m/s, rad/s.
-        clearance: Gap between footprint and nearest obstacle, m: negative where they overlap, by the depth; +inf where
-            there is nothing to meet, NaN where it is not known.
-        cross_track: Signed distance to the left of the trajectory, m; NaN where none is driven.
-        command_vx, command_wz: The gate's command, m/s, rad/s; 0 before the first.
-        engaged: The avoider drives.
-        stopped_by_gate: The gate commands zero for another reason than that there is no trajectory.
-        outcome, reason: How the last goal ended: one of `navloom.messages.OUTCOMES`, and one phrase; `FALSE_SUCCESS`
-            where the robot said that it had arrived and the ground truth says that it had not.
-        touches: How often a contact began.
-        recoveries: Attempts.
-        gate_stops: How often the gate stopped a driving robot.
-        period: Control tick, s.
-        optimal: Shortest way of the inscribed disc in the true world, through all `via` points, up to where it comes
-            within the goal's tolerance, m; None where it is not known or there is none.
-        goal_distance: From where the episode ended to the goal, m; None where there was no goal.
-        limit: Longest time an episode may take, s.
+        clearance: Gap between footprint and nearest obstacle, m; the negative depth if they overlap, +inf if there is
+            no obstacle, NaN if it is not known.
+        cross_track: Signed distance to the left of the trajectory, m; NaN without a trajectory.
+        command_vx, command_wz: The gate's command, m/s, rad/s; 0 before the first one.
+        engaged: Whether the avoider drives.
+        stopped_by_gate: Whether the gate commands zero for a reason other than a missing trajectory.
+        outcome, reason: Outcome of the last goal: one of `navloom.messages.OUTCOMES`, and one phrase; `FALSE_SUCCESS`
+            if the robot reported that it had arrived but the ground truth says that it had not.
+        touches: Number of contacts.
+        recoveries: Number of recovery attempts.
+        gate_stops: Number of times the gate stopped a driving robot.
+        period: Control period, s.
+        optimal: Length of the inscribed disc's shortest path in the true world, through all `via` points, up to the
+            goal's tolerance, m; None if it is not known or there is none.
+        goal_distance: Distance from the final position to the goal, m; None without a goal.
+        limit: Longest duration of an episode, s.
         max_linear: Limit of the robot's speed, m/s.
-        max_deceleration: Of the robot, m/s².
-        reaction: Longest time a command may go on that nothing has renewed, s: the gate's `stop_deadline`.
+        max_deceleration: Limit of the robot's deceleration, m/s².
+        reaction: Longest time that a command stays in effect without renewal, s: the gate's `stop_deadline`.
         tick_ns: Wall time of each control step, ns: not reproducible, so no metric may use it.
-        pose_error: How far the robot took itself to be from where it was, m; NaN where it said nothing or no truth is
-            known. Empty stands for NaN throughout.
-        gate_limits: How often the gate's monitor began to slow or stop the robot.
-        reference: Length that the BARN scores are relative to, m: the world's `reference_length`, else the shortest way
-            to the goal itself; None stands for `optimal`.
+        pose_error: Distance between the estimated and the true position, m; NaN without an estimate or ground truth.
+            An empty array means NaN everywhere.
+        gate_limits: Number of times the gate's monitor began to slow or stop the robot.
+        reference: Reference length of the BARN scores, m: the world's `reference_length`, else the shortest path to the
+            goal itself; None means `optimal`.
     """
 
     time: Floats
@@ -98,17 +98,17 @@ class Trail:
 
     @property
     def succeeded(self) -> bool:
-        """The goal was reached, in truth where truth is known."""
+        """Whether the goal was reached, according to the ground truth if there is one."""
         return self.outcome == "succeeded"
 
     @property
     def has_truth(self) -> bool:
-        """It is known where the robot really was."""
+        """Whether there is ground truth of the robot's position."""
         return bool(self.time.size)
 
     @property
     def duration(self) -> float:
-        """From the first tick to the last, s, to the ns; 0 without ticks."""
+        """Time from the first tick to the last, s, rounded to 1 ns; 0 without ticks."""
         return round(float(self.time[-1] - self.time[0]), 9) if self.time.size else 0.0
 
     @property
@@ -118,10 +118,10 @@ class Trail:
 
 
 def trail_of(system: System, recorder: Recorder, log: RunLog, result: GoalResult) -> Trail:
-    """The trail of a finished episode: what ran, what was collected, and how the last goal ended.
+    """The trail of a finished episode, from its system, its recorded data and the result of the last goal.
 
-    What was published in a tick is found by its stamp; what says nothing in a tick holds on. A run on a real robot has
-    no truth, and so no ticks here: what is counted and how it ended are all there is.
+    Messages are assigned to ticks by their stamps; commands and states hold until they change. A run on a real robot
+    has no ground truth and so no ticks here: its trail contains only counts and the outcome.
     """
     config = system.config
     truth = np.array(recorder.truth, dtype=np.float64).reshape(-1, 6)
@@ -177,7 +177,7 @@ def lost_trail(
     optimal: float | None = None,
     reference: float | None = None,
 ) -> Trail:
-    """The trail of an episode of which nothing is left, as after a crash: no ticks. Arguments as of `Trail`."""
+    """The trail without ticks of an episode that left no data, as after a crash. For the arguments see `Trail`."""
     none, never = np.empty(0), np.empty(0, dtype=np.bool_)
     return Trail(
         time=none,
@@ -211,14 +211,14 @@ def lost_trail(
 
 @dataclass(frozen=True)
 class WayLengths:
-    """Lengths that a drive is measured by, m; None where there is no world, no goal, or no way.
+    """Reference lengths of a drive, m; None if there is no world, no goal, or no path.
 
     Attributes:
-        to_goal: Shortest way of the robot's inscribed disc in the true world, at any angle, from the true start through
+        to_goal: Any-angle shortest path of the robot's inscribed disc in the true world, from the true start through
             all `via` points to the goal.
-        within_tolerance: The same up to where it comes within the goal's tolerance, which is all that has to be driven.
-        reference: What the BARN scores are relative to: the world's `reference_length` where start and goal are the
-            world's to within its goal tolerance, else `to_goal`.
+        within_tolerance: Its part outside the goal's tolerance, which is all that has to be driven.
+        reference: Reference of the BARN scores: the world's `reference_length` if start and goal are the world's own
+            within its goal tolerance, else `to_goal`.
     """
 
     to_goal: float | None = None
@@ -227,11 +227,11 @@ class WayLengths:
 
 
 _LEGS: WeakKeyDictionary[World, dict[tuple[float, ...], tuple[float, float] | None]] = WeakKeyDictionary()
-"""Of a world, the lengths of the ways searched for: a search on a raster takes longer than many an episode."""
+"""Lengths of the paths searched so far, by world: a search on a raster may take longer than an episode."""
 
 
 def ways_of(system: System) -> WayLengths:
-    """The lengths that a drive of this system is measured by. Kept by world object: one world is searched once."""
+    """The reference lengths of a drive of this system. They are cached by world object."""
     world, goal, start = system.world, system.goal, system.true_start
     if world is None or goal is None:
         return WayLengths()
@@ -246,7 +246,7 @@ def ways_of(system: System) -> WayLengths:
 
 
 def _leg(system: System, world: World, start: Place, goal: Place) -> tuple[float, float] | None:
-    """Length of the shortest way, m, and of its part outside the goal's tolerance; None where there is no way."""
+    """Length of the shortest path, m, and of its part outside the goal's tolerance; None if there is no path."""
     from navloom.study.optimal.shortest import length_to_reach, optimal_path
 
     radius, height, reach = inscribed_radius(system.robot.footprint), system.robot.height, system.goal_tolerance
@@ -259,7 +259,7 @@ def _leg(system: System, world: World, start: Place, goal: Place) -> tuple[float
 
 
 def _reference(system: System, world: World, to_goal: float | None) -> float | None:
-    """The world's own length for the world's own task, else the shortest way."""
+    """The world's own reference length if the task is the world's own, else the shortest path's length."""
     start, goal = system.true_start, system.goal
     if world.reference_length is None or world.start is None or world.goal is None or goal is None:
         return to_goal
@@ -273,7 +273,7 @@ def _reference(system: System, world: World, to_goal: float | None) -> float | N
 
 
 def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
-    """(n,) clearances, m, with the depth of the overlap where the simulator says contact."""
+    """(n,) clearances, m; the negative depth of the overlap where the simulator reports contact."""
     clearance = truth[:, 5].copy()
     if system.world is not None:
         for row, name in recorder.contacts:
@@ -284,21 +284,21 @@ def _signed(truth: Floats, recorder: Recorder, system: System) -> Floats:
 
 
 def _truly(result: GoalResult, distance: float | None, tolerance: float) -> tuple[str, str]:
-    """Outcome and reason; where a robot says that it has arrived, its true distance from the goal, m, decides."""
+    """Outcome and reason; if the robot reports success, its true distance from the goal, m, decides."""
     if result.outcome != "succeeded" or distance is None or distance <= tolerance + TRUTH_MARGIN:
         return result.outcome, result.reason
     return FALSE_SUCCESS, f"succeeded by its own estimate, {distance:.1f} m from the goal by ground truth"
 
 
 def _pose_error(truth: Floats, recorder: Recorder) -> Floats:
-    """(n,) distance between the pose estimated for each tick and the true one, m."""
+    """(n,) distance between the estimated and the true position of each tick, m."""
     said = np.array(recorder.estimates, dtype=np.float64).reshape(-1, 4)
     time = truth[:, 0]
     return np.hypot(_at(time, said[:, 0], said[:, 1]) - truth[:, 1], _at(time, said[:, 0], said[:, 2]) - truth[:, 2])
 
 
 def _at(time: Floats, stamps: Floats, values: Floats) -> Floats:
-    """(n,) the value stamped with each time, the last one where there are more; NaN where there is none."""
+    """(n,) the last value stamped with each time; NaN if there is none."""
     given = np.full(len(time), np.nan)
     if stamps.size:
         last = np.searchsorted(stamps, time, side="right") - 1
@@ -314,7 +314,7 @@ def _held(time: Floats, stamps: Floats, values: Floats) -> Floats:
 
 
 def _switched(time: Floats, changes: list[tuple[float, bool]]) -> Bools:
-    """(n,) what holds at each time, from the times it changed; False before the first."""
+    """(n,) the state at each time, from its changes; False before the first change."""
     stamps = np.array([at for at, _ in changes], dtype=np.float64)
     states = np.array([False, *(state for _, state in changes)], dtype=np.bool_)
     held: Bools = states[np.searchsorted(stamps, time, side="right")]

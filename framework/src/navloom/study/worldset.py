@@ -1,4 +1,4 @@
-"""Where a study takes place: its worlds with their tasks, and its seeds."""
+"""The worlds of a study with their tasks, and its seeds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from navloom.plugins import Discovery, PluginError
 __all__ = [
     "OWN_WORLD",
     "CachedDiscovery",
-    "Placed",
+    "PlacedConfig",
     "WorldCase",
     "expanded",
     "placed",
@@ -32,23 +32,23 @@ __all__ = [
 ]
 
 OWN_WORLD = "own"
-"""What the world is called in a study where the config names none: the platform brings it."""
+"""Name of the world in a study whose config names none, because the platform provides it."""
 LARGEST = 100_000
-"""Worlds or seeds of one range: more is a slip of the finger."""
+"""Most worlds or seeds of one range; more is a typing error."""
 KEPT = 64
-"""Parsed worlds that are kept: more than are in use at a time."""
+"""Number of parsed worlds that are cached: more than are in use at a time."""
 RANGE = re.compile(r"(?P<head>[^:]+:(?:.*#)?)(?P<first>\d{1,9})-(?P<last>\d{1,9})")
 
 
 class CachedDiscovery(Discovery):
-    """Plugins, and the worlds used last: reading a world again takes longer than many a tick of an episode."""
+    """Plugins with a cache of the last used worlds, since reading a world takes longer than many ticks."""
 
     def __init__(self, blocked: Sequence[str] = ()) -> None:
         super().__init__(blocked)
         self._worlds: OrderedDict[tuple[str, str], World] = OrderedDict()
 
     def world(self, reference: str, base: Path) -> World:
-        """As `Discovery.world`; the same object for the same reference."""
+        """Like `Discovery.world`, but returns the same object for the same reference."""
         key = (reference, str(base))
         if key not in self._worlds:
             self._worlds[key] = super().world(reference, base)
@@ -64,8 +64,8 @@ class WorldCase:
 
     Attributes:
         ref: The world's reference, as in the table.
-        values: What it changes in every method's config, by dotted place of two keys.
-        sha256: Hash of everything in it, so that a changed file is noticed.
+        values: Its changes of every method's config, by dotted place of two keys.
+        sha256: Hash of its contents, so that a changed file is noticed.
     """
 
     ref: str
@@ -74,45 +74,45 @@ class WorldCase:
 
 
 @dataclass(frozen=True)
-class Placed(Loaded):
-    """A config whose references that no file names start from a folder that is handed in."""
+class PlacedConfig(Loaded):
+    """A config with an explicit base folder for references that are not from a file."""
 
     here: Path = Path()
 
     def error(self, *problems: str) -> ConfigError:
-        """An error of one line a problem; what a world gives is in no file."""
+        """An error with one line for each problem, without a file name: a world's values are not in a file."""
         return ConfigError(*problems)
 
     def base_of(self, place: str) -> Path:
-        """Folder that relative paths of a value start from."""
+        """Base folder of the relative paths of a value."""
         return self.here if self.sources.get(place) == "--set" else self.base
 
 
-def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path) -> Placed:
+def placed(given: dict[str, Any], values: dict[str, Any], seed: int, here: Path) -> PlacedConfig:
     """A method's config in one world with one seed.
 
     Args:
-        given: Of `Loaded.to_json`.
-        values: Of the world, by dotted place of two keys.
-        seed: Of every random stream.
-        here: Folder that references which are in no file start from.
+        given: The config, from `Loaded.to_json`.
+        values: The world's changes, by dotted place of two keys.
+        seed: Seed of every random stream.
+        here: Base folder of references that are not from a file.
     """
     tree = dict(given["config"])
     for place, value in {**values, "run.seed": seed}.items():
         table, key = place.split(".")
         tree[table] = {**tree.get(table, {}), key: value}
     sources = {**given["sources"], **dict.fromkeys(values, "--set")}
-    return Placed(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
+    return PlacedConfig(Config.model_validate(tree), given["name"], Path(given["base"]), sources, (), here=here)
 
 
 def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> list[WorldCase]:
-    """The worlds of a study, default the config's own, or that of its platform.
+    """The worlds of a study, default the config's own world, or that of its platform.
 
-    Start, goal and tolerance are the world's where it names them, since those of the config belong to the config's
-    world; a `--set` of them goes before both.
+    Start, goal and tolerance come from the world if it names them, since those of the config belong to the config's
+    own world. A `--set` of them overrides both.
 
     Raises:
-        ConfigError: A world twice, or one that cannot be made, with the nearest fix.
+        ConfigError: A world is repeated or cannot be made; the text names the nearest fix.
     """
     own = base.config.world.ref if base.config.world is not None else None
     if not references and own is None:
@@ -136,13 +136,13 @@ def worlds_of(base: Loaded, references: Sequence[str], discovery: Discovery) -> 
 
 
 def _of_platform(base: Loaded, discovery: Discovery) -> WorldCase:
-    """The world of a platform that brings its own, or of a real robot, though nobody can tell what stands in it."""
+    """The platform's own world; the unknown world of a real robot counts as a case too."""
     world = own_world(base, discovery)
     return WorldCase(OWN_WORLD, {}, "" if world is None else world_digest(world))
 
 
 def _task(base: Loaded, world: World) -> dict[str, Any]:
-    """What a world's author asks for, where nothing was set by hand."""
+    """The task that the world defines, except for values set by hand."""
     by_hand = {".".join(place.split(".")[:2]) for place, source in base.sources.items() if source == "--set"}
     values: dict[str, Any] = {}
     if world.start is not None:
@@ -160,12 +160,12 @@ def _task(base: Loaded, world: World) -> dict[str, Any]:
 
 
 def expanded(reference: str) -> list[str]:
-    """The references of a range, `scheme:0-49` or `scheme:FILE#1-50`, both ends included; any other one as it is.
+    """The references of a range, `scheme:0-49` or `scheme:FILE#1-50`, both ends included; other references unchanged.
 
-    Of a BARN file those in the range are taken that the file has.
+    For a BARN file, only the worlds of the range that the file contains are taken.
 
     Raises:
-        ConfigError: A range that is empty or too long.
+        ConfigError: The range is empty or too long.
     """
     match = RANGE.fullmatch(reference)
     if match is None:
@@ -192,7 +192,7 @@ def seeds_of(text: str) -> list[int]:
     """The seeds of `0:10` (0 to 9), `4`, or several of these with commas.
 
     Raises:
-        ConfigError: No such numbers, none, too many, or one twice.
+        ConfigError: Not numbers, none, too many, or a duplicate.
     """
     seeds: list[int] = []
     for part in text.split(","):
@@ -237,5 +237,5 @@ def _pieces(value: Any) -> Iterator[bytes]:
 
 
 def _unhashed(world: World) -> tuple[str, ...]:
-    """Names of what is not in a world's hash: also a reference length that it lacks, so that older hashes hold."""
+    """Fields that are not hashed: the name, and a missing reference length, so that older hashes stay valid."""
     return ("name", "reference_length") if world.reference_length is None else ("name",)

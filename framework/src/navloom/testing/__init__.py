@@ -7,10 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from navloom.testing.builders import *  # noqa: F403
+    from navloom.testing.messages import *  # noqa: F403
     from navloom.testing.samples import *  # noqa: F403
     from navloom.testing.scenes import *  # noqa: F403
 
-_MODULES = ("navloom.testing.builders", "navloom.testing.scenes", "navloom.testing.samples")
+_MODULES = (
+    "navloom.testing.builders",
+    "navloom.testing.messages",
+    "navloom.testing.scenes",
+    "navloom.testing.samples",
+)
 
 
 def __getattr__(name: str) -> Any:

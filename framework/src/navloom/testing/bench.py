@@ -15,10 +15,10 @@ import numpy as np
 from navloom.plugins.registry import NODE
 from navloom.testing.findings import Finding, NotRun
 from navloom.testing.guard import GUARD, Deed
-from navloom.testing.inputs import Scene, made_scenes
+from navloom.testing.inputs import PlayedScene, made_scenes
 from navloom.testing.nodes import NodePlayer
 from navloom.testing.player import Fault, Player, first_difference
-from navloom.testing.subject import Request, Subject
+from navloom.testing.subject import CheckRequest, Subject
 
 __all__ = ["CLOCK", "OTHER_CLOCK", "OTHER_SEEDS", "USUAL", "Bench", "alike"]
 
@@ -45,14 +45,14 @@ class Bench:
         first_step: Time that the first step of the process took to compute, s.
     """
 
-    def __init__(self, subject: Subject, request: Request, out: Path | None = None) -> None:
+    def __init__(self, subject: Subject, request: CheckRequest, out: Path | None = None) -> None:
         self.subject, self.request, self.seed, self.out = subject, request, request.seed, out
         self._scenes = made_scenes(subject, self.seed)
         self._plays: dict[str, list[bytes] | tuple[Fault, int]] = {}
         self.first_step = 0.0
 
     @property
-    def scenes(self) -> tuple[Scene, ...]:
+    def scenes(self) -> tuple[PlayedScene, ...]:
         """Every scene of the plugin's kind, each of which was played once; those of slow plugins are cut short."""
         if not self._plays:
             begun = perf_counter()
@@ -65,33 +65,33 @@ class Bench:
             self._cut_to(PLAY_TIME / (perf_counter() - begun))
         return self._scenes
 
-    def player(self, scene: Scene, params: object = None) -> Player:
+    def player(self, scene: PlayedScene, params: object = None) -> Player:
         """A new object of the plugin for a scene. Raises Fault."""
         kind = NodePlayer if self.subject.kind == NODE else Player
         return kind(self.subject, scene.context, self.seed, params)
 
     def play(
-        self, scene: Scene, params: object = None, *, seeds: int = 1, clock: tuple[float, float] = CLOCK
+        self, scene: PlayedScene, params: object = None, *, seeds: int = 1, clock: tuple[float, float] = CLOCK
     ) -> list[bytes]:
         """The answers of a new object to a scene, under the conditions of every play or others. Raises Fault."""
         with alike(seeds, clock):
             return self.player(scene, params).play(scene.inputs)
 
-    def base(self, scene: Scene) -> list[bytes] | tuple[Fault, int]:
+    def base(self, scene: PlayedScene) -> list[bytes] | tuple[Fault, int]:
         """The answers of the first object that played a scene; or the fault, and the step at which it showed."""
         return self._plays[scene.name]
 
-    def answers(self, scene: Scene) -> list[bytes]:
+    def answers(self, scene: PlayedScene) -> list[bytes]:
         """The answers of the first play of a scene that went well."""
         base = self.base(scene)
         assert isinstance(base, list)
         return base
 
-    def of_topic(self, *topics: str) -> list[Scene]:
+    def of_topic(self, *topics: str) -> list[PlayedScene]:
         """Scenes of some topics."""
         return [scene for scene in self.scenes if scene.topic in topics]
 
-    def sound(self, *topics: str) -> list[Scene]:
+    def sound(self, *topics: str) -> list[PlayedScene]:
         """Scenes of some topics, default the usual, that the plugin plays to their end.
 
         Raises:
@@ -102,7 +102,7 @@ class Bench:
             raise NotRun("it plays no scene to its end: see the check `answers`")
         return scenes
 
-    def steady(self) -> list[Scene]:
+    def steady(self) -> list[PlayedScene]:
         """Sound scenes, for checks that compare plays.
 
         Raises:
@@ -136,9 +136,9 @@ class Bench:
         return replace(found, place=reading.place) if found is not None and reading is not None else found
 
     @cached_property
-    def deeds(self) -> dict[str, tuple[Deed, Scene]]:
+    def deeds(self) -> dict[str, tuple[Deed, PlayedScene]]:
         """What the plugin does beside answering: the first deed of each kind in a play of all scenes, and its scene."""
-        found: dict[str, tuple[Deed, Scene]] = {}
+        found: dict[str, tuple[Deed, PlayedScene]] = {}
         for scene in self.scenes:
             GUARD.deeds.clear()
             with suppress(Fault):
@@ -148,7 +148,7 @@ class Bench:
         return found
 
     def differs(
-        self, scene: Scene, given: Sequence[bytes], when: str, expected: str, place: str = ""
+        self, scene: PlayedScene, given: Sequence[bytes], when: str, expected: str, place: str = ""
     ) -> Finding | None:
         """What to say where a play differs from the first one; None where it does not."""
         step = first_difference(self.answers(scene), list(given))
@@ -157,7 +157,12 @@ class Bench:
         return Finding(f"gives another answer {when}", expected, place, self.at(scene, step), scene.name)
 
     def first_that_differs(
-        self, scenes: Iterable[Scene], play: Callable[[Scene], list[bytes]], given: str, when: str, expected: str
+        self,
+        scenes: Iterable[PlayedScene],
+        play: Callable[[PlayedScene], list[bytes]],
+        given: str,
+        when: str,
+        expected: str,
     ) -> Finding | None:
         """What to say of the first scene that is played differently, or with a fault; None where there is none.
 
@@ -177,7 +182,7 @@ class Bench:
                 return found
         return None
 
-    def at(self, scene: Scene, step: int) -> str:
+    def at(self, scene: PlayedScene, step: int) -> str:
         """A place in a scene, in words."""
         return f"scene {scene.name!r}, step {step} of {len(scene.inputs)}"
 
@@ -191,7 +196,7 @@ class Bench:
             "the same answer",
         )  # fmt: skip
 
-    def _first_play(self, scene: Scene) -> list[bytes] | tuple[Fault, int]:
+    def _first_play(self, scene: PlayedScene) -> list[bytes] | tuple[Fault, int]:
         answers: list[bytes] = []
         with alike():
             try:

@@ -1,4 +1,4 @@
-"""Builders with defaults: a plugin, and what its verb is given, in a line each.
+"""Builders with defaults: a plugin, and what its verb is given, in a line each. `messages` has those of messages.
 
 A unit test of an avoider:
 
@@ -19,14 +19,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from navloom.engine.random_streams import stream_source
 from navloom.geometry.footprints import rectangle
-from navloom.geometry.frames import transform
 from navloom.geometry.world import World
 from navloom.messages import (
-    AvoiderDiagnostics,
     MapUpdate,
     Message,
     OccupancyGrid,
@@ -34,7 +31,6 @@ from navloom.messages import (
     PlanRequest,
     Point2D,
     Pose2D,
-    PoseEstimate,
     PoseTrack,
     RangeScan,
     Sweep,
@@ -59,29 +55,15 @@ from navloom.roles import (
 )
 from navloom.roles.extra import NO_EXTRAS, Extra, Extras
 from navloom.roles.readings import NO_READINGS, Readings
-from navloom.testing.scenes import cast, grid
+from navloom.testing import messages
+from navloom.testing.messages import Place, estimate, map_update, ns, pose
 
-__all__ = ["avoider_input", "context", "controller_input", "empty_diagnostics", "estimate", "extras", "localizer_input",
-           "make", "map_update", "mapper_input", "planner_input", "platform_input", "pose", "recovery_input", "robot",
-           "scan", "sweep", "track", "trajectory"]  # fmt: skip
+__all__ = ["avoider_input", "context", "controller_input", "extras", "localizer_input", "make", "mapper_input",
+           "planner_input", "platform_input", "recovery_input", "robot"]  # fmt: skip
 
-Floats = NDArray[np.float64]
-Place = Sequence[float]
-"""x, y, m, and, where it is a pose, heading, rad."""
 R = TypeVar("R", bound=Role)
 AHEAD = (3.0, 0.0)
 """Where targets and goals are unless a test says otherwise, m."""
-
-
-def ns(seconds: float) -> int:
-    """Seconds as a stamp."""
-    return round(seconds * 1e9)
-
-
-def pose(place: Place = (0.0, 0.0)) -> Pose2D:
-    """A pose of (x, y) or (x, y, heading); the heading is wrapped."""
-    x, y, heading = (*place, 0.0)[:3]
-    return Pose2D(x, y, math.remainder(heading, math.tau))
 
 
 def robot(length: float = 0.5, width: float = 0.4, **changes: Any) -> RobotSpec:
@@ -118,141 +100,6 @@ _robot = robot
 def make(plugin: type[R], within: Context | None = None, /, **params: Any) -> R:
     """A plugin of checked parameters. The context is that of `context()`, of the plugin's role, unless it is given."""
     return plugin(plugin.Params(**params), context(role=plugin.role) if within is None else within)
-
-
-def scan(
-    seen: World | ArrayLike = math.inf,
-    at: Place = (0.0, 0.0),
-    *,
-    beams: int = 181,
-    field_of_view: float = math.radians(270.0),
-    half_angle: float = 0.0,
-    mount: Place = (0.0, 0.0, 0.0),
-    height: float = 0.3,
-    range_min: float = 0.05,
-    range_max: float = 10.0,
-    stamp: float = 0.0,
-) -> RangeScan:
-    """A planar scan.
-
-    Args:
-        seen: A world, seen from `at`; or ranges, m, of which a single number holds for each beam.
-        at: Pose of base in the map.
-        beams: How many; of ranges in a list, as many as there are.
-        field_of_view: From the first beam to the last, rad, the middle straight ahead.
-        half_angle: Half the opening of a beam, rad; 0 for a laser.
-        mount: Pose of the sensor in the base frame.
-        height: Of the scan plane, m.
-        range_min, range_max: m. What is farther away gives no echo.
-        stamp: Run clock, s.
-    """
-    given = None if isinstance(seen, World) else np.asarray(seen, dtype=np.float64)
-    count = beams if given is None or given.ndim == 0 else len(given)
-    placed = pose(mount)
-    bearings = placed.heading + (np.linspace(-0.5, 0.5, count) * field_of_view if count > 1 else np.zeros(count))
-    if isinstance(seen, World):
-        base = pose(at)
-        base_to_map = np.array([base.x, base.y, base.heading])
-        origin = np.full((count, 3), height)
-        origin[:, :2] = transform(base_to_map, np.array([placed.x, placed.y]))
-        angles = bearings + base.heading
-        ranges = cast(seen, origin, np.column_stack((np.cos(angles), np.sin(angles), np.zeros(count))))
-        ranges = np.where(ranges > range_max, math.inf, np.maximum(ranges, range_min))
-    else:
-        assert given is not None
-        ranges = np.full(count, given) if given.ndim == 0 else given
-    return RangeScan(
-        ns(stamp), np.full((count, 2), (placed.x, placed.y)), bearings, np.full(count, half_angle), np.zeros(count),
-        ranges, range_min, range_max,
-    )  # fmt: skip
-
-
-def sweep(
-    seen: World | ArrayLike = math.inf,
-    at: Place = (0.0, 0.0),
-    *,
-    frames: int = 40,
-    beams: int = 61,
-    field_of_view: float = math.radians(100.0),
-    pitches: tuple[float, float] = (math.radians(-25.0), math.radians(15.0)),
-    height: float = 0.4,
-    duration: float = 1.25,
-    request_id: int = 1,
-    range_min: float = 0.1,
-    range_max: float = 30.0,
-    stamp: float = 0.0,
-) -> Sweep:
-    """One movement of a planar laser that is pitched as a whole; of a robot that does not move.
-
-    Args:
-        seen: A world, seen from `at`; or ranges, m, (frames, beams) or one number for all.
-        at: Pose of base in the map.
-        frames, beams: How many.
-        field_of_view: From the first beam to the last, rad.
-        pitches: Of the first and the last frame, rad, up positive.
-        height: Of the sensor above the floor, m.
-        duration: Of the sweep, s.
-        request_id: The request it answers; 0 for a continuous sweep.
-        range_min, range_max: m.
-        stamp: Run clock at which it begins, s.
-    """
-    if not isinstance(seen, World):
-        given = np.asarray(seen, dtype=np.float64)
-        frames, beams = given.shape if given.ndim == 2 else (frames, beams)
-    bearings = np.linspace(-0.5, 0.5, beams) * field_of_view if beams > 1 else np.zeros(beams)
-    tilts = np.linspace(*pitches, frames)
-    if isinstance(seen, World):
-        base = pose(at)
-        ahead, left = np.cos(bearings)[None, :], np.broadcast_to(np.sin(bearings), (frames, beams))
-        in_base = np.stack((ahead * np.cos(tilts)[:, None], left, ahead * np.sin(tilts)[:, None]), axis=2).reshape(
-            -1, 3
-        )
-        ways = in_base.copy()
-        ways[:, :2] = transform(np.array([0.0, 0.0, base.heading]), in_base[:, :2])
-        ranges = cast(seen, np.full((len(ways), 3), (base.x, base.y, height)), ways, floor=True)
-        ranges = np.where(ranges > range_max, math.inf, np.maximum(ranges, range_min)).reshape(frames, beams)
-    else:
-        ranges = np.full((frames, beams), given) if given.ndim == 0 else given
-    times = np.linspace(0.0, duration, frames)
-    return Sweep(ns(stamp), request_id, ranges, tilts, times, bearings, "rigid_pitch", 0.0, 0.0, height, range_min,
-                 range_max)  # fmt: skip
-
-
-def estimate(at: Place = (0.0, 0.0), moving: tuple[float, float] = (0.0, 0.0), stamp: float = 0.0) -> PoseEstimate:
-    """A pose in the map, and the velocity (m/s, rad/s)."""
-    return PoseEstimate(ns(stamp), pose(at), Twist2D(moving[0], 0.0, moving[1]), np.diag((1e-4, 1e-4, 1e-4)))
-
-
-def track(poses: Sequence[Place] = ((0.0, 0.0, 0.0),), stamps: Sequence[float] | None = None) -> PoseTrack:
-    """Poses over time; default: all at one place, from 1 s before 0 to 10 s after it."""
-    if stamps is None:
-        stamps = (-1.0, 10.0) if len(poses) == 1 else [0.05 * k for k in range(len(poses))]
-    if len(poses) == 1:
-        poses = [poses[0]] * len(stamps)
-    rows = np.array([(one.x, one.y, one.heading) for one in map(pose, poses)], dtype=np.float64).reshape(-1, 3)
-    return PoseTrack(np.array([ns(stamp) for stamp in stamps], dtype=np.int64), rows)
-
-
-def map_update(world: World | OccupancyGrid, resolution: float = 0.05, stamp: float = 0.0) -> MapUpdate:
-    """A mapper's map of a world, or of a raster as it is; without segments."""
-    cells = world if isinstance(world, OccupancyGrid) else grid(world, resolution)
-    return MapUpdate(ns(stamp), cells, np.empty((0, 4)), ())
-
-
-def trajectory(length: float = 5.0, curvature: float = 0.0, speed: float = 0.3, path_id: int = 1) -> Trajectory:
-    """What is followed, from the origin along the x axis: a line, or an arc of a curvature, 1/m, to the left."""
-    s = np.linspace(0.0, length, max(2, round(length / 0.02) + 1))
-    heading = np.remainder(curvature * s + math.pi, math.tau) - math.pi
-    if curvature == 0.0:
-        x, y = s, np.zeros_like(s)
-    else:
-        x, y = np.sin(curvature * s) / curvature, (1.0 - np.cos(curvature * s)) / curvature
-    return Trajectory(path_id, np.column_stack((s, x, y, heading, np.full_like(s, curvature), np.full_like(s, speed))))
-
-
-def empty_diagnostics(why: str = "") -> AvoiderDiagnostics:
-    """Diagnostics of an avoider that has nothing to show, with one phrase for people."""
-    return AvoiderDiagnostics(np.zeros((0, 0), np.uint8), 0.0, 0.0, 0.0, np.zeros(0), 0.0, np.zeros((0, 2)), None, why)
 
 
 def extras(**given: tuple[Extra[Any], Message | None]) -> Extras:
@@ -297,12 +144,9 @@ def mapper_input(
     sweeps = tuple(one for one in data if isinstance(one, Sweep))
     newest = max((one.stamp_ns for one in data), default=0)
     return MapperInput(
-        newest if stamp is None else ns(stamp), sweeps, scans, _track() if track is None else track, clear,
+        newest if stamp is None else ns(stamp), sweeps, scans, messages.track() if track is None else track, clear,
         _names(scans), _names(sweeps), readings, extra,
     )  # fmt: skip
-
-
-_track = track
 
 
 def planner_input(
@@ -343,7 +187,7 @@ def controller_input(
         stamp: Run clock, s.
         extra: The plugin's own extra inputs.
     """
-    followed = _trajectory() if trajectory is None else trajectory
+    followed = messages.trajectory() if trajectory is None else trajectory
     samples, base = followed.samples, pose(at)
     on = project(samples, base.x, base.y, base.heading, progress, look_ahead)
     reference = ReferenceMessage(
@@ -352,9 +196,6 @@ def controller_input(
         corridor, turn_to,
     )  # fmt: skip
     return ControllerInput(ns(stamp), followed, reference, estimate(at, moving, stamp), extra)
-
-
-_trajectory = trajectory
 
 
 def avoider_input(

@@ -3,7 +3,7 @@
 To add a check to a tier:
 
 1. Write a function `def mirrored(bench: Bench) -> Iterator[Finding]` in a module of the tier's package. It plays scenes
-   with `bench`, and yields a `Finding` for each fault. A behaviour check yields a `Shown` for what it reports
+   with `bench`, and yields a `Finding` for each fault. A behaviour check yields a `Remark` for what it reports
    without judgement. Where it has nothing to say of a plugin, it raises `NotRun` with the reason.
 2. Put `@check(TIER, KINDS, "What it demands, in one sentence.")` before it. The function's name is the check's name.
 3. Name it in the tuple `CHECKS` of the tier's package. `navloom.testing.tiers` lists the tiers.
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from navloom.testing.bench import Bench
-from navloom.testing.findings import Finding, Shown
+from navloom.testing.findings import Finding, Remark
 
 __all__ = ["Check", "check"]
 
@@ -39,16 +39,16 @@ class Check:
     tier: str
     kinds: frozenset[str]
     demands: str
-    run: Callable[[Bench], Iterable[Finding | Shown]]
+    run: Callable[[Bench], Iterable[Finding | Remark]]
     is_static: bool = False
 
 
 def check(
     tier: str, kinds: Iterable[str], demands: str, *, is_static: bool = False
-) -> Callable[[Callable[[Bench], Iterable[Finding | Shown]]], Check]:
+) -> Callable[[Callable[[Bench], Iterable[Finding | Remark]]], Check]:
     """Make a check of a function; its name is the function's."""
 
-    def declare(run: Callable[[Bench], Iterable[Finding | Shown]]) -> Check:
+    def declare(run: Callable[[Bench], Iterable[Finding | Remark]]) -> Check:
         return Check(run.__name__, tier, frozenset(kinds), demands, run, is_static)
 
     return declare

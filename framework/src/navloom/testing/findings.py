@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-__all__ = ["Finding", "NotRun", "Report", "Result", "Shown"]
+__all__ = ["CheckReport", "Finding", "NotRun", "Remark", "Result"]
 
 Outcome = Literal["passed", "failed", "not_run", "shown"]
 
@@ -36,7 +36,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Shown:
+class Remark:
     """Something that a report shows without judgement.
 
     Attributes:
@@ -67,7 +67,7 @@ class Result:
     tier: str
     outcome: Outcome
     findings: tuple[Finding, ...] = ()
-    shown: tuple[Shown, ...] = ()
+    shown: tuple[Remark, ...] = ()
     reason: str = ""
     seconds: float = 0.0
 
@@ -79,12 +79,12 @@ class Result:
     def of_json(cls, given: dict[str, Any]) -> Result:
         """From plain values."""
         findings = tuple(Finding(**one) for one in given["findings"])
-        shown = tuple(Shown(**one) for one in given["shown"])
+        shown = tuple(Remark(**one) for one in given["shown"])
         return cls(**{**given, "findings": findings, "shown": shown})
 
 
 @dataclass(frozen=True)
-class Report:
+class CheckReport:
     """What all checks say of one plugin.
 
     Attributes:

@@ -20,7 +20,7 @@ from navloom.engine.system import System
 from navloom.messages import Pose2D, Twist2D
 from navloom.plugins import Discovery
 from navloom.roles import Platform, PlatformInput, PlatformOutput
-from navloom.testing.findings import Finding, Report, Result, Shown
+from navloom.testing.findings import CheckReport, Finding, Remark, Result
 
 __all__ = ["HARDWARE", "check_hardware"]
 
@@ -35,7 +35,7 @@ REST, REST_TURN = 0.01, 0.02
 """What odometry may move while the robot is to stand, m and rad."""
 CLOSING = 2.0
 """Longest `close`, s."""
-Found = Finding | Shown
+Found = Finding | Remark
 
 
 @dataclass
@@ -60,7 +60,7 @@ class _Heard:
 
 def check_hardware(
     config: str, name: str, changes: Sequence[str] = (), drives: bool = False, say: Callable[[str], None] = print
-) -> Report:
+) -> CheckReport:
     """Try the platform of a config. It is commanded zero all the time, unless `drives`.
 
     Args:
@@ -88,7 +88,7 @@ def check_hardware(
     trial = _Trial(system, loaded, platform, say)
     results = list(trial.run(drives))
     options = (f"--hardware {Path(config)}", *(f"--set {change}" for change in changes), *["--drive"] * drives)
-    return Report(name, "", "", loaded.config.run.seed, tuple(results), options)
+    return CheckReport(name, "", "", loaded.config.run.seed, tuple(results), options)
 
 
 class _Trial:
@@ -97,8 +97,8 @@ class _Trial:
     def __init__(self, system: System, loaded: Loaded, platform: Platform, say: Callable[[str], None]) -> None:
         self.robot, self.platform, self.say = system.robot, platform, say
         self.period, self.deadline = loaded.config.run.period, loaded.config.gate.stop_deadline
-        self.sensors = [spec.name for spec in platform.context.sensors]
-        self._door, self._began, self._tick = PlatformDoor(platform), time.monotonic(), 0
+        self.sensors = [spec.name for spec in system.sensors]
+        self._door, self._began, self._tick = PlatformDoor(platform, system.sensors), time.monotonic(), 0
 
     def run(self, drives: bool) -> Iterator[Result]:
         """The checks, one after the other; the port is given up at the end, whatever happens."""
@@ -120,7 +120,7 @@ class _Trial:
 
     def _result(self, check: str, found: Sequence[Found]) -> Result:
         findings = tuple(one for one in found if isinstance(one, Finding))
-        shown = tuple(one for one in found if isinstance(one, Shown))
+        shown = tuple(one for one in found if isinstance(one, Remark))
         return Result(check, HARDWARE, "failed" if findings else "passed", findings, shown)
 
     def _play(self, command: Twist2D, seconds: float, is_told: bool = True) -> _Heard:
@@ -155,12 +155,12 @@ class _Trial:
         ]
         if late:
             return [Finding(f"failed in {len(heard.faults)} ticks, the last: {late[-1]}", "a report each tick")]
-        return [Shown(f"{len(heard.outputs)} reports, {len(heard.faults)} ticks without one")]
+        return [Remark(f"{len(heard.outputs)} reports, {len(heard.faults)} ticks without one")]
 
     def _timely(self, heard: _Heard) -> list[Found]:
         calls = np.array(heard.calls[2:] or heard.calls)
         worst, limit = float(calls.max()), self.deadline / 2.0
-        shown = Shown(f"calls took {1e3 * float(np.median(calls)):.1f} ms at the median, {1e3 * worst:.1f} ms at most")
+        shown = Remark(f"calls took {1e3 * float(np.median(calls)):.1f} ms at the median, {1e3 * worst:.1f} ms at most")
         if worst <= limit:
             return [shown]
         expected = f"at most {1e3 * limit:.0f} ms, half of gate.stop_deadline: read the port in a thread"
@@ -170,7 +170,7 @@ class _Trial:
         if not heard.outputs:
             return []
         ages = np.array([at_ns - output.odometry.stamp_ns for at_ns, output in heard.outputs]) * 1e-9
-        shown = Shown(
+        shown = Remark(
             f"odometry was {1e3 * float(np.median(ages)):.0f} ms old at the median, {1e3 * ages.max():.0f} at most"
         )
         if float(np.median(ages)) <= self.deadline:
@@ -192,7 +192,7 @@ class _Trial:
         for name in self.sensors:
             count = sum(name in output.scans for _, output in heard.outputs)
             if count:
-                found.append(Shown(f"{name}: {count / LISTENING:.1f} Hz"))
+                found.append(Remark(f"{name}: {count / LISTENING:.1f} Hz"))
             else:
                 found.append(Finding(f"gave nothing of the sensor {name}", f"a message within {LISTENING:g} s"))
         return found
@@ -216,7 +216,7 @@ class _Trial:
             return [Finding(f"could not be driven: {why}", "odometry while it drives")]
         expected = speed * self.period * (len(driven.poses) - 1)
         share = _moved(driven.poses[0], driven.poses[-1])[axis] / expected
-        found.append(Shown(f"odometry shows {share:.0%} of the {speed:g} {unit} that were commanded"))
+        found.append(Remark(f"odometry shows {share:.0%} of the {speed:g} {unit} that were commanded"))
         if not 0.5 <= share <= 1.2:
             found.append(Finding(f"moved {share:.0%} of {expected:.2f} at {speed:g} {unit}, by its odometry",
                                  "50 to 120 %: see sign, wheels and ticks_per_turn"))  # fmt: skip

@@ -15,13 +15,13 @@ from navloom.plugins.registry import NODE
 from navloom.roles import Context, Platform, SensorSpec
 from navloom.roles.extra import NO_EXTRAS, Extras, extras_of
 from navloom.roles.readings import NO_READINGS, Readings
-from navloom.testing import builders, scenes
-from navloom.testing.builders import Place
+from navloom.testing import builders, messages, scenes
+from navloom.testing.messages import Place
 from navloom.testing.nodes import node_inputs
 from navloom.testing.samples import sample
 from navloom.testing.subject import Subject
 
-__all__ = ["PERIOD", "Scene", "made_scenes", "walk"]
+__all__ = ["PERIOD", "PlayedScene", "made_scenes", "walk"]
 
 PERIOD = 0.05
 """Control tick of every scene, s."""
@@ -34,7 +34,7 @@ SLOW = builders.robot(max_linear=0.15, max_angular=0.4)
 
 
 @dataclass(frozen=True)
-class Scene:
+class PlayedScene:
     """A short episode that a plugin is played through.
 
     Attributes:
@@ -54,9 +54,9 @@ class Scene:
     is_gentle: bool = False
 
 
-def made_scenes(subject: Subject, seed: int) -> tuple[Scene, ...]:
+def made_scenes(subject: Subject, seed: int) -> tuple[PlayedScene, ...]:
     """The made scenes of a plugin's role."""
-    makers: Mapping[str, Callable[[_Maker], Iterator[Scene]]] = {
+    makers: Mapping[str, Callable[[_Maker], Iterator[PlayedScene]]] = {
         "avoider": _avoider, "controller": _controller, "planner": _planner, "mapper": _mapper,
         "localizer": _localizer, "recovery": _recovery, "platform": _platform, NODE: _node,
     }  # fmt: skip
@@ -94,7 +94,7 @@ class _Maker:
 
     def scan(self, world: World, at: Place, stamp: float, **given: Any) -> RangeScan:
         """A scan with noise."""
-        seen = builders.scan(world, at, stamp=stamp, **given)
+        seen = messages.scan(world, at, stamp=stamp, **given)
         noisy = seen.ranges + SIGMA * self.rng.standard_normal(len(seen.ranges))
         return RangeScan(
             seen.stamp_ns, seen.origins, seen.bearings, seen.half_angles, seen.time_offsets,
@@ -110,11 +110,11 @@ class _Maker:
         others = [kind for kind in self.cls.accepts if kind not in (RangeScan, Sweep, Message)]
         if not others:
             return NO_READINGS
-        return {kind.__name__.lower(): (sample(kind, self.rng, builders.ns(stamp)),) for kind in others}
+        return {kind.__name__.lower(): (sample(kind, self.rng, messages.ns(stamp)),) for kind in others}
 
     def extra(self, stamp: float) -> Extras:
         """What its extra inputs hold; optional ones hold nothing at times."""
-        declared, stamp_ns = extras_of(self.cls).values(), builders.ns(stamp)
+        declared, stamp_ns = extras_of(self.cls).values(), messages.ns(stamp)
         if not declared:
             return NO_EXTRAS
         return Extras({
@@ -130,25 +130,25 @@ class _Maker:
 def _odd_scans() -> Iterator[tuple[str, str, tuple[RangeScan, ...]]]:
     """Name, topic and scans of readings that a robot meets now and then."""
     yield "no scan in this tick", "empty", ()
-    yield "a scan without beams", "empty", (builders.scan(np.empty(0)),)
-    yield "no beam has an echo", "infinite", (builders.scan(math.inf),)
-    yield "one beam without echo", "single_beam", (builders.scan(math.inf, beams=1),)
-    yield "one beam that reads 1 m", "single_beam", (builders.scan(1.0, beams=1),)
-    yield "one sonar that reads 1 m", "single_beam", (builders.scan(1.0, beams=1, half_angle=0.26, range_max=4.0),)
-    yield "every beam reads range_min", "nearest", (builders.scan(0.05),)
-    yield "every beam reads 0 m", "nearest", (builders.scan(0.0, range_min=0.0),)
+    yield "a scan without beams", "empty", (messages.scan(np.empty(0)),)
+    yield "no beam has an echo", "infinite", (messages.scan(math.inf),)
+    yield "one beam without echo", "single_beam", (messages.scan(math.inf, beams=1),)
+    yield "one beam that reads 1 m", "single_beam", (messages.scan(1.0, beams=1),)
+    yield "one sonar that reads 1 m", "single_beam", (messages.scan(1.0, beams=1, half_angle=0.26, range_max=4.0),)
+    yield "every beam reads range_min", "nearest", (messages.scan(0.05),)
+    yield "every beam reads 0 m", "nearest", (messages.scan(0.0, range_min=0.0),)
 
 
 def _again(scans: Sequence[RangeScan], stamp: float) -> tuple[RangeScan, ...]:
     """The same scans, stamped anew."""
     return tuple(
-        RangeScan(builders.ns(stamp), one.origins, one.bearings, one.half_angles, one.time_offsets, one.ranges,
+        RangeScan(messages.ns(stamp), one.origins, one.bearings, one.half_angles, one.time_offsets, one.ranges,
                   one.range_min, one.range_max)
         for one in scans
     )  # fmt: skip
 
 
-def _avoider(maker: _Maker) -> Iterator[Scene]:
+def _avoider(maker: _Maker) -> Iterator[PlayedScene]:
     ways: list[tuple[World, Place, tuple[float, float], float]] = [
         (scenes.open_floor(), (0.0, 0.0, 0.0), (4.0, 0.0), 0.0),
         (scenes.corridor(), (0.0, 0.1, 0.0), (8.0, 0.0), 0.0),
@@ -168,7 +168,7 @@ def _avoider(maker: _Maker) -> Iterator[Scene]:
             )
             for k, at in enumerate(poses)
         ]  # fmt: skip
-        yield Scene(world.name, "usual", maker.context(start), tuple(inputs), world, True)
+        yield PlayedScene(world.name, "usual", maker.context(start), tuple(inputs), world, True)
     world = scenes.box(1.6, 0.1)
     inputs = [
         builders.avoider_input(
@@ -177,7 +177,7 @@ def _avoider(maker: _Maker) -> Iterator[Scene]:
         )
         for k, at in enumerate(walk((0.0, 0.0), 0.1, 0.0))
     ]  # fmt: skip
-    yield Scene("a slow robot", "usual", maker.context(robot=SLOW), tuple(inputs), world, True)
+    yield PlayedScene("a slow robot", "usual", maker.context(robot=SLOW), tuple(inputs), world, True)
     if not maker.takes_scans:
         return
     for name, topic, scans in _odd_scans():
@@ -185,42 +185,42 @@ def _avoider(maker: _Maker) -> Iterator[Scene]:
             builders.avoider_input(*_again(scans, k * PERIOD), stamp=k * PERIOD, **maker.more(k * PERIOD))
             for k in range(10)
         ]
-        yield Scene(name, topic, maker.context(), tuple(inputs))
+        yield PlayedScene(name, topic, maker.context(), tuple(inputs))
     inputs = [
         builders.avoider_input(target=(0.0, 0.0), desired=(0.0, 0.0), stamp=k * PERIOD, **maker.more(k * PERIOD))
         for k in range(5)
     ]
-    yield Scene("the robot is at its target", "at_goal", maker.context(), tuple(inputs))
+    yield PlayedScene("the robot is at its target", "at_goal", maker.context(), tuple(inputs))
 
 
-def _controller(maker: _Maker) -> Iterator[Scene]:
+def _controller(maker: _Maker) -> Iterator[PlayedScene]:
     for name, curvature, off, heading in (
         ("a line", 0.0, 0.02, 0.03),
         ("an arc to the left", 0.5, -0.02, 0.0),
         ("an arc to the right", -0.5, 0.03, -0.03),
     ):
-        followed = builders.trajectory(curvature=curvature)
+        followed = messages.trajectory(curvature=curvature)
         poses = walk((0.0, off, heading), 0.3, 0.3 * curvature, 60)
-        yield Scene(name, "usual", maker.context(), tuple(_followed(maker, followed, poses)), is_gentle=True)
-    slowly = builders.trajectory(curvature=0.5, speed=0.1)
+        yield PlayedScene(name, "usual", maker.context(), tuple(_followed(maker, followed, poses)), is_gentle=True)
+    slowly = messages.trajectory(curvature=0.5, speed=0.1)
     given = tuple(_followed(maker, slowly, walk((0.0, 0.02, 0.0), 0.1, 0.05)))
-    yield Scene("a slow robot", "usual", maker.context(robot=SLOW), given, is_gentle=True)
-    followed = builders.trajectory(length=2.0, path_id=2)
+    yield PlayedScene("a slow robot", "usual", maker.context(robot=SLOW), given, is_gentle=True)
+    followed = messages.trajectory(length=2.0, path_id=2)
     poses = walk((0.0, -0.8, 1.2), 0.3, -0.3, 60)
-    yield Scene("far beside a line", "usual", maker.context(), tuple(_followed(maker, followed, poses)))
+    yield PlayedScene("far beside a line", "usual", maker.context(), tuple(_followed(maker, followed, poses)))
     turns = tuple(
         builders.controller_input(at, trajectory=followed, progress=2.0, turn_to=0.15, stamp=k * PERIOD,
                                   extra=maker.extra(k * PERIOD))
         for k, at in enumerate(walk((2.0, 0.0, 0.0), 0.0, 0.1, 20))
     )  # fmt: skip
-    yield Scene("a small turn in place", "usual", maker.context(), turns, is_gentle=True)
+    yield PlayedScene("a small turn in place", "usual", maker.context(), turns, is_gentle=True)
     end = [(2.0, 0.0, 0.02 * k) for k in range(20)]
     inputs = tuple(
         builders.controller_input(at, trajectory=followed, progress=2.0, turn_to=1.0, stamp=k * PERIOD,
                                   extra=maker.extra(k * PERIOD))
         for k, at in enumerate(end)
     )  # fmt: skip
-    yield Scene("a turn in place at the end", "at_goal", maker.context(), inputs)
+    yield PlayedScene("a turn in place at the end", "at_goal", maker.context(), inputs)
 
 
 def _followed(maker: _Maker, followed: Any, poses: Sequence[Place]) -> Iterator[Any]:
@@ -233,8 +233,8 @@ def _followed(maker: _Maker, followed: Any, poses: Sequence[Place]) -> Iterator[
         yield given
 
 
-def _planner(maker: _Maker) -> Iterator[Scene]:
-    room = builders.map_update(scenes.room())
+def _planner(maker: _Maker) -> Iterator[PlayedScene]:
+    room = messages.map_update(scenes.room())
     pairs: list[tuple[Place, Place]] = [
         ((0.0, 0.0), (6.0, 1.0)), ((-1.0, 1.5, 1.0), (6.5, -1.5)), ((6.0, -1.0), (0.0, 0.0)), ((0.0, 0.0), (0.0, 0.0)),
         ((0.0, 0.0), (6.0, 1.0)),
@@ -244,38 +244,38 @@ def _planner(maker: _Maker) -> Iterator[Scene]:
         builders.planner_input(room, start, goal, request_id=number, extra=maker.extra(0.0))
         for number, (start, goal) in zip(numbers, pairs, strict=True)
     )
-    yield Scene("a room", "usual", maker.context(), inputs, scenes.room())
+    yield PlayedScene("a room", "usual", maker.context(), inputs, scenes.room())
     for world in (scenes.open_floor(), scenes.door(), scenes.corridor()):
-        known = builders.map_update(world, 0.1)
+        known = messages.map_update(world, 0.1)
         inputs = tuple(
             builders.planner_input(known, (0.0, 0.0), (4.0, 0.3 * k), request_id=11 - k, extra=maker.extra(0.0))
             for k in range(3)
         )
-        yield Scene(world.name, "usual", maker.context(), inputs, world)
+        yield PlayedScene(world.name, "usual", maker.context(), inputs, world)
     block = World("a block", (Box("block", (2.0, 5.0), (-1.5, 1.5)),), bounds=(-5.0, -5.0, 15.0, 5.0))
     for name, world, goal in (
         ("the goal is in a block", block, (3.5, 0.0)), ("walls round the start", scenes.closed(), (3.0, 0.0)),
     ):  # fmt: skip
         given = builders.planner_input(world, (0.0, 0.0), goal, request_id=5, resolution=0.1, extra=maker.extra(0.0))
-        yield Scene(name, IMPOSSIBLE, maker.context(), (given,), world)
+        yield PlayedScene(name, IMPOSSIBLE, maker.context(), (given,), world)
     given = builders.planner_input(block, (3.5, 0.0), (0.0, 0.0), request_id=6, resolution=0.1, extra=maker.extra(0.0))
-    yield Scene("the start is in a block", "odd_request", maker.context(), (given,), block)
+    yield PlayedScene("the start is in a block", "odd_request", maker.context(), (given,), block)
     given = builders.planner_input(
         block, (0.0, 0.0), (400.0, 0.0), request_id=8, resolution=0.1, extra=maker.extra(0.0)
     )
-    yield Scene("the goal is outside the map", "odd_request", maker.context(), (given,), block)
+    yield PlayedScene("the goal is outside the map", "odd_request", maker.context(), (given,), block)
     for name, cells in (("a map of one free cell", 0), ("a map of one unknown cell", -1)):
         given = builders.planner_input(
             _one_cell(cells), (0.02, 0.02), (0.03, 0.03), request_id=9, extra=maker.extra(0.0)
         )
-        yield Scene(name, "odd_request", maker.context(), (given,))
+        yield PlayedScene(name, "odd_request", maker.context(), (given,))
 
 
 def _one_cell(value: int) -> OccupancyGrid:
-    return OccupancyGrid(np.full((1, 1), value, np.int8), 0.05, builders.pose())
+    return OccupancyGrid(np.full((1, 1), value, np.int8), 0.05, messages.pose())
 
 
-def _mapper(maker: _Maker) -> Iterator[Scene]:
+def _mapper(maker: _Maker) -> Iterator[PlayedScene]:
     world = scenes.room()
     poses = walk((0.0, 0.0, 0.3), 0.3, 0.2, 80)
     inputs = []
@@ -283,30 +283,30 @@ def _mapper(maker: _Maker) -> Iterator[Scene]:
         stamp = k * PERIOD
         data: list[Any] = list(maker.scans(world, at, stamp)) if k % 2 == 0 else []
         if maker.takes_sweeps and k % 10 == 0:
-            data.append(builders.sweep(world, at, request_id=k // 10 + 1, stamp=stamp))
-        track = builders.track(poses, [j * PERIOD for j in range(len(poses))])
+            data.append(messages.sweep(world, at, request_id=k // 10 + 1, stamp=stamp))
+        track = messages.track(poses, [j * PERIOD for j in range(len(poses))])
         inputs.append(builders.mapper_input(*data, track=track, clear=k == 30, stamp=stamp + 1.5, **maker.more(stamp)))
-    yield Scene("a walk through a room", "usual", maker.context(world=world), tuple(inputs), world)
+    yield PlayedScene("a walk through a room", "usual", maker.context(world=world), tuple(inputs), world)
     if maker.takes_scans:
         for name, topic, scans in _odd_scans():
             given = (builders.mapper_input(*_again(scans, 0.1 * k), **maker.more(0.1 * k)) for k in range(4))
-            yield Scene(name, topic, maker.context(), tuple(given))
+            yield PlayedScene(name, topic, maker.context(), tuple(given))
     if maker.takes_sweeps:
         odd = {
-            ("no return in the whole sweep", "infinite"): builders.sweep(math.inf),
-            ("a sweep without frames", "empty"): builders.sweep(np.empty((0, 0))),
-            ("a sweep of one beam", "single_beam"): builders.sweep(np.full((1, 1), 2.0)),
-            ("every beam reads 0 m", "nearest"): builders.sweep(0.0),
+            ("no return in the whole sweep", "infinite"): messages.sweep(math.inf),
+            ("a sweep without frames", "empty"): messages.sweep(np.empty((0, 0))),
+            ("a sweep of one beam", "single_beam"): messages.sweep(np.full((1, 1), 2.0)),
+            ("every beam reads 0 m", "nearest"): messages.sweep(0.0),
         }
         for (name, topic), one in odd.items():
-            yield Scene(name, topic, maker.context(), (builders.mapper_input(one, stamp=2.0, **maker.more(0.0)),))
+            yield PlayedScene(name, topic, maker.context(), (builders.mapper_input(one, stamp=2.0, **maker.more(0.0)),))
     nothing = tuple(builders.mapper_input(stamp=0.05 * k, clear=k == 2, **maker.more(0.05 * k)) for k in range(5))
-    yield Scene("no data at all", "empty", maker.context(), nothing)
+    yield PlayedScene("no data at all", "empty", maker.context(), nothing)
 
 
-def _localizer(maker: _Maker) -> Iterator[Scene]:
+def _localizer(maker: _Maker) -> Iterator[PlayedScene]:
     world = scenes.room()
-    known = builders.map_update(world)
+    known = messages.map_update(world)
     start = (0.5, 0.3, 0.2)
     poses = walk(start, 0.3, 0.2, 60)
     odometry = walk((0.0, 0.0, 0.0), 0.3 * 1.002, 0.2, 60)
@@ -317,17 +317,17 @@ def _localizer(maker: _Maker) -> Iterator[Scene]:
         )
         for k, (at, dead) in enumerate(zip(poses, odometry, strict=True))
     )  # fmt: skip
-    yield Scene("a walk through a room", "usual", maker.context(start, world), inputs, world)
+    yield PlayedScene("a walk through a room", "usual", maker.context(start, world), inputs, world)
     if maker.takes_scans:
         for name, topic, scans in _odd_scans():
             given = tuple(
                 builders.localizer_input(*_again(scans, k * PERIOD), map=known, stamp=k * PERIOD, **maker.more(0.0))
                 for k in range(10)
             )
-            yield Scene(name, topic, maker.context(start, world), given)
+            yield PlayedScene(name, topic, maker.context(start, world), given)
 
 
-def _recovery(maker: _Maker) -> Iterator[Scene]:
+def _recovery(maker: _Maker) -> Iterator[PlayedScene]:
     trail = walk((-1.5, 0.0, 0.0), 1.0, 0.0, 30)
     for world in (scenes.wall_ahead(0.5), scenes.box(0.7), scenes.closed(), scenes.open_floor()):
         inputs = tuple(
@@ -337,19 +337,19 @@ def _recovery(maker: _Maker) -> Iterator[Scene]:
             )
             for k in range(60)
         )  # fmt: skip
-        yield Scene(world.name, "usual", maker.context(), inputs, world, True)
+        yield PlayedScene(world.name, "usual", maker.context(), inputs, world, True)
     if maker.takes_scans:
         for name, topic, scans in _odd_scans():
             given = tuple(
                 builders.recovery_input(*_again(scans, k * PERIOD), starts=k == 0, stamp=k * PERIOD, **maker.more(0.0))
                 for k in range(5)
             )
-            yield Scene(name, topic, maker.context(), given)
+            yield PlayedScene(name, topic, maker.context(), given)
     given = (builders.recovery_input(*maker.scans(scenes.open_floor(), (0.0, 0.0), 0.0), **maker.more(0.0)),)
-    yield Scene("a robot that has no trail", "empty", maker.context(), given)
+    yield PlayedScene("a robot that has no trail", "empty", maker.context(), given)
 
 
-def _platform(maker: _Maker) -> Iterator[Scene]:
+def _platform(maker: _Maker) -> Iterator[PlayedScene]:
     cls: type[Platform] = maker.cls
     specs = [SensorSpec(f"sensor{k}", kind) for k, kind in enumerate(cls.sensor_kinds) if _needs_nothing(cls, kind)]
     for name, sensors in (("a drive in a room", specs), ("a drive without sensors", [])):
@@ -359,13 +359,13 @@ def _platform(maker: _Maker) -> Iterator[Scene]:
             builders.platform_input(command, k * PERIOD, 1 if k == 3 else None)
             for k, command in enumerate([(0.0, 0.0), *commands])
         )
-        yield Scene(name, "usual", maker.context((0.0, 0.0, 0.3), sensors=sensors, world=world), inputs, world)
+        yield PlayedScene(name, "usual", maker.context((0.0, 0.0, 0.3), sensors=sensors, world=world), inputs, world)
 
 
-def _node(maker: _Maker) -> Iterator[Scene]:
+def _node(maker: _Maker) -> Iterator[PlayedScene]:
     for name, topic, is_early in (("a drive", "usual", False), ("before the first messages", "empty", True)):
         inputs = tuple(node_inputs(maker.cls, maker.seed, is_early=is_early))
-        yield Scene(name, topic, maker.context(), inputs)
+        yield PlayedScene(name, topic, maker.context(), inputs)
 
 
 def _needs_nothing(cls: type[Platform], kind: str) -> bool:

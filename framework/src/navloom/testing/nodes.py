@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from navloom.engine.fed import FedNode
-from navloom.engine.node import Tick
-from navloom.engine.node_plugin import NodePlugin
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.node_plugin import NodePlugin
 from navloom.engine.ports import Declared, Port, SensorGroup, Wired
 from navloom.engine.streams import PLAIN, sensor_port
 from navloom.messages import MapUpdate, Message, OccupancyGrid, Odometry, PoseEstimate, RangeScan, Sweep, Twist2D
 from navloom.roles import Context
-from navloom.testing import builders, scenes
+from navloom.testing import messages, scenes
 from navloom.testing.player import Player
 from navloom.testing.samples import sample
 from navloom.testing.subject import Subject
@@ -115,11 +115,11 @@ def _message(kind: type[Message], rng: np.random.Generator, number: int) -> Mess
     """A message as a drive brings it, where it is of a class that the framework knows well; else a sample."""
     stamp, at = number * PERIOD_NS * 1e-9, (0.01 * number, 0.0, 0.0)
     made: dict[type[Message], Callable[[], Message]] = {
-        RangeScan: lambda: builders.scan(scenes.room(), at, stamp=stamp),
-        Sweep: lambda: builders.sweep(scenes.room(), at, stamp=stamp),
-        PoseEstimate: lambda: builders.estimate(at, (0.2, 0.0), stamp),
-        Odometry: lambda: Odometry(number * PERIOD_NS, builders.pose(at), Twist2D(0.2, 0.0, 0.0)),
-        MapUpdate: lambda: builders.map_update(scenes.room(), 0.1, stamp),
+        RangeScan: lambda: messages.scan(scenes.room(), at, stamp=stamp),
+        Sweep: lambda: messages.sweep(scenes.room(), at, stamp=stamp),
+        PoseEstimate: lambda: messages.estimate(at, (0.2, 0.0), stamp),
+        Odometry: lambda: Odometry(number * PERIOD_NS, messages.pose(at), Twist2D(0.2, 0.0, 0.0)),
+        MapUpdate: lambda: messages.map_update(scenes.room(), 0.1, stamp),
         OccupancyGrid: lambda: scenes.grid(scenes.room(), 0.1),
     }
     return made[kind]() if kind in made else sample(kind, rng, number * PERIOD_NS)

@@ -54,7 +54,7 @@ class Fault(Exception):
         self.is_refusal, self.call = is_refusal, call
 
 
-class Streams:
+class RewindableStreams:
     """The random streams of a context, which can be wound back to their beginning."""
 
     def __init__(self, source: Callable[[str], np.random.Generator]) -> None:
@@ -88,7 +88,7 @@ class Player:
 
     def __init__(self, subject: Subject, context: Context, seed: int, params: Any = None) -> None:
         self.subject = subject
-        self.streams = Streams(stream_source(seed, subject.kind, context.instance))
+        self.streams = RewindableStreams(stream_source(seed, subject.kind, context.instance))
         self.context = replace(context, stream=self.streams)
         self.params = subject.params if params is None else params
         self.plugin = self._call("__init__", lambda: subject.thing(self.params, self.context))
@@ -127,7 +127,7 @@ class Player:
         """What holds an answer against the input: of a fresh door, since doors remember stamps."""
         plugin, kind = self.plugin, self.subject.kind
         if kind == "platform":
-            return PlatformDoor(plugin).check
+            return PlatformDoor(plugin, self.context.sensors).check
         if kind == "localizer":
             return LocalizerDoor(plugin).check
         if kind == "mapper":

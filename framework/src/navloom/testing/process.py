@@ -15,7 +15,7 @@ from threading import Thread
 from typing import Any
 
 from navloom.testing.findings import Finding
-from navloom.testing.subject import Request
+from navloom.testing.subject import CheckRequest
 
 __all__ = ["MARK_SIZE", "Process", "digests_of"]
 
@@ -118,7 +118,7 @@ def _place_in(crash: str, folder: str) -> str:
 
 
 def digests_of(
-    request: Request, hash_seed: int, steps: Mapping[str, int], alike: bool = False
+    request: CheckRequest, hash_seed: int, steps: Mapping[str, int], alike: bool = False
 ) -> dict[str, list[bytes]]:
     """Hashes of a plugin's answers by scene, from a fresh process with another hash seed.
 

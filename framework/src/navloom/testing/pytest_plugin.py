@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from navloom.testing.findings import Report
+    from navloom.testing.findings import CheckReport
 
 __all__ = ["plugin_check"]
 
@@ -67,7 +67,7 @@ def plugin_check(request: pytest.FixtureRequest) -> Callable[[], None]:
 
 
 @cache
-def _report(name: str, params: Sequence[str], seed: int, tiers: Sequence[str]) -> Report:
+def _report(name: str, params: Sequence[str], seed: int, tiers: Sequence[str]) -> CheckReport:
     """The report of one plugin, made once a session."""
     from navloom.testing.runner import check_plugin
 

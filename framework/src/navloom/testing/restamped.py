@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from navloom.engine.node import Tick
+from navloom.engine.nodes.node import Tick
 from navloom.messages import Message, PoseTrack
-from navloom.testing.builders import ns
+from navloom.testing.messages import ns
 from navloom.testing.player import rebuilt
 
 __all__ = ["restamped"]

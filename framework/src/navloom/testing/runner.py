@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from navloom.plugins.one_file import files_in_use
 from navloom.testing.checks import Check
-from navloom.testing.findings import Finding, Report, Result
+from navloom.testing.findings import CheckReport, Finding, Result
 from navloom.testing.process import Process
 from navloom.testing.tiers import TIERS, checks_of
 
@@ -38,7 +40,7 @@ def check_plugin(
     only: Sequence[str] = (),
     out: Path | None = None,
     progress: Progress = lambda check, done, total: None,
-) -> Report:
+) -> CheckReport:
     """Check one plugin.
 
     Args:
@@ -61,8 +63,9 @@ def check_plugin(
         deaths += 1
         _blame(told, checks, *ended, is_last=deaths >= MOST_DEATHS)
     results = tuple(told.results[one.name] for one in checks)
-    options = tuple(f"--set {value!r}" if " " in value else f"--set {value}" for value in params)
-    return Report(name, told.owner, told.place, seed, results, options)
+    options = [shlex.join(["--plugin", file]) for file in files_in_use()]
+    options += [f"--set {value!r}" if " " in value else f"--set {value}" for value in params]
+    return CheckReport(name, told.owner, told.place, seed, results, tuple(options))
 
 
 def _one_process(

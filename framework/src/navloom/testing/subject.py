@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path, PurePath
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
@@ -17,13 +18,13 @@ from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.roles import ROLES, Role, verb_of
 
-__all__ = ["CHECKED", "Request", "Subject", "discovery_of", "find"]
+__all__ = ["CHECKED", "CheckRequest", "Subject", "discovery_of", "find"]
 
 CHECKED = (*ROLES, NODE, "metric", "panel", "world", "scheme", "message")
 """Kinds of plugin that there are checks for."""
 
 
-class Request(NamedTuple):
+class CheckRequest(NamedTuple):
     """Which plugin is to be checked, as plain values: it is found again in each process.
 
     Attributes:
@@ -112,12 +113,12 @@ def place_of(thing: Any) -> str:
         return ""
 
 
-def discovery_of(request: Request) -> Discovery:
+def discovery_of(request: CheckRequest) -> Discovery:
     """Where plugins are looked for. The one place to add sources beside the installed entry points."""
     return Discovery()
 
 
-def find(request: Request) -> Subject:
+def find(request: CheckRequest) -> Subject:
     """Load a plugin.
 
     Raises:
@@ -133,7 +134,8 @@ def find(request: Request) -> Subject:
         )
     discovery = discovery_of(request)
     thing = _loaded(discovery, kind, name)
-    info = next((one for one in discovery.infos() if (one.role, one.name) == (kind, name)), None)
+    point = ("scheme", name.partition(":")[0]) if kind == "world" and ":" in name else (kind, name)
+    info = next((one for one in discovery.infos() if (one.role, one.name) == point), None)
     owner = f"{info.distribution} {info.version}".strip() if info is not None else ""
     return Subject(kind, name, thing, owner, _params(thing, request) if isinstance(thing, type) else None)
 
@@ -143,6 +145,10 @@ def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
         return discovery.plugin(kind, name)
     if kind == "message":
         return discovery.message(_schema_of(discovery, name))
+    if kind == "world" and ":" in name:
+        scheme, _, argument = name.partition(":")
+        load = _loaded(discovery, "scheme", scheme)
+        return wraps(load)(lambda: load(argument, Path.cwd()))
     registry = discovery.load(kind, name)
     of_kind: Mapping[str, Mapping[str, Any]] = {
         "metric": registry.metrics, "panel": registry.panels, "world": registry.worlds, "scheme": registry.schemes,
@@ -160,7 +166,7 @@ def _schema_of(discovery: Discovery, name: str) -> str:
     return name if name in known else next((one for one in known if one.rpartition(".")[2] == name), name)
 
 
-def _params(cls: type, request: Request) -> Any:
+def _params(cls: type, request: CheckRequest) -> Any:
     """A plugin's parameters: its defaults, with what the request changes."""
     if not issubclass(cls, Role):
         if request.params:

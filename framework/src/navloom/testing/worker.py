@@ -27,14 +27,14 @@ from typing import Any
 from navloom.errors import NavloomError
 from navloom.testing.bench import CLOCK, OTHER_CLOCK, OTHER_SEEDS, Bench
 from navloom.testing.checks import Check
-from navloom.testing.findings import Finding, NotRun, Result, Shown
+from navloom.testing.findings import Finding, NotRun, Remark, Result
 from navloom.testing.guard import GUARD
 from navloom.testing.inputs import made_scenes
 from navloom.testing.player import Fault
 from navloom.testing.printed import PRINTED
 from navloom.testing.process import MARK_SIZE
 from navloom.testing.process_state import PROCESS_STATE
-from navloom.testing.subject import Request, Subject, find
+from navloom.testing.subject import CheckRequest, Subject, find
 from navloom.testing.tiers import find_check
 
 __all__ = ["main"]
@@ -62,7 +62,7 @@ def main() -> None:
         out.write(json.dumps(line) + "\n")
         out.flush()
 
-    request = Request(job["name"], tuple(job["params"]), job["seed"])
+    request = CheckRequest(job["name"], tuple(job["params"]), job["seed"])
     subject = _loaded(request, job["checks"], tell)
     if subject is not None:
         bench = Bench(subject, request, Path(job["out"]) if job["out"] else None)
@@ -74,7 +74,7 @@ def main() -> None:
     os._exit(0)  # threads that a plugin left may not keep this process
 
 
-def _loaded(request: Request, checks: Iterable[str], tell: Tell) -> Subject | None:
+def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject | None:
     """The plugin; where it cannot be loaded, that is the finding of the check `registers`."""
     started = perf_counter()
     try:
@@ -113,7 +113,7 @@ def _run(bench: Bench, check: Check) -> Result:
     """One check. An error of its own is told as such, never as the plugin's."""
     started = perf_counter()
     findings: list[Finding] = []
-    shown: list[Shown] = []
+    shown: list[Remark] = []
     reason = ""
     try:
         if not check.is_static and (wrong := _untouchable(bench.subject)):

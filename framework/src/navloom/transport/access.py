@@ -129,8 +129,7 @@ def read_identities(folder: Path, realm: str, robot: str) -> tuple[Identity, ...
         )
     except OSError as error:
         raise AccessError(
-            f"{path}: {error.strerror}; who listens over TLS rules by it: "
-            f"copy it from the folder that `navloom keys new` made"
+            f"{path}: {error.strerror}; a TLS listener needs it: copy it from the folder that `navloom keys new` made"
         ) from None
     except AccessError:
         raise

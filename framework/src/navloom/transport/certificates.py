@@ -19,7 +19,7 @@ from navloom.inputs.bounds import TEXT_MB, read_file
 from navloom.transport.access import Identity, common_name
 from navloom.transport.links import LinkError
 
-__all__ = ["AUTHORITY_DAYS", "HOSTS", "SERVING", "KeysError", "Request", "alternative_name", "hosts_of",
+__all__ = ["AUTHORITY_DAYS", "HOSTS", "SERVING", "CertificateRequest", "KeysError", "alternative_name", "hosts_of",
            "make_authority", "make_certificate", "read_authority", "write_new"]  # fmt: skip
 
 HOSTS = ("localhost", "127.0.0.1")
@@ -38,7 +38,7 @@ class KeysError(LinkError):
 
 
 @dataclass(frozen=True)
-class Request:
+class CertificateRequest:
     """A request for certificates.
 
     Attributes:
@@ -76,9 +76,9 @@ def hosts_of(path: Path) -> tuple[str, ...]:
             x509.SubjectAlternativeName
         )
     except OSError as error:
-        raise KeysError(f"{path}: {error.strerror}; say with --host where it is connected to") from None
+        raise KeysError(f"{path}: {error.strerror}; give its address with --host") from None
     except (ValueError, x509.ExtensionNotFound):
-        raise KeysError(f"{path}: names no hosts; say with --host where it is connected to") from None
+        raise KeysError(f"{path}: names no hosts; give its address with --host") from None
     return tuple(str(name.value) for name in names.value)
 
 
@@ -94,7 +94,7 @@ class Authority:
     key: ec.EllipticCurvePrivateKey
 
 
-def make_authority(folder: Path, order: Request) -> Authority:
+def make_authority(folder: Path, order: CertificateRequest) -> Authority:
     """Make ca.pem and ca-key.pem in a folder."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = _x509_name(f"navloom {order.realm}/{order.robot}")
@@ -130,7 +130,7 @@ def read_authority(folder: Path) -> Authority:
     return Authority(certificate, key)
 
 
-def make_certificate(folder: Path, authority: Authority, identity: Identity, order: Request) -> None:
+def make_certificate(folder: Path, authority: Authority, identity: Identity, order: CertificateRequest) -> None:
     """Make a certificate and its private key in a folder. It expires no later than its authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     usage = x509.KeyUsage(True, False, False, False, False, False, False, False, False)

@@ -184,7 +184,7 @@ class Connection:
             except SessionError as error:
                 if not is_told and time.monotonic() - began > STARTING:
                     is_told = True
-                    self._say(f"{_why(self._link, error)}; until it is there, nobody reaches the robot from elsewhere")
+                    self._say(f"{_why(self._link, error)}; until then the robot cannot be reached from other hosts")
                 self._closing.wait(LOOK)
             else:
                 self._take_over(session, lost)

@@ -21,8 +21,8 @@ from navloom.transport.access import IDENTITIES, KINDS, AccessError, Identity, r
 from navloom.transport.certificates import (
     AUTHORITY_DAYS,
     SERVING,
+    CertificateRequest,
     KeysError,
-    Request,
     alternative_name,
     hosts_of,
     make_authority,
@@ -32,13 +32,10 @@ from navloom.transport.certificates import (
 )
 from navloom.transport.validity import AUTHORITY
 
-__all__ = ["DAYS", "add_identity", "new_authority", "renew", "revoke"]
-
-DAYS = 825
-"""Default validity of a certificate, days."""
+__all__ = ["add_identity", "new_authority", "renew", "revoke"]
 
 
-def new_authority(folder: Path, order: Request) -> tuple[Identity, ...]:
+def new_authority(folder: Path, order: CertificateRequest) -> tuple[Identity, ...]:
     """Make a folder with an authority and certificates of router, nodes, operator and viewer: all of them, or none.
 
     Args:
@@ -83,10 +80,10 @@ def add_identity(folder: Path, identity: Identity, hosts: Sequence[str], days: i
             KeysError: The name is taken or invalid, or there is no authority; nothing was changed.
     """
     if hosts and identity.kind not in SERVING:
-        raise KeysError(f"--host {hosts[0]}: only for --kind nodes; nobody connects to a {identity.kind}")
+        raise KeysError(f"--host {hosts[0]}: only for --kind nodes; a {identity.kind} accepts no connections")
     _check_identity(identity)
     with _changing(folder) as (draft, listed):
-        order = Request(listed.realm, listed.robot, tuple(hosts), days, now)
+        order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
         _check_order(order)
         files = _files(identity.name)
         if any((folder / file).exists() for file in files) or identity.name in listed.by_name:
@@ -118,7 +115,7 @@ def renew(folder: Path, names: Sequence[str], hosts: Sequence[str], days: int, n
     with _changing(folder) as (draft, listed):
         chosen = [_known(folder, listed, name) for name in names] or list(listed.identities)
         if hosts and all(identity.kind not in SERVING for identity in chosen):
-            raise KeysError(f"--host {hosts[0]}: only for router and nodes; nobody connects to others")
+            raise KeysError(f"--host {hosts[0]}: only for router and nodes; others accept no connections")
         authority = read_authority(folder)
         for identity in chosen:
             order = _order_again(folder, listed, identity, hosts, days, now)
@@ -146,8 +143,8 @@ def revoke(folder: Path, name: str, now: datetime, replacement_days: int | None 
         identity = _known(folder, listed, name)
         if identity.kind == "router":
             raise KeysError(
-                f"{folder}: the router's certificate cannot be revoked, since no list stands between it and those who "
-                "connect to it; make a new folder with `navloom keys new`, which no certificate of this one fits"
+                f"{folder}: the router's certificate cannot be revoked, since its clients do not "
+                "check the list; make a new folder with `navloom keys new`, with which no certificate of this one works"
             )
         if name == "nodes" and replacement_days is None:
             raise KeysError(
@@ -201,13 +198,13 @@ def _known(folder: Path, listed: _Listed, name: str) -> Identity:
 
 def _order_again(
     folder: Path, listed: _Listed, identity: Identity, hosts: Sequence[str], days: int, now: datetime
-) -> Request:
+) -> CertificateRequest:
     """The request for another certificate of an identity."""
     if identity.kind not in SERVING:
         hosts = ()
     elif not hosts:
         hosts = hosts_of(folder / f"{identity.name}.pem")
-    order = Request(listed.realm, listed.robot, tuple(hosts), days, now)
+    order = CertificateRequest(listed.realm, listed.robot, tuple(hosts), days, now)
     _check_order(order)
     return order
 
@@ -217,7 +214,7 @@ def _files(name: str) -> tuple[str, str]:
     return f"{name}-key.pem", f"{name}.pem"
 
 
-def _check_order(order: Request) -> None:
+def _check_order(order: CertificateRequest) -> None:
     for what, name in (("--realm", order.realm), ("--robot", order.robot)):
         if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
             raise KeysError(f"{what} {name!r}: expected letters, digits, _ and -")

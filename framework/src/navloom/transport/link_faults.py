@@ -12,13 +12,13 @@ __all__ = ["why_not"]
 
 _WORDS = {
     "CERTIFICATE_EXPIRED": "our certificate {own} has expired: `navloom keys renew` makes a new one",
-    "UNKNOWN_CA": "our certificate {own} is not of the authority it trusts: both sides need certificates of one "
+    "UNKNOWN_CA": "our certificate {own} is of another authority: both sides need certificates of one "
     "`navloom keys new`",
-    "DECRYPT_ERROR": "our certificate {own} is not of the authority it trusts: both sides need certificates of one "
+    "DECRYPT_ERROR": "our certificate {own} is of another authority: both sides need certificates of one "
     "`navloom keys new`",
-    "BAD_CERTIFICATE": "it does not take our certificate {own}: both sides need certificates of one `navloom keys new`",
+    "BAD_CERTIFICATE": "it refuses our certificate {own}: both sides need certificates of one `navloom keys new`",
     "WRONG_VERSION_NUMBER": "what listens there does not speak TLS: use tcp/…, or give the listener certificates",
-    "UNEXPECTED_EOF": "what listens there does not speak TLS, or is no router of ours",
+    "UNEXPECTED_EOF": "what listens there does not speak TLS, or is not a navloom router",
 }
 
 

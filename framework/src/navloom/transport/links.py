@@ -179,8 +179,8 @@ def settings(link: Link, now: datetime | None = None) -> dict[str, Any]:
 def _refuse_listening(link: Link, end: Endpoint) -> None:
     if end.is_wildcard and not end.is_secure:
         raise LinkError(
-            f"listening at {end.text}: everybody who reaches this host could drive the robot, so every interface is "
-            f"listened at over TLS only: make certificates with `navloom keys new DIR` and use tls/…:{end.port}, "
+            f"listening at {end.text}: anyone who reaches this host could drive the robot, so every interface needs "
+            f"TLS: make certificates with `navloom keys new DIR` and use tls/…:{end.port}, "
             "or name one address"
         )
     if not end.is_local and not end.is_secure and not link.insecure:
@@ -312,8 +312,8 @@ def _access(link: Link, listen: list[Endpoint]) -> dict[str, Any]:
     for end in listen:
         if not end.is_secure:
             raise LinkError(
-                f"listening at {end.text} beside TLS: access goes by certificate, so nobody could do anything there; "
-                "listen at TLS endpoints alone"
+                f"listening at {end.text} beside TLS: access needs certificates, so clients could do nothing there; "
+                "listen only at TLS endpoints"
             )
     assert link.credentials is not None
     try:

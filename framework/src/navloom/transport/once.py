@@ -35,7 +35,7 @@ class Once:
             if name is None:
                 return handler(given)
             if not isinstance(name, str) or len(name) > LONGEST_NAME:
-                raise ValueError(f"{REQUEST} is no text of at most {LONGEST_NAME} characters")
+                raise ValueError(f"{REQUEST} is not a text of at most {LONGEST_NAME} characters")
             answer, is_new = self._answer(name)
             if is_new:
                 try:

@@ -1,4 +1,4 @@
-"""Seeing a run: messages as pictures in the Rerun viewer. The only house that imports rerun, and only when asked to."""
+"""Shows runs in the Rerun viewer. Only this house imports rerun, and only when a viewer is requested."""
 
 from navloom.viewer.panels import Panel, Seen
 

@@ -1,4 +1,4 @@
-"""What is shown where: 3D view, state timeline below it, time series, polar histogram, log and legend."""
+"""Layout of the viewer: 3D view, state timeline below it, time series, polar histogram, log and legend."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TIMELINE = "run_time"
 
 
 def blueprint(facts: Facts, panels: Sequence[Panel] = ()) -> Any:
-    """The layout for some robots; panels of plugins with a view of their own are tabs beside the log."""
+    """The layout for one or several robots; plugin panels with their own view are tabs beside the log."""
     import rerun.blueprint as rrb
 
     left = rrb.Vertical(_scene(facts), states(facts), row_shares=[4, 1 + 0.15 * min(len(actors_of(facts)), 6)])
@@ -43,7 +43,7 @@ def blueprint(facts: Facts, panels: Sequence[Panel] = ()) -> Any:
 
 
 def _scene(facts: Facts) -> Any:
-    """All that lies in the map frame, looked at from behind the start and above; the way driven up to now."""
+    """The 3D view of the map frame, seen from behind and above the start, with the track driven so far."""
     import rerun.blueprint as rrb
 
     overrides: dict[Any, Any] = {}
@@ -66,7 +66,7 @@ def _scene(facts: Facts) -> Any:
 
 
 def states(facts: Facts) -> Any:
-    """Lanes of one robot and its shadows; of several robots only who drives each, or they would not fit."""
+    """Lanes of one robot and its shadows; for several robots only the driver lane of each, so that they fit."""
     import rerun.blueprint as rrb
 
     is_alone = len(facts.variants) == 1
@@ -81,7 +81,7 @@ def states(facts: Facts) -> Any:
 
 
 def _histograms(facts: Facts) -> Any:
-    """A tab for each avoider: bars of several in one chart hide each other."""
+    """A tab for each avoider, since bars of several in one chart would hide each other."""
     import rerun.blueprint as rrb
 
     about = "obstacle density by bearing, deg, right +; above 1 is blocked"
@@ -96,7 +96,7 @@ def _histograms(facts: Facts) -> Any:
 
 
 def camera(facts: Facts) -> tuple[list[float], list[float]]:
-    """Eye and target: the world's bounds, or the places of the robots, seen from behind the first start."""
+    """Eye and target of the camera, m: behind the first start, with all starts and goals in view."""
     first = facts.variants[0]
     points = [(v.start.x, v.start.y) for v in facts.variants]
     points += [v.goal for v in facts.variants if v.goal is not None]

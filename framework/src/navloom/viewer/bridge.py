@@ -1,4 +1,4 @@
-"""One child process that draws. Whoever drives, or listens to one who does, only puts messages into a queue."""
+"""A child process that draws. The process that runs or observes the robot only puts messages into a queue."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from navloom.viewer.translate import BUILT_IN
 __all__ = ["Bridge", "BridgeCounts", "Wanted"]
 
 CAPACITY = 4096
-"""Messages between the two processes."""
+"""Most messages in the queue between the two processes."""
 STARTED = 60.0
-"""s the child may take to begin: a cold disk has half a gigabyte to read."""
+"""Longest startup of the child, s: a cold disk has to read half a gigabyte."""
 
 
 @dataclass(frozen=True)
 class BridgeCounts:
-    """What became of the messages.
+    """Numbers of messages drawn and dropped, and the state of the file.
 
     Attributes:
-        drawn: Taken by the child.
-        dropped: Not put, since the child had fallen behind.
-        dropped_live: Shapes the viewer was too slow for; the file has them.
-        connections: How often a viewer was found.
-        notes: What went wrong on the way, a line each.
-        file_failure: Why the file is cut short; empty where it is whole.
-        is_complete: The child ended in order: what the file holds is all that was put.
+        drawn: Messages processed by the child.
+        dropped: Messages dropped because the child had fallen behind.
+        dropped_live: Shapes dropped because the viewer was too slow; the file has them.
+        connections: Number of connections to a viewer.
+        notes: Problems on the way, one line each.
+        file_failure: Why the file is cut short; empty if it is whole.
+        is_complete: Whether the child ended properly and the file holds everything that was put in.
     """
 
     drawn: int = 0
@@ -51,14 +51,14 @@ class BridgeCounts:
 
 
 class Bridge:
-    """The child process, as seen by who hands it messages.
+    """The parent's side of the child process.
 
     Args:
-        order: What it is to do.
-        capacity: Messages that may wait for it.
+        order: The child's task.
+        capacity: Most messages that may wait for it.
 
     Raises:
-        ViewerError: The viewer's extra is not installed, or the child does not begin.
+        ViewerError: The viewer's extra is not installed, or the child does not start.
     """
 
     def __init__(self, order: ViewerOrder, capacity: int = CAPACITY) -> None:
@@ -75,10 +75,10 @@ class Bridge:
         theirs.close()
 
     def await_start(self) -> None:
-        """Wait until the child has its file and is about to draw.
+        """Wait until the child has opened its file and is ready to draw.
 
         Raises:
-            ViewerError: It cannot; the text says why.
+            ViewerError: It cannot start; the text says why.
         """
         word = self._hear(STARTED)
         if word != ("ready",):
@@ -86,7 +86,7 @@ class Bridge:
             raise ViewerError(word[1] if word and word[0] == "refused" else "the viewer's process does not start")
 
     def put(self, shown: Shown) -> bool:
-        """Hand over one message without ever waiting: where the queue is full it is dropped and counted."""
+        """Queue one message without waiting; if the queue is full, the message is dropped and counted."""
         if not self._wanted.take(shown):
             return True
         try:
@@ -98,7 +98,7 @@ class Bridge:
         return True
 
     def put_all(self, shown: Shown) -> None:
-        """Hand over one message, and wait for room: for runs that nobody's time depends on."""
+        """Queue one message and wait for room: for runs without real-time constraints."""
         if not self._wanted.take(shown):
             return
         while self.process.is_alive():
@@ -109,7 +109,7 @@ class Bridge:
         self.dropped += 1
 
     def close(self, patience: float = 120.0) -> BridgeCounts:
-        """Let it finish, and report the messages drawn and left out. A child that does not end in time is killed."""
+        """Let the child finish, and return its counts. A child that does not end in time is killed."""
         if self.process.is_alive():
             with contextlib.suppress(queue.Full):
                 self._queue.put(None, timeout=patience)
@@ -144,7 +144,7 @@ class Bridge:
 
 
 class Wanted:
-    """Which messages are worth copying to the child: those that something draws, at the highest rate of what does."""
+    """Selects the messages to copy to the child: those that a panel draws, at the highest rate of these panels."""
 
     def __init__(self, panels: Sequence[Panel]) -> None:
         self._panels = panels
@@ -152,7 +152,7 @@ class Wanted:
         self._last: dict[tuple[str, ...], int] = {}
 
     def take(self, shown: Shown) -> bool:
-        """Whether a message is; one that is counts for the rate."""
+        """Whether to copy a message; a selected one counts for the rate."""
         kind = type(shown.message)
         if kind not in self._rates:
             rates = [panel.max_hz for panel in self._panels if issubclass(kind, panel.message)]

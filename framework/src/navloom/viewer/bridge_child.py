@@ -1,4 +1,4 @@
-"""The child's side of the bridge: draws what comes, into a file and for a viewer."""
+"""The child's side of the bridge: draws messages into a file and to a viewer."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from navloom.viewer.sinks import FileSink
 __all__ = ["serve"]
 
 FLUSH = 0.2
-"""s between deliveries of the time series."""
+"""Interval of time series deliveries, s."""
 
 
 def serve(order: ViewerOrder, inbox: Any, words: Connection) -> None:
-    """Draw until None comes, or until there is no parent any more. Never returns: the process ends here.
+    """Draw until None is received or the parent is gone. Never returns: the process ends here.
 
-    The end is abrupt on purpose: the SDK's own waits at exit for a viewer that may be frozen.
+    The abrupt end is intended: at a normal exit the SDK waits for a viewer that may be frozen.
     """
-    os.environ.setdefault("RUST_LOG", "off")  # a viewer that was closed is no error, and what we drop we count
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which says when it is over
+    os.environ.setdefault("RUST_LOG", "off")  # a closed viewer is not an error, and dropped messages are counted here
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C and ends this process
     os.nice(NICE)
     parent = os.getppid()
     try:

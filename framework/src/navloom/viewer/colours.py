@@ -1,4 +1,4 @@
-"""Colours that mean the same in every view. Okabe and Ito's, told apart with any colour vision."""
+"""Colours with the same meaning in every view: those of Okabe and Ito, which suit any colour vision."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ WHITE: Colour = (255, 255, 255, 255)
 GREY: Colour = (150, 150, 150, 255)
 
 ACTOR: tuple[Colour, ...] = (SKY, ORANGE, GREEN, PURPLE, YELLOW, VERMILION, BLUE)
-"""Of methods and shadows in the order they are named; those that read well on black come first."""
+"""Colours of methods and shadows in the order of their names; those that are legible on black come first."""
 PLAN, TRAJECTORY, DRIVEN = ORANGE, BLUE, VERMILION
-"""Lines of a robot that is alone, the same as in the picture that `run --out` writes."""
+"""Lines of a single robot, the same as in the picture that `run --out` writes."""
 BLOCKED, FREE = VERMILION, GREEN
 """Sectors of a polar histogram."""
 CLOUD: dict[str, Colour] = {
@@ -45,7 +45,7 @@ CLOUD: dict[str, Colour] = {
     "overhead": SKY,
     "below": PURPLE,
 }
-"""Points of a sweep, by what became of them."""
+"""Colours of a sweep's points by their class."""
 STATES: dict[str, Colour] = {
     "idle": (90, 90, 90, 255),
     "mapping": SKY,
@@ -64,9 +64,9 @@ STATES: dict[str, Colour] = {
     "steering": ORANGE,
     "trapped": VERMILION,
 }
-"""Lanes of the state timeline."""
+"""Colours of states in the state timeline."""
 
 
 def faded(colour: Colour, share: float) -> Colour:
-    """The same colour, less opaque."""
+    """The colour with an opacity of `share`."""
     return colour[0], colour[1], colour[2], round(255 * share)

@@ -1,4 +1,4 @@
-"""How decisions are drawn: what an avoider saw and chose, who drives, why nobody does, how a goal goes."""
+"""Draws decisions: an avoider's histogram and choice, the source that drives, stops with reasons, and goals."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ __all__ = ["avoider_status", "feedback", "gate_status", "goal_result", "handover
            "selection"]  # fmt: skip
 
 RING_UNIT, RING_MOST = 0.30, 2.0
-"""Length of a bar of the ring at the threshold, m, and the density, in thresholds, at which bars end."""
+"""Length of a ring bar at the threshold, m, and the density, in units of the threshold, at which bars are cut."""
 LEVELS = {"succeeded": "INFO", "cancelled": "INFO"}
 
 
 def avoider_status(message: AvoiderStatus, seen: Seen) -> Drawn:
-    """What an avoider decided on. Of a shadow state and bars; of robots side by side the choice as well; else all.
+    """Draw an avoider's decision: state and bars of a shadow, the choice too of robots side by side, else everything.
 
-    In ticks without diagnostics the last ones stay in the picture.
+    In ticks without diagnostics the last ones stay visible.
     """
     import rerun as rr
 
@@ -61,9 +61,9 @@ def avoider_status(message: AvoiderStatus, seen: Seen) -> Drawn:
 
 
 def _bars(what: AvoiderDiagnostics, seen: Seen) -> Any:
-    """Densities in units of the threshold by direction from the robot, deg, right positive.
+    """Densities in units of the threshold, by direction from the robot, deg, positive to the right.
 
-    The chart's axis grows to the right, and what is at the robot's left must be at the left of the picture.
+    The chart's axis increases to the right, so that the robot's left is at the left of the chart.
     """
     import rerun as rr
 
@@ -78,7 +78,7 @@ def _bars(what: AvoiderDiagnostics, seen: Seen) -> Any:
 
 
 def _window(what: AvoiderDiagnostics, seen: Seen) -> Drawn:
-    """The certainty window, the more certain the redder."""
+    """The certainty window; higher certainty is redder."""
     import rerun as rr
 
     if not what.window.size:
@@ -101,7 +101,7 @@ def _window(what: AvoiderDiagnostics, seen: Seen) -> Drawn:
 
 
 def _ring(what: AvoiderDiagnostics, seen: Seen) -> Drawn:
-    """Histogram and slots round the robot."""
+    """Histogram and slots around the robot."""
     import rerun as rr
 
     assert seen.pose is not None
@@ -117,7 +117,7 @@ def _ring(what: AvoiderDiagnostics, seen: Seen) -> Drawn:
 
 
 def _choice(what: AvoiderDiagnostics, seen: Seen) -> Any:
-    """An arrow to where it steers; none where it steers nowhere."""
+    """An arrow in the chosen direction; none if no direction is chosen."""
     import rerun as rr
 
     assert seen.pose is not None
@@ -130,7 +130,7 @@ def _choice(what: AvoiderDiagnostics, seen: Seen) -> Any:
 
 
 def handover(message: HandOver, seen: Seen) -> Drawn:
-    """When the avoider takes over, and when it hands back."""
+    """Log when the avoider takes over and when it hands back."""
     import rerun as rr
 
     name = seen.actor.name
@@ -145,7 +145,7 @@ def handover(message: HandOver, seen: Seen) -> Drawn:
 
 
 def gate_status(message: GateStatus, seen: Seen) -> Drawn:
-    """Who drives; a stop with its reason in words and what to do."""
+    """Draw the source that drives; log a stop with its reason in words and the remedy."""
     import rerun as rr
 
     from navloom.operating.looking import what_limits, who_drives, why_stopped
@@ -160,7 +160,7 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
     level = "INFO" if state == "standing" else "WARN"
     text = f"{name}: gate stops the robot: {why}" + (f"; {remedy}" if remedy and state == "stopped" else "")
     if state == "standing":
-        text = f"{name}: stands, {why}"
+        text = f"{name}: is stopped, {why}"
     yield f"/log/{name}/gate", Change(key, rr.TextLog(text, level=level) if key else None)
     slowed = f"{name}: gate slows the robot: {what_limits(message)}"
     if message.limit == "overridden":
@@ -172,14 +172,14 @@ def gate_status(message: GateStatus, seen: Seen) -> Drawn:
 
 
 def feedback(message: Feedback, seen: Seen) -> Drawn:
-    """What the goal is about."""
+    """Draw the state of the goal."""
     import rerun as rr
 
     yield seen.lane("goal"), Change(message.state, rr.StateChange(state=message.state))
 
 
 def goal_result(message: GoalResult, seen: Seen) -> Drawn:
-    """How a goal ended."""
+    """Log the result of a goal."""
     import rerun as rr
 
     place = f"({message.place.x:.2f}, {message.place.y:.2f})"
@@ -188,7 +188,7 @@ def goal_result(message: GoalResult, seen: Seen) -> Drawn:
 
 
 def recovery_request(message: RecoveryRequest, seen: Seen) -> Drawn:
-    """A recovery begins."""
+    """Log the start of a recovery."""
     import rerun as rr
 
     name = seen.actor.name
@@ -198,7 +198,7 @@ def recovery_request(message: RecoveryRequest, seen: Seen) -> Drawn:
 
 
 def selection(message: Selection, seen: Seen) -> Drawn:
-    """A swap."""
+    """Log a swap."""
     import rerun as rr
 
     if message.epoch:

@@ -1,4 +1,4 @@
-"""How poses, paths and commands are drawn."""
+"""Draws poses, paths and commands."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from navloom.viewer.shapes import arc_of_twist, at_height, stripes
 __all__ = ["command", "path", "plan_failure", "pose", "reference", "tracking_command", "trajectory", "truth"]
 
 AHEAD = 2.0
-"""s of driving that a command is drawn for."""
+"""Duration of driving for which a command is drawn, s."""
 SHADOW = 0.5
-"""Opacity of what a shadow draws."""
+"""Opacity of a shadow's drawings."""
 
 
 def transform(x: float, y: float, heading: float, frame: str) -> Any:
-    """Where a frame lies in the map."""
+    """Transform of a frame in the map frame."""
     import rerun as rr
 
     turn = rr.RotationAxisAngle([0.0, 0.0, 1.0], radians=heading)
@@ -38,7 +38,7 @@ def transform(x: float, y: float, heading: float, frame: str) -> Any:
 
 
 def pose(message: PoseEstimate, seen: Seen) -> Drawn:
-    """Where the robot believes to be, how fast it is, and how well that is known."""
+    """Draw the estimated pose and velocity, and log the localizer's state."""
     import rerun as rr
 
     at, twist, name = message.pose, message.twist, seen.actor.name
@@ -55,7 +55,7 @@ def pose(message: PoseEstimate, seen: Seen) -> Drawn:
 
 
 def truth(message: Truth, seen: Seen) -> Drawn:
-    """Where the robot really is: an outline where it is not where it believes, and the clearance."""
+    """Draw the true pose and the clearance, and log contacts."""
     import rerun as rr
 
     at, name = message.pose, seen.actor.name
@@ -70,12 +70,12 @@ def truth(message: Truth, seen: Seen) -> Drawn:
 
 
 def path(message: Path, seen: Seen) -> Drawn:
-    """The planner's answer."""
+    """Draw the planned path."""
     yield seen.in_map("plan"), _line(message.points, seen, PLAN, 0.02, 0.04)
 
 
 def plan_failure(message: PlanFailure, seen: Seen) -> Drawn:
-    """Where and why there is no path."""
+    """Draw the place where planning failed, and log the reason."""
     import rerun as rr
 
     words = message.kind.replace("_", " ")
@@ -86,12 +86,12 @@ def plan_failure(message: PlanFailure, seen: Seen) -> Drawn:
 
 
 def trajectory(message: Trajectory, seen: Seen) -> Drawn:
-    """What the controller follows."""
+    """Draw the trajectory that the controller follows."""
     yield seen.in_map("trajectory"), _line(message.samples[:, 1:3], seen, TRAJECTORY, 0.03, 0.06)
 
 
 def reference(message: Reference, seen: Seen) -> Drawn:
-    """The point steered to, and how far off the trajectory the robot is."""
+    """Draw the target point and the cross-track error."""
     import rerun as rr
 
     if seen.actor.is_shadow:
@@ -102,12 +102,12 @@ def reference(message: Reference, seen: Seen) -> Drawn:
 
 
 def command(message: Command, seen: Seen) -> Drawn:
-    """The gate's command as the way of the next two seconds; a shadow's as what it would have done."""
+    """Draw the gate's command as the motion of the next two seconds; for a shadow, its own command."""
     return _command(message.twist.vx, message.twist.wz, seen)
 
 
 def tracking_command(message: TrackingCommand, seen: Seen) -> Drawn:
-    """A controller's answer, drawn for shadows only: of the active one the gate's command says it."""
+    """Draw a shadow controller's command; for the active one the gate's command is drawn instead."""
     return _command(message.twist.vx, message.twist.wz, seen)
 
 
@@ -129,7 +129,7 @@ def _command(vx: float, wz: float, seen: Seen) -> Drawn:
 
 
 def _colour(seen: Seen, alone: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-    """A thing's own colour where one robot is in the picture, the robot's where there are several."""
+    """The object's own colour if there is a single robot, else the robot's colour."""
     return alone if seen.is_alone else seen.actor.colour
 
 

@@ -1,4 +1,4 @@
-"""How maps, sweeps and range scans are drawn."""
+"""Draws maps, sweeps and range scans."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ __all__ = ["BLENDED", "map_update", "range_scan", "sweep"]
 
 FREE, OCCUPIED = (226, 228, 230), (40, 44, 52)
 BLENDED = 0.99
-"""Opacity of a grid as a whole: at 1 the viewer takes its cells as opaque, whatever they say themselves."""
+"""Opacity of a whole grid; at 1 the viewer ignores the opacity of the cells."""
 UNIMPORTANT = 20000
-"""Points of one class that are drawn at most; of those kept for the map all are."""
+"""Most points of one class that are drawn; the class `kept` is drawn completely."""
 BEAM_HEIGHT = 0.25
-"""Where planar scans are drawn, m above the floor: messages do not say how high a sensor is."""
+"""Height at which planar scans are drawn, m above the floor; messages do not contain the sensor's height."""
 OF_CLOUD = {"kept": 0.028, "behind": 0.014, "floor": 0.008, "overhead": 0.012, "below": 0.02}
-"""Radius of a point by class, m."""
+"""Radius of the points of each class, m."""
 
 
 def map_update(message: MapUpdate, seen: Seen) -> Drawn:
-    """Cells, dark where occupied and clear where unknown, and outlines. Of a shadow or beside others only outlines."""
+    """Draw cells, dark if occupied and transparent if unknown, and outlines; for shadows or several robots outlines."""
     import rerun as rr
 
     if seen.is_alone and not seen.actor.is_shadow:
@@ -44,7 +44,7 @@ def map_update(message: MapUpdate, seen: Seen) -> Drawn:
 
 
 def sweep(message: Sweep, seen: Seen) -> Drawn:
-    """The cloud, parted by what the mapper made of each point. Not of several robots: their maps say enough."""
+    """Draw the point cloud, coloured by the mapper's classes; not for several robots, whose maps suffice."""
     import rerun as rr
 
     if not seen.is_alone or seen.actor.is_shadow:
@@ -70,7 +70,7 @@ def sweep(message: Sweep, seen: Seen) -> Drawn:
 
 
 def range_scan(message: RangeScan, seen: Seen) -> Drawn:
-    """Sonar cones out to their echo, faint where there is none; laser returns as points. Not of several robots."""
+    """Draw sonar cones up to their echo, faint without one, and laser returns as points; not for several robots."""
     import rerun as rr
 
     if not seen.is_alone or seen.actor.is_shadow:
@@ -78,7 +78,7 @@ def range_scan(message: RangeScan, seen: Seen) -> Drawn:
     echo = np.isfinite(message.ranges)
     is_cone = message.half_angles > 0.0
     if is_cone.any():
-        # Without an echo a cone is drawn to a third of its reach: enough to see that it looks there.
+        # A cone without an echo is drawn to a third of its range, which is enough to show its direction.
         shown = np.where(echo, message.ranges, 0.33 * message.range_max)[is_cone]
         outlines = cones(
             message.origins[is_cone], message.bearings[is_cone], message.half_angles[is_cone], shown, BEAM_HEIGHT
@@ -95,7 +95,7 @@ def range_scan(message: RangeScan, seen: Seen) -> Drawn:
 
 
 def _cell_colours(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """(rows, cols, 4): from light to dark by how occupied, transparent where unknown."""
+    """(rows, cols, 4) RGBA: from light to dark by occupancy, transparent where unknown."""
     share = np.clip(cells, 0, 100)[..., None] / 100.0
     colours = np.empty((*cells.shape, 4), dtype=np.uint8)
     colours[..., :3] = np.round(np.array(FREE) * (1.0 - share) + np.array(OCCUPIED) * share)

@@ -1,4 +1,4 @@
-"""From messages to what sinks are given: rates, frames, changes, the way driven, and the world as time goes on."""
+"""Turns messages into drawings for sinks: limits rates, sets frames, and draws tracks and the changing world."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from navloom.viewer.translate import BUILT_IN
 __all__ = ["Drawing", "Shown", "Sink"]
 
 DRIVEN_EVERY = 0.2
-"""s between the points of the line that shows where a robot drove."""
+"""Interval of the points of a driven track, s."""
 WORLD_EVERY = 0.1
-"""s between drawings of obstacles that move."""
+"""Interval of drawing moving obstacles, s."""
 TRACK = 4096
-"""Poses kept, to place what took a while to measure."""
+"""Number of poses that are kept to place sweeps, which take a while to measure."""
 
 
 class Shown(NamedTuple):
@@ -33,8 +33,10 @@ class Shown(NamedTuple):
 
     Attributes:
         variant: Name of the robot in the picture.
-        role, instance, port: Where it was published. active: By the active instance.
-        tick, stamp_ns: Of its envelope.
+        role, instance, port: The stream that it was published on.
+        active: Whether its instance is active.
+        message: The message.
+        tick, stamp_ns: Tick and stamp of its envelope.
     """
 
     variant: str
@@ -48,25 +50,25 @@ class Shown(NamedTuple):
 
 
 class Sink(Protocol):
-    """Where drawn things go."""
+    """Receiver of drawings: a file or a viewer."""
 
     def layout(self, blueprint: Any) -> None:
-        """What is shown where."""
+        """Set the layout."""
 
     def log(self, path: str, archetypes: Sequence[Any], tick: int | None, stamp_ns: int) -> None:
-        """Shapes of an entity at a time; tick None holds for all times."""
+        """Log shapes of an entity at a time; tick None means all times."""
 
     def series(
         self, path: str, ticks: NDArray[np.int64], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
     ) -> None:
-        """Numbers of a time series, (n,) each."""
+        """Add values to a time series, (n,) each."""
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Finish the output."""
 
 
 class _Robot:
-    """What is remembered of one robot of the picture."""
+    """State of one robot in the picture."""
 
     def __init__(self) -> None:
         self.pose: Any = None
@@ -78,9 +80,9 @@ class Drawing:
     """Draws the messages of one or several robots.
 
     Args:
-        facts: Who is in the picture.
-        sinks: Where it goes.
-        panels: Of plugins, besides the built-in ones.
+        facts: The robots in the picture.
+        sinks: Receivers of the drawings.
+        panels: Panels of plugins, in addition to the built-in ones.
     """
 
     def __init__(self, facts: Facts, sinks: Sequence[Sink], panels: Sequence[Panel] = ()) -> None:
@@ -100,7 +102,7 @@ class Drawing:
         self._world_drawn: tuple[float, list[str]] = (-math.inf, [])
 
     def begin(self) -> None:
-        """Layout and everything that does not change."""
+        """Send the layout and everything that does not change."""
         import rerun as rr
 
         from navloom.viewer.blueprint import blueprint
@@ -140,7 +142,7 @@ class Drawing:
                 self._draw(panel, shown, seen)
 
     def flush(self) -> None:
-        """Hand on what was gathered of the time series."""
+        """Send the collected values of the time series."""
         for path, rows in self._series.items():
             ticks, stamps, values = zip(*rows, strict=True)
             for sink in self.sinks:
@@ -148,19 +150,19 @@ class Drawing:
         self._series.clear()
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Send the remaining values and close the sinks."""
         self.flush()
         for sink in self.sinks:
             sink.close()
 
     def say(self, text: str, level: str, shown: Shown) -> None:
-        """One line of the log, of the viewer itself."""
+        """Log a message of the viewer itself."""
         import rerun as rr
 
         self._log("/log/viewer", (rr.TextLog(text, level=level),), shown.tick, shown.stamp_ns)
 
     def _place_at_start(self, shown: Shown) -> None:
-        """Every robot where it starts, from the first message on: a live one may have been up for hours."""
+        """Place every robot at its start at the time of the first message: a live one may have been up for hours."""
         self._is_placed = True
         for variant in self.facts.variants:
             start = variant.start
@@ -169,13 +171,13 @@ class Drawing:
                 self._log(path, (place,), shown.tick, shown.stamp_ns)
 
     def _actor(self, shown: Shown) -> Actor | None:
-        """Whose colour a message has; of an instance that waits, nothing is drawn."""
+        """The actor whose colour a message gets; None for a waiting instance, which is not drawn."""
         if shown.active:
             return self._actors[(shown.variant, "", "")]
         return self._actors.get((shown.variant, shown.role, shown.instance))
 
     def _seen(self, shown: Shown, robot: _Robot, actor: Actor, time: float) -> Seen:
-        # The track as an array only for the few that need it: it is long.
+        # Convert the long track to an array only for sweeps, which need it.
         track = np.array(robot.track, dtype=np.float64).reshape(-1, 4) if isinstance(shown.message, Sweep) else None
         newest = np.array(list(robot.track)[-1:], dtype=np.float64).reshape(-1, 4) if track is None else track
         return Seen(
@@ -195,7 +197,7 @@ class Drawing:
             return True
         key = (panel.name, shown.variant, f"{shown.role}/{shown.instance}", shown.port)
         last = self._last.get(key)
-        # A little early counts, so that 10 Hz of a 20 Hz stream is every second message in spite of rounding.
+        # Slightly early messages pass, so that 10 Hz of a 20 Hz stream is every second message despite rounding.
         if last is not None and 0 <= shown.stamp_ns - last < 0.99e9 / panel.max_hz:
             return False
         self._last[key] = shown.stamp_ns
@@ -206,7 +208,7 @@ class Drawing:
             for path, archetype in panel.to_rerun(shown.message, seen):
                 self._one(path, archetype, seen.actor, shown)
         except Exception as error:
-            # A panel that fails is drawn no more; the others, and the run, go on.
+            # A failing panel is no longer drawn; the others and the run continue.
             self.broken[panel.name] = f"panel {panel.name} failed: {type(error).__name__}: {error}"
             self.say(self.broken[panel.name], "ERROR", shown)
 
@@ -231,7 +233,7 @@ class Drawing:
         self._log(path, (archetype,), shown.tick, shown.stamp_ns)
 
     def _drive_on(self, shown: Shown, robot: _Robot, actor: Actor, time: float) -> None:
-        """One more piece of the line a robot drove: the truth's where there is one."""
+        """Extend the driven track by one piece, from the ground truth if there is one."""
         import rerun as rr
 
         has_truth = self._variants[shown.variant].has_truth
@@ -249,7 +251,7 @@ class Drawing:
             self._one(f"/run/{actor.name}/driven", shape, actor, shown)
 
     def _draw_world(self, shown: Shown, time: float) -> None:
-        """Obstacles that move or appear, for the first robot's time."""
+        """Draw obstacles that move or appear, at the first robot's time."""
         if isinstance(shown.message, Sweep) and shown.message.request_id > 0:
             self._sweep_ended = True
         before, names = self._world_drawn

@@ -1,4 +1,4 @@
-"""Whether the viewer is installed, and what to say where it is not."""
+"""Checks that the viewer is installed, and its errors."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ class ViewerError(ConfigError):
 
 
 class ViewerLost(NavloomError):
-    """The viewer failed while something was shown: what was asked for was right, and has been done but for that."""
+    """The viewer failed while it showed a run: the request was valid and everything else has been done."""
 
     exit_code = 1
 
 
 def need_rerun() -> None:
-    """Raises ViewerError that names the extra where rerun is missing."""
+    """Raise ViewerError that names the extra to install if rerun is missing."""
     try:
         import_module("rerun")
     except ImportError:

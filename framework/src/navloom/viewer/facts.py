@@ -1,4 +1,4 @@
-"""What a viewer is told before the first message: who is in the picture, where, and what they are."""
+"""What a viewer knows before the first message: the robots in the picture, their places and plugins."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ if TYPE_CHECKING:
 __all__ = ["LANES", "Actor", "Facts", "SweepRule", "Variant", "actors_of", "facts_of"]
 
 UNKNOWN_RADIUS = 0.2
-"""Of the disc that stands for a robot whose footprint is not known, m."""
+"""Radius of the disc for a robot with an unknown footprint, m."""
 
 
 @dataclass(frozen=True)
 class SweepRule:
-    """How a mapper parts the points of a sweep: those of its parameters that say so, as of `ipabd`.
+    """How a mapper classifies the points of a sweep: the parameters of `ipabd` that define it.
 
     Attributes:
-        floor_tolerance, z_limit: Points within the first of the floor are floor, above the second overhead, m.
-        minimum_first: The nearest of each bearing is taken before the heights are looked at, as the paper prints it.
-        min_range, max_range_tolerance: Readings that do not count, m, besides the sensor's own limits.
+        floor_tolerance: Points within this height of the floor are floor, m.
+        z_limit: Points above this height are overhead, m.
+        minimum_first: Whether the nearest point of each bearing is chosen before the heights are tested, as in the
+            paper.
+        min_range, max_range_tolerance: Margins of the valid range in addition to the sensor's limits, m.
         geometry: "as_sweep", "paper" or "rigid_pitch".
     """
 
@@ -47,14 +49,17 @@ class Variant:
     """One robot of the picture.
 
     Attributes:
-        name: Of the method, or of the robot where there is only one.
-        plugins: What fills each role, by role, for the legend.
+        name: Name of the method, or of the robot if there is only one.
+        plugins: Plugin by role, for the legend.
         instances: Active instance of each role at the start.
         shadows: (role, instance) of alternatives.
-        footprint: (n, 2) m, base frame. height: m.
-        start: Pose in the map. goal: x, y, m, or None. goal_tolerance: m.
-        sweep_rule: How its mapper parts points.
-        has_truth: There is a world, so that the simulator knows where the robot is.
+        footprint: (n, 2) m, base frame.
+        height: Height of the robot, m.
+        start: Start pose, map frame.
+        goal: x, y, m, map frame, or None.
+        goal_tolerance: Tolerance of the goal, m.
+        sweep_rule: How its mapper classifies points.
+        has_truth: Whether there is a world, so that the simulator knows the true pose.
     """
 
     name: str
@@ -72,13 +77,13 @@ class Variant:
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """All of it.
+    """Everything that a viewer knows before the first message.
 
     Attributes:
-        title: Shown as the name of the recording.
-        variants: At least one. Where there is only one, it is drawn in the colours of `run --out`.
-        world: Ground truth, or None.
-        period: Control tick, s.
+        title: Name of the recording in the viewer.
+        variants: At least one robot. A single one is drawn in the colours of `run --out`.
+        world: The true world, or None.
+        period: Control period, s.
     """
 
     title: str
@@ -89,10 +94,13 @@ class Facts:
 
 @dataclass(frozen=True)
 class Actor:
-    """A variant, or one of its shadows: what has a colour of its own.
+    """A variant, or one of its shadows: anything with its own colour.
 
     Attributes:
-        name: As shown, and in paths. variant: Whose it is, itself for one.
+        name: Displayed name, also used in entity paths.
+        variant: Name of the variant that it belongs to.
+        colour: Its colour.
+        is_shadow: Whether it is a shadow.
     """
 
     name: str
@@ -101,16 +109,16 @@ class Actor:
     is_shadow: bool
 
     def lane(self, name: str, is_alone: bool) -> str:
-        """Entity path of a lane. The viewer shows it as the lane's name: a robot that is alone needs no name in it."""
+        """Entity path of a lane. The viewer shows it as the lane's name, so a single robot's name is left out."""
         return f"/{name}" if is_alone and not self.is_shadow else f"/{self.name}/{name}"
 
 
 LANES = ("goal", "driver", "avoider")
-"""Of the state timeline, for each robot; a shadow has the last one."""
+"""Lanes of each robot in the state timeline; a shadow has only the last one."""
 
 
 def actors_of(facts: Facts) -> dict[tuple[str, str, str], Actor]:
-    """By (variant, role, instance): its actor. ("", "") for role and instance is the variant itself."""
+    """Actors by (variant, role, instance); role and instance ("", "") mean the variant itself."""
     single = len(facts.variants) == 1
     named: list[tuple[tuple[str, str, str], str, bool]] = []
     for variant in facts.variants:
@@ -126,14 +134,14 @@ def actors_of(facts: Facts) -> dict[tuple[str, str, str], Actor]:
 
 
 def facts_of(systems: Mapping[str, System], title: str) -> Facts:
-    """The facts of assembled configs, by the name each is shown under; the first one's world is drawn."""
+    """The facts of assembled configs, by their displayed names; the world of the first one is drawn."""
     variants = tuple(_variant(name, system) for name, system in systems.items())
     first = next(iter(systems.values()))
     return Facts(title, variants, first.world, first.config.run.period)
 
 
 def unknown_robot(name: str, roles: Mapping[str, str], shadows: tuple[tuple[str, str], ...] = ()) -> Variant:
-    """A robot of which nothing but its nodes is known: a small disc."""
+    """A robot of which only the nodes are known, drawn as a small disc."""
     turns = np.linspace(0.0, math.tau, 16, endpoint=False)
     disc = UNKNOWN_RADIUS * np.column_stack([np.cos(turns), np.sin(turns)])
     return Variant(name, disc, 0.3, Pose2D(0.0, 0.0, 0.0), None, 0.2, roles, roles, shadows)
@@ -157,7 +165,7 @@ def _variant(name: str, system: System) -> Variant:
 
 
 def _sweep_rule(params: Any, height: float) -> SweepRule:
-    """Read off a mapper's parameters by name; the paper's where it has none of that name."""
+    """The rule from a mapper's parameters by name; a missing parameter has the paper's value."""
     z_limit = getattr(params, "z_limit", None)
     return SweepRule(
         floor_tolerance=getattr(params, "floor_tolerance", 0.06),

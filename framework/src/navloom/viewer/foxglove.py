@@ -1,4 +1,4 @@
-"""A robot for Foxglove and Lichtblick: what it says, in the frames map, odom and base_link, over a local socket."""
+"""Serves a robot's messages to Foxglove and Lichtblick, in the frames map, odom and base_link, over a local socket."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ __all__ = ["FoxgloveServer"]
 
 Floats = NDArray[np.float64]
 KEPT = frozenset({"/map", "/plan", "/trajectory", "/gate"})
-"""Topics whose last message is given to each program that joins."""
+"""Topics whose last message is sent to each program that joins."""
 MOST_POSES = 200
-"""Poses of a line; longer ones are thinned."""
+"""Most poses of a line; longer lines are thinned."""
 
 
 class FoxgloveServer:
-    """Serves the messages of active instances. A program that is slow loses the oldest of them, and slows nobody.
+    """Serves the messages of active instances. A slow program loses the oldest messages and delays nothing.
 
     Args:
-        name: Of the robot, as it is shown.
-        host, port: Where to listen; port 0 for a free one.
+        name: Displayed name of the robot.
+        host, port: Address to listen at; port 0 takes a free one.
 
     Raises:
-        ViewerError: The package is not installed, or the address cannot be listened at.
+        ViewerError: The package is not installed, or the server cannot listen at the address.
     """
 
     def __init__(self, name: str, host: str, port: int) -> None:
@@ -53,7 +53,7 @@ class FoxgloveServer:
         repeat = self._repeat
 
         class Greeter(foxglove.ServerListener):  # type: ignore[misc,name-defined]
-            """Is told, in a thread of the server, of each topic that a program subscribes to."""
+            """Receives each new subscription of a program, on a thread of the server."""
 
             def on_subscribe(self, client: Any, channel: Any) -> None:
                 repeat(channel.topic)
@@ -72,7 +72,7 @@ class FoxgloveServer:
         self.address = f"ws://{host}:{self._server.port}"
 
     def put(self, shown: Shown) -> None:
-        """Pass a message on, where it is of an active instance and has a picture there."""
+        """Send a message if its instance is active and there is a display for it."""
         if not shown.active:
             return
         message, at = shown.message, shown.stamp_ns
@@ -98,11 +98,11 @@ class FoxgloveServer:
             self._log("/gate", "Log", at, level=level, message=said, name="gate")
 
     def close(self) -> None:
-        """End it; programs that are joined are told."""
+        """Stop the server and disconnect its programs."""
         self._server.stop()
 
     def _log(self, topic: str, kind: str, at: int, **values: Any) -> None:
-        """A message of one of Foxglove's own kinds."""
+        """Send a message of a Foxglove schema."""
         import foxglove.channels
 
         if topic not in self._channels:
@@ -114,13 +114,13 @@ class FoxgloveServer:
         self._channels[topic].log(made, log_time=at)
 
     def _repeat(self, topic: str) -> None:
-        """Give who joins late what is said seldom."""
+        """Send the last message of a rarely published topic to late joiners."""
         kept = self._kept.get(topic)
         if kept is not None:
             self._channels[topic].log(kept[0], log_time=kept[1])
 
     def _json(self, topic: str, values: dict[str, float], at: int) -> None:
-        """Numbers, to be plotted."""
+        """Send numbers for plots."""
         import foxglove
 
         if topic not in self._channels:
@@ -133,7 +133,7 @@ class FoxgloveServer:
                   translation=place, rotation=turn)  # fmt: skip
 
     def _locate(self, pose: Pose2D, at: int) -> None:
-        """Where the odometry's frame is in the map: the pose by the localizer, after the way back by odometry."""
+        """Send the odometry frame's pose in the map: the localizer's pose times the inverse of the odometry pose."""
         self._log("/pose", "PoseInFrame", at, frame_id="map", pose=self._pose(pose))
         if self._odom is None:
             return
@@ -154,7 +154,7 @@ class FoxgloveServer:
                   point_stride=12, fields=fields, data=points.tobytes())  # fmt: skip
 
     def _map(self, update: MapUpdate, at: int) -> None:
-        """Free white, occupied black, unknown transparent."""
+        """Send a map: free white, occupied black, unknown transparent."""
         grid = update.grid
         shade = (255 - np.clip(grid.cells, 0, 100).astype(np.int32) * 255 // 100).astype(np.uint8)
         pixels = np.stack([shade, shade, shade, np.where(grid.cells < 0, 0, 255).astype(np.uint8)], axis=-1)

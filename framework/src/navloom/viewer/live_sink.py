@@ -1,4 +1,4 @@
-"""A sink for a viewer that may be slow, frozen, absent, killed or started again: who draws never waits for it."""
+"""A sink for a viewer that may be slow, frozen, absent, killed or restarted: drawing never waits for it."""
 
 from __future__ import annotations
 
@@ -20,25 +20,24 @@ from navloom.viewer.sinks import send, send_series, stream
 __all__ = ["LiveSink"]
 
 MOST_BYTES, MOST_ITEMS = 64 * 2**20, 50_000
-"""That wait for the viewer at most; then the oldest go."""
+"""Most bytes, and most items, that wait for the viewer; beyond that the oldest are dropped."""
 LOOK = 0.25
-"""s between looks at whether a viewer is there."""
+"""Interval of checks for a viewer, s."""
 
 Send = Callable[[Any], None]
 
 
 class LiveSink:
-    """Sends to a viewer from a thread of its own.
+    """Sends drawings to a viewer from a separate thread.
 
-    The rerun SDK blocks while a viewer does not read, and does not connect again: so the sending thread is one that
-    may be lost, a connection of our own tells when a viewer has gone, and the next viewer is given a new stream with
-    the scene as it is.
+    The rerun SDK blocks while a viewer does not read, and does not reconnect. So the sending thread is expendable, a
+    separate connection detects when a viewer has gone, and the next viewer gets a new stream with the current scene.
 
     Args:
-        url: Of the viewer.
-        title: Shown as the recording's name.
-        recording_id: The same for the same run.
-        patience: s that `log` and `series` wait for room before something old is dropped: 0 for live ones.
+        url: URL of the viewer.
+        title: Name of the recording in the viewer.
+        recording_id: Identifier, equal for the same run.
+        patience: Longest wait of `log` and `series` for room before old items are dropped, s: 0 for live runs.
     """
 
     def __init__(self, url: str, title: str, recording_id: str, patience: float = 0.0) -> None:
@@ -56,31 +55,31 @@ class LiveSink:
         self._watcher.start()
 
     def layout(self, blueprint: Any) -> None:
-        """What is shown where; each new viewer is told."""
+        """Set the layout; each new viewer gets it too."""
         with self._changed:
             self._layout = lambda to: to.send_blueprint(blueprint)
         self._put(self._layout, 4096)
 
     def log(self, path: str, archetypes: Sequence[Any], tick: int | None, stamp_ns: int) -> None:
-        """Shapes of an entity."""
+        """Log shapes of an entity."""
 
         def act(to: Any) -> None:
             send(to, path, archetypes, tick, stamp_ns)
 
         if not path.startswith("/log/"):
             with self._changed:
-                # What holds for all times and the last of the others is what a new viewer is shown first.
+                # A new viewer first gets all static shapes and the last ones of the other entities.
                 self._scene[path if tick is not None else f"{path} {len(archetypes)} static"] = act
         self._put(act, _size(archetypes))
 
     def series(
         self, path: str, ticks: NDArray[np.int64], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
     ) -> None:
-        """Numbers of a time series."""
+        """Add values to a time series."""
         self._put(lambda to: send_series(to, path, ticks, stamps_ns, values), 256 + 24 * len(values))
 
     def close(self, patience: float = 5.0) -> None:
-        """Wait, but no longer than this, for a viewer that is there to have got everything."""
+        """Wait, at most `patience` seconds, until a connected viewer has received everything."""
         limit = time.monotonic() + patience
         with self._changed:
             self._closing = True
@@ -105,7 +104,7 @@ class LiveSink:
         return self._bytes + size <= MOST_BYTES and len(self._waiting) + items <= MOST_ITEMS
 
     def _watch(self) -> None:
-        """Hold a connection of our own; where it breaks the viewer has gone, and the next one gets a new stream."""
+        """Hold a separate connection; when it breaks, the viewer has gone and the next one gets a new stream."""
         while not self._is_done():
             try:
                 canary = socket.create_connection((self.host, self.port), LOOK)
@@ -134,7 +133,7 @@ class LiveSink:
         sender.start()
 
     def _send_on(self, generation: int, scene: Sequence[Send | None]) -> None:
-        """Send what waits, until this connection is no longer the one that holds. May block for ever."""
+        """Send waiting items until this connection is no longer the current one. It may block forever."""
         to = stream(self.title, self.recording_id)
         to.connect_grpc(self.url)
         to.send_recording_name(self.title)
@@ -165,7 +164,7 @@ class LiveSink:
 
 
 def _has_ended(canary: socket.socket) -> bool:
-    """Whether the other end has closed; waits a little for it."""
+    """Whether the other end has closed; waits up to `LOOK` seconds."""
     readable, _, _ = select.select([canary], [], [], LOOK)
     if not readable:
         return False
@@ -175,7 +174,7 @@ def _has_ended(canary: socket.socket) -> bool:
 
 
 def _size(archetypes: Sequence[Any]) -> int:
-    """Bytes of shapes, roughly."""
+    """Approximate size of shapes, bytes."""
     return 256 + sum(
         int(batch.as_arrow_array().nbytes) for shape in archetypes for batch in shape.as_component_batches()
     )

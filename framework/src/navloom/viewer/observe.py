@@ -1,4 +1,4 @@
-"""Looking on at lockstep runs: what is to be drawn is gathered in the tick, and handed on between ticks."""
+"""Observes lockstep runs for a viewer: collects messages in the tick and passes them on between ticks."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ __all__ = ["Gathering"]
 
 
 class Gathering:
-    """An observer that costs a tick no more than a list's append; `drain` takes what has come since.
+    """An observer that costs only a list append in the tick; `drain` passes the collected messages on.
 
     Args:
         variant: Name of the run in the picture.
-        take: Given every message, in order, by `drain`.
+        take: Called with every message, in order, by `drain`.
     """
 
     wants: frozenset[tuple[str, str]] | None = None
@@ -26,14 +26,14 @@ class Gathering:
         self._kept: list[Shown] = []
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Keep it: messages never change."""
+        """Store a message; messages are immutable."""
         self._kept.append(Shown(self.variant, role, instance, active, port, message, at.tick, at.stamp_ns))
 
     def on_step(self, record: StepRecord) -> None:
-        """Not asked for."""
+        """Never called: `wants_steps` is false."""
 
     def drain(self) -> None:
-        """Hand on what has come; between ticks, where it costs none of them anything."""
+        """Pass the collected messages on. Call it between ticks, so that it does not count as part of one."""
         kept, self._kept = self._kept, []
         for shown in kept:
             self.take(shown)

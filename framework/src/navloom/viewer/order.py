@@ -1,4 +1,4 @@
-"""What the process that draws is asked for, and how it gives way: known to both sides of the bridge."""
+"""Task and niceness of the drawing process, shared by both sides of the bridge."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from navloom.viewer.facts import Facts
 __all__ = ["NICE", "ViewerOrder"]
 
 NICE = 10
-"""Niceness of whatever shows a run: what drives on the same host comes first."""
+"""Niceness of processes that show a run, so that those that drive on the same host have priority."""
 
 
 @dataclass(frozen=True)
 class ViewerOrder:
-    """What the child is to do.
+    """Task of the child process.
 
     Attributes:
-        facts: Who is in the picture.
+        facts: The robots in the picture.
         file: .rrd file to write, or None.
-        url: Of a viewer, or None.
-        recording_id: The same for the same run.
+        url: URL of a viewer, or None.
+        recording_id: Identifier, equal for the same run.
         blocked: Plugins that count as not installed.
-        patience: s to wait for a viewer that is slower than the run; 0 for live robots.
+        patience: Longest wait for a viewer that is slower than the run, s; 0 for live robots.
     """
 
     facts: Facts

@@ -1,4 +1,4 @@
-"""What a viewer panel is: how one type of message becomes a picture. Plugins add theirs by the same door."""
+"""Viewer panels: how messages of one type are drawn. Plugins register theirs like the built-in ones."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 __all__ = ["Change", "Drawn", "Panel", "Seen", "panels_of"]
 
 Drawn = Iterable[tuple[str, Any]]
-"""Entity paths and rerun archetypes, or such in a `Change`."""
+"""Pairs of entity path and rerun archetype, or archetype in a `Change`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """Something that is drawn only where its key is not that of the last one of the same path: a state, a log line."""
+    """A drawing that is sent only if its key differs from the last one of the same path: a state, a log line."""
 
     key: str
     archetype: Any
@@ -31,17 +31,18 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is known when a message is drawn.
+    """Context for drawing a message.
 
     Attributes:
-        actor: Whose message it is: a robot, or one of its shadow instances; has `name`, `colour` and `is_shadow`.
-        robot: The robot it belongs to: `footprint`, `height`, `goal`, `sweep_rule`.
-        role, instance, port: Where it was published.
-        pose: Newest estimate of base in the map frame, or None before the first.
-        track: (n, 4) recent poses: run clock, s, x, y, m, heading, rad, rising; at least one row once there is a pose.
-        is_alone: No other robot is in the picture, so that colours may tell things apart instead of robots.
+        actor: The robot or shadow that published it, with `name`, `colour` and `is_shadow`.
+        robot: The robot it belongs to, with `footprint`, `height`, `goal` and `sweep_rule`.
+        role, instance, port: The stream that it was published on.
+        pose: Newest estimate of base in the map frame, or None before the first one.
+        track: (n, 4) recent poses: run clock, s, increasing; x, y, m; heading, rad. At least one row after the first
+            pose.
+        is_alone: Whether this is the only robot in the picture, so that colours may distinguish objects, not robots.
         time: Run clock, s.
-        stripe: Which of how many robots: each draws its share of a line that others may have at the same place.
+        stripe: Index of the robot and number of robots: each draws its share of a line that several may have in common.
     """
 
     actor: Actor
@@ -60,11 +61,11 @@ class Seen:
         return self.actor.lane(name, self.is_alone)
 
     def in_map(self, name: str) -> str:
-        """Entity path of something in the map frame, as `plan`."""
+        """Entity path of an object in the map frame, as `plan`."""
         return f"/run/{self.actor.name}/{name}"
 
     def in_base(self, name: str) -> str:
-        """Entity path of something in the base frame of the robot, as `sonars`: it moves with the robot."""
+        """Entity path of an object in the base frame, as `sonars`; it moves with the robot."""
         return f"/run/{self.actor.name}/base/{name}"
 
 
@@ -73,11 +74,12 @@ class Panel:
     """How the messages of one type are drawn.
 
     Attributes:
-        name: By which it is asked for; lower case letters, digits and _.
-        message: The type, or a base class of the types.
-        to_rerun: Pure: gives entity paths and rerun archetypes. Paths as of `Seen.in_map` and `Seen.in_base`.
-        max_hz: More messages a second of robot time than this are left out, of each stream on its own.
-        view: Makes a `rerun.blueprint` view for what it draws outside the 3D view; None where there is none.
+        name: Its name: lower case letters, digits and _.
+        message: The type of message, or a base class of several types.
+        to_rerun: Pure function that gives entity paths and rerun archetypes. For paths use `Seen.in_map` and
+            `Seen.in_base`.
+        max_hz: Largest rate of drawn messages for each stream, in robot time, Hz.
+        view: Makes a `rerun.blueprint` view for drawings outside the 3D view; None for none.
     """
 
     name: str
@@ -88,7 +90,7 @@ class Panel:
 
 
 def panels_of(discovery: Discovery) -> tuple[Sequence[Panel], list[str]]:
-    """The panels of plugins, in order of name, and what is wrong with those that cannot be used: none stops a run."""
+    """The panels of plugins, in order of name, and a message for each unusable one; these do not stop a run."""
     found: list[Panel] = []
     wrong: list[str] = []
     for name in discovery.names("panel"):

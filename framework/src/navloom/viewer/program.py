@@ -1,4 +1,4 @@
-"""The viewer's own program: started on the loopback only, and found where it runs already."""
+"""The viewer's program: started on the loopback interface only, or found where it already runs."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ __all__ = ["HOST", "Program", "address_of", "claimed_port", "is_up", "need_displ
 HOST = "127.0.0.1"
 PORT, WEB_PORT = 9876, 9090
 TRIES = 20
-"""Ports that are tried where the wanted one is taken."""
+"""Number of ports that are tried if the wanted one is taken."""
 STARTED = 30.0
-"""s a viewer may take until it listens."""
+"""Longest startup of a viewer until it listens, s."""
 WINDOW = 2.0
-"""s within which a viewer that cannot open a window ends: it listens first."""
+"""Time within which a viewer that cannot open a window ends, s; it listens before that."""
 WINDOWLESS = {"--headless", "--serve-grpc"}
-"""Options of the viewer's program that make it open no window."""
+"""Options of the viewer's program with which it opens no window."""
 SERVED, KEPT = "--web serves the viewer to a browser", "--rerun F.rrd keeps what it would show in a file"
 LAUNCH = """
 import os, sys
@@ -38,13 +38,13 @@ from navloom.hosting.process import die_with_parent
 die_with_parent(int(sys.argv[1]))
 os.execv(sys.argv[2], sys.argv[2:])
 """
-"""Runs a program that ends with the process that started it, however that ends."""
+"""Python source that runs a program that ends with its parent process, even if the parent is killed."""
 MEMORY = "1GiB"
-"""Of what a viewer is shown, after which it forgets the oldest; it takes about twice that."""
+"""Memory limit of a viewer, beyond which it drops the oldest data; it uses about twice that."""
 
 
 def address_of(url: str) -> tuple[str, int]:
-    """Host and port of a viewer's URL, as rerun+http://127.0.0.1:9876/proxy, or of HOST:PORT.
+    """Host and port from a viewer's URL, as rerun+http://127.0.0.1:9876/proxy, or from HOST:PORT.
 
     Raises:
         ViewerError: Neither of them.
@@ -60,7 +60,7 @@ def address_of(url: str) -> tuple[str, int]:
 
 
 def is_up(host: str, port: int, patience: float = 0.3) -> bool:
-    """Somebody listens there."""
+    """Whether a program listens there."""
     try:
         socket.create_connection((host, port), patience).close()
     except OSError:
@@ -70,10 +70,10 @@ def is_up(host: str, port: int, patience: float = 0.3) -> bool:
 
 @contextmanager
 def claimed_port(wanted: int) -> Iterator[int]:
-    """A port of the loopback, the wanted one where it is free, else any: nobody else is given it here meanwhile.
+    """Reserve a loopback port, the wanted one if it is free, else any, for the duration of a `with` statement.
 
-    A program takes a while until it listens. Till then its port's twin of UDP, which nobody uses, tells that it is
-    taken: two viewers that start at once would be one otherwise, and show both runs.
+    A program takes a while until it listens. Until then the UDP port of the same number, which is otherwise unused,
+    marks the port as taken. Without this, two viewers started at once would share a port and show both runs.
 
     Raises:
         ViewerError: No port is free.
@@ -94,10 +94,10 @@ def claimed_port(wanted: int) -> Iterator[int]:
 
 
 def need_display(keeps: bool = True) -> None:
-    """Raises ViewerError that names the other ways where no window can be opened, which only Linux tells beforehand.
+    """Raise ViewerError that names the alternatives if no window can be opened; only Linux tells that in advance.
 
     Args:
-        keeps: There is something to keep in a file.
+        keeps: Whether a file is an alternative too.
     """
     names = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in names):
@@ -106,15 +106,15 @@ def need_display(keeps: bool = True) -> None:
 
 
 class Program:
-    """A viewer that was started here. A window stays open when its command ends; a web server ends with it.
+    """A viewer started by this process. A window stays open when the command ends; a web server ends with it.
 
     Args:
         web: Serve it to a browser instead of opening a window.
-        files: Opened at the start.
+        files: Files to open at the start.
         options: Further options of the program, for tests: `--headless`.
 
     Raises:
-        ViewerError: It is not installed, or ended before it listened.
+        ViewerError: The viewer is not installed, or ended before it listened.
     """
 
     def __init__(self, web: bool = False, files: Sequence[Path] = (), options: Sequence[str] = ()) -> None:
@@ -136,9 +136,9 @@ class Program:
         if self.web_port is not None:
             command += ["--serve-web", "--web-viewer-port", str(self.web_port)]
             command = [sys.executable, "-c", LAUNCH, str(os.getpid()), *command]
-        # CI: the viewer's makers count who uses it, over the net, but not there. Nothing of a robot's host calls home.
+        # CI=1 turns off the viewer's usage statistics: a robot's host must not send any.
         environment = {**os.environ, "CI": "1"}
-        # A group of its own, so that Ctrl-C ends the command and leaves what there is to see.
+        # A separate process group, so that Ctrl-C ends the command but not the viewer.
         self.process = subprocess.Popen(
             [*command, *map(str, files)], stdin=subprocess.DEVNULL, stdout=self._words, stderr=self._words,
             start_new_session=True, env=environment,
@@ -146,21 +146,21 @@ class Program:
 
     @property
     def url(self) -> str:
-        """Where to send what is to be seen."""
+        """URL to send drawings to."""
         return f"rerun+http://{HOST}:{self.port}/proxy"
 
     @property
     def page(self) -> str | None:
-        """Where a browser finds it; None of a window."""
+        """URL for a browser; None for a window."""
         if self.web_port is None:
             return None
         return f"http://{HOST}:{self.web_port}?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self.port}%2Fproxy"
 
     def await_window(self) -> None:
-        """Wait until a viewer that cannot open its window would have ended.
+        """Wait long enough that a viewer without a window would have ended.
 
         Raises:
-            ViewerError: It ended.
+            ViewerError: The viewer ended.
         """
         if not self._opens_window:
             return
@@ -170,14 +170,14 @@ class Program:
             raise ViewerError(self._no_window())
 
     def _no_window(self) -> str:
-        """Why there is no window, and what to do."""
+        """Message: why there is no window, and what to do."""
         return f"the viewer opens no window: {self._last_words()}; {SERVED}, {KEPT}"
 
     def leave(self, say: Callable[[str], None], serves: bool = True) -> None:
-        """Leave a window open; of a web server, serve until Ctrl-C, or not at all, and end it.
+        """Leave a window open; for a web server, serve until Ctrl-C if `serves`, then end it.
 
         Raises:
-            ViewerLost: It ended with an error before.
+            ViewerLost: The viewer ended with an error before.
         """
         if self.process.poll():
             raise ViewerLost(f"the viewer ended: {self._last_words()}")
@@ -213,11 +213,11 @@ class Program:
             time.sleep(0.05)
 
     def _listens(self) -> bool:
-        """On the port for what is to be seen and, of a web server, on the page's too, which it opens later."""
+        """Whether it listens for drawings and, as a web server, on the port of the page, which opens later."""
         return is_up(HOST, self.port) and (self.web_port is None or is_up(HOST, self.web_port))
 
     def _last_words(self) -> str:
         self._words.seek(0)
         lines = [line.strip() for line in self._words.read().decode(errors="replace").splitlines() if line.strip()]
-        # Of an error without the line of the viewer's own source.
+        # The last line of the output, without the position in the viewer's source.
         return re.sub(r"^.*\.rs:\d+: ", "", lines[-1]) if lines else f"exit code {self.process.returncode}"

@@ -1,4 +1,4 @@
-"""What is in the picture from the start: the world, the robots' bodies, names, colours and the legend."""
+"""Draws what is known from the start: the world, the robots' bodies, names, colours and the legend."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from navloom.viewer.shapes import at_height, prism, rgba_cells
 __all__ = ["bodies", "changing", "legend", "obstacles", "present", "series_styles", "standing", "state_styles"]
 
 NAME = 0.7
-"""Height of the names of start and goal, m: below it they would hide what they name."""
+"""Height of the labels of start and goal, m; lower ones would hide the marks."""
 METRICS = ("speed", "turn_rate", "clearance", "cross_track")
 
 
 def standing(facts: Facts) -> Iterator[tuple[str, Any]]:
-    """The part of the world that is there from the start and never moves, and the world's raster."""
+    """The static part of the world, and the world's raster."""
     if facts.world is not None:
         if facts.world.raster is not None:
             yield "/world/building", _raster(facts.world.raster)
@@ -29,12 +29,12 @@ def standing(facts: Facts) -> Iterator[tuple[str, Any]]:
 
 
 def changing(facts: Facts) -> list[Obstacle]:
-    """Obstacles that move or appear."""
+    """Obstacles that move or appear later."""
     return [] if facts.world is None else [o for o in facts.world.obstacles if _changes(o)]
 
 
 def obstacles(facts: Facts, chosen: Sequence[Obstacle], time: float, suffix: str) -> Iterator[tuple[str, Any]]:
-    """Boxes and cylinders at a run time, s: those in the robot's way, and those that only hang above it."""
+    """Boxes and cylinders at a run time, s: those at the robot's height, and those above it."""
     import rerun as rr
 
     height = max(variant.height for variant in facts.variants)
@@ -57,12 +57,12 @@ def obstacles(facts: Facts, chosen: Sequence[Obstacle], time: float, suffix: str
 
 
 def present(chosen: Sequence[Obstacle], time: float, sweep_ended: bool) -> list[Obstacle]:
-    """Those that have appeared."""
+    """The obstacles that have appeared."""
     return [o for o in chosen if is_present(o, time, sweep_ended)]
 
 
 def bodies(facts: Facts) -> Iterator[tuple[str, str, Any]]:
-    """Path, frame and shape of each robot, its name above it, start and goal."""
+    """Path, frame and shape of each robot and its label, and of the starts and goals."""
     actors = actors_of(facts)
     for variant in facts.variants:
         yield from _body(variant, actors[(variant.name, "", "")])
@@ -92,7 +92,7 @@ def _body(variant: Variant, actor: Actor) -> Iterator[tuple[str, str, Any]]:
 
 
 def _label(places: Sequence[tuple[float, ...]], names: Sequence[str], colour: Colour) -> Any:
-    """Names on points too small to be seen: a label of a shape is as faint as the shape."""
+    """Labels on invisible points, because a label is only as opaque as its shape."""
     import rerun as rr
 
     points = np.array(places).reshape(-1, 3)
@@ -100,7 +100,7 @@ def _label(places: Sequence[tuple[float, ...]], names: Sequence[str], colour: Co
 
 
 def _places(facts: Facts) -> Iterator[tuple[str, str, Any]]:
-    """Starts and goals; those of several robots that start and end alike are one mark."""
+    """Marks of starts and goals; equal ones of several robots are drawn once."""
     import rerun as rr
 
     starts = {(v.start.x, v.start.y) for v in facts.variants}
@@ -145,7 +145,7 @@ def state_styles(facts: Facts) -> Iterator[tuple[str, Any]]:
 
 
 def legend(facts: Facts) -> str:
-    """What colours and lines mean, as Markdown."""
+    """The meaning of colours and lines, as Markdown."""
     single = len(facts.variants) == 1
     lines = [f"# {facts.title}", ""]
     actors = actors_of(facts)
@@ -172,7 +172,7 @@ def legend(facts: Facts) -> str:
     ]
     if single:
         lines += [
-            "| blue cones | sonar echoes; grey: nothing heard |",
+            "| blue cones | sonar echoes; grey: no echo |",
             "| ring round the robot | polar histogram: vermilion blocked, green free; inner green arc: a free slot |",
             "| square with orange to red cells | certainty window of the avoider |",
             "| light floor, dark cells | the robot's own map; nothing where unknown |",

@@ -1,4 +1,4 @@
-"""Arrays of the shapes that are drawn, in metres: arcs, cones, rings, prisms."""
+"""Vertex arrays of drawn shapes, m: arcs, cones, rings, prisms."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ __all__ = ["arc_of_twist", "at_height", "cones", "placed", "prism", "ring_bars",
 
 Floats = NDArray[np.float64]
 STRIPE = 0.3
-"""m of a line in one robot's colour, before another's follows."""
+"""Length of the pieces of a line that several robots draw in turn, m."""
 
 
 def at_height(points: Floats, z: float) -> Floats:
-    """(n, 3) of (n, 2) points."""
+    """(n, 3) points from (n, 2) points and a height, m."""
     return np.column_stack([points, np.full(len(points), z)])
 
 
 def placed(pose: Pose2D, points: Floats) -> Floats:
-    """(n, 2) points of a frame at a pose, in the frame of the pose."""
+    """(n, 2) points given in a frame at `pose`, transformed to the parent frame of the pose."""
     cosine, sine = math.cos(pose.heading), math.sin(pose.heading)
     moved: Floats = points @ np.array([[cosine, sine], [-sine, cosine]]) + (pose.x, pose.y)
     return moved
 
 
 def prism(outline: Floats, height: float, lift: float = 0.05) -> tuple[Floats, NDArray[np.uint32]]:
-    """Vertices (2n + 2, 3) and triangles (m, 3) of a convex outline (n, 2) between two heights, m."""
+    """Vertices (2n + 2, 3) and triangles (m, 3) of the prism over a convex outline (n, 2) between two heights, m."""
     n = len(outline)
     low, high = at_height(outline, lift), at_height(outline, height)
     middle = outline.mean(axis=0)
@@ -46,9 +46,9 @@ def prism(outline: Floats, height: float, lift: float = 0.05) -> tuple[Floats, N
 
 
 def stripes(points: Floats, number: int, count: int) -> list[Floats]:
-    """The pieces of a polyline (n, 2), m, that are one's own where `count` draw the same; all of them are all of it.
+    """The pieces of a polyline (n, 2), m, that one of `count` robots draws; together they draw the whole line.
 
-    Pieces are `STRIPE` long, or as much shorter as it takes for each to have one.
+    Pieces are `STRIPE` long, or shorter if the line is too short for one piece each.
     """
     steps = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -65,7 +65,7 @@ def stripes(points: Floats, number: int, count: int) -> list[Floats]:
 
 
 def arc_of_twist(vx: float, wz: float, seconds: float, z: float, steps: int = 12) -> Floats:
-    """(steps, 3) where a velocity, m/s and rad/s, leads from the origin."""
+    """(steps, 3) points, m, that a constant velocity, m/s and rad/s, leads to from the origin."""
     times = np.linspace(0.0, seconds, steps)
     turned = wz * times
     if abs(wz) < 1e-6:
@@ -76,7 +76,7 @@ def arc_of_twist(vx: float, wz: float, seconds: float, z: float, steps: int = 12
 
 
 def cones(origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats, z: float) -> Floats:
-    """(n, 7, 3) outlines of sonar cones: from each origin along one edge, round the arc and back. All arrays (n, …)."""
+    """(n, 7, 3) outlines of sonar cones: origin, one edge, arc and back. All input arrays are (n, …)."""
     shares = np.linspace(-1.0, 1.0, 5)
     turns = bearings[:, None] + shares * half_angles[:, None]
     arc = origins[:, None, :] + ranges[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
@@ -85,11 +85,15 @@ def cones(origins: Floats, bearings: Floats, half_angles: Floats, ranges: Floats
 
 
 def ring_bars(pose: Pose2D, densities: Floats, radius: float, unit: float, most: float, z: float) -> Floats:
-    """(sectors, 2, 3) bars of a polar histogram round a pose, map frame.
+    """(sectors, 2, 3) bars of a polar histogram around a pose, m, map frame.
 
     Args:
-        densities: (sectors,) in units of the threshold; sector 0 lies along the map's x axis.
-        radius: Where they begin, m. unit: Length of density 1, m. most: Density above which a bar grows no more.
+        pose: Centre.
+        densities: (sectors,) in units of the threshold; sector 0 is along the map's x axis.
+        radius: Inner radius of the bars, m.
+        unit: Length of density 1, m.
+        most: Density above which a bar is cut.
+        z: Height, m.
     """
     turns = np.arange(len(densities)) * (math.tau / max(1, len(densities)))
     ways = np.column_stack([np.cos(turns), np.sin(turns)])

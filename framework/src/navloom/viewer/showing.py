@@ -1,4 +1,4 @@
-"""Showing a run: starts a viewer and the child that draws, and reports how it ended."""
+"""Shows a run: starts a viewer and the drawing process, and reports the result."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from navloom.viewer.program import Program, address_of, is_up
 __all__ = ["Showing", "Where", "showing"]
 
 PATIENCE = 10.0
-"""s a run that may wait does wait for a viewer that takes nothing."""
+"""Longest wait of a run for a viewer that accepts nothing, s; live runs do not wait."""
 
 
 @dataclass(frozen=True)
 class Where:
-    """Where to show it.
+    """Where to show a run.
 
     Attributes:
         file: .rrd file, or None.
-        url: Of a viewer that runs already, or None.
-        opens: Start a viewer. web: Serve it to a browser instead of opening a window.
-        options: Of the viewer's program, for tests.
+        url: URL of a running viewer, or None.
+        opens: Whether to start a viewer.
+        web: Whether to serve it to a browser instead of opening a window.
+        options: Options of the viewer's program, for tests.
     """
 
     file: Path | None = None
@@ -40,14 +41,15 @@ class Where:
 
 @dataclass(eq=False)
 class Showing:
-    """What is shown, while it is.
+    """A run while it is shown.
 
     Attributes:
-        bridge: To put messages into.
+        bridge: Bridge to put messages into.
         program: The viewer that was started, or None.
-        file: That is written, or None.
-        say: Takes the report: messages drawn and left out.
-        counts: The same, once it is finished.
+        file: The file that is written, or None.
+        say: Receives the report of messages drawn and dropped.
+        counts: Counts of messages, once it is finished.
+        is_finished: Whether `finish` was called.
     """
 
     bridge: Bridge
@@ -58,7 +60,7 @@ class Showing:
     is_finished: bool = False
 
     def finish(self) -> None:
-        """Draw everything that was put in, report it, and take no more. A second call does nothing."""
+        """Draw all messages that were put in, report the counts, and accept no more. A second call does nothing."""
         if self.is_finished:
             return
         self.is_finished = True
@@ -69,7 +71,7 @@ class Showing:
 
     @property
     def is_closed(self) -> bool:
-        """The viewer that was started has been closed by its user."""
+        """Whether the user has closed the viewer that was started."""
         return self.program is not None and self.program.process.poll() is not None
 
 
@@ -83,17 +85,17 @@ def showing(
     blocked: frozenset[str] = frozenset(),
     say: Callable[[str], None] = lambda text: None,
 ) -> Iterator[Showing]:
-    """Show messages put into `bridge` for the time of a `with` statement.
+    """Show messages that are put into `bridge`, for the duration of a `with` statement.
 
-    A window that was opened stays open. A web server serves until Ctrl-C what is not live, and ends then.
+    A window stays open afterwards. A web server stays until Ctrl-C, except for a live robot.
 
     Args:
-        facts: Who is in the picture.
+        facts: The robots in the picture.
         where: File, viewer or both.
-        recording_id: The same for the same run; in a viewer each showing is one of its own.
-        live: Nobody may be waited for.
+        recording_id: Identifier, equal for the same run; in a viewer each showing is a recording of its own.
+        live: Whether the run is live and must not wait.
         blocked: Plugins that count as not installed.
-        say: Told in one line each what the user should know.
+        say: Receives one-line messages for the user.
 
     Raises:
         ViewerError: There is no viewer, or no file can be written.
@@ -113,7 +115,7 @@ def showing(
         if program.page is not None:
             say(f"the viewer is at {program.page}; it ends with this command")
     if url is not None:
-        # A viewer may show this run already: the same once more is another recording, not more of that one.
+        # The viewer may already show this run; a new identifier makes this showing a separate recording.
         recording_id = f"{recording_id}-{time.time_ns()}"
     order = ViewerOrder(facts, where.file, url, recording_id, blocked, 0.0 if live else PATIENCE)
     try:

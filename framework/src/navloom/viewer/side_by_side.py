@@ -1,4 +1,4 @@
-"""Several methods that drive the same world side by side: lockstep runs in threads, paced to the wall clock."""
+"""Shows several methods in the same world side by side: lockstep runs in threads, paced to the wall clock."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ Say = Callable[[str], None]
 
 
 class Stopped(Exception):
-    """The user ends it."""
+    """The user ended the run."""
 
 
 class Pace:
-    """Lets several runs begin together, and none of them be ahead of the wall clock.
+    """Starts several runs together and keeps them from running ahead of the wall clock.
 
     Args:
-        runs: How many there are.
-        clock, sleep: Of the wall, s.
+        runs: Number of runs.
+        clock, sleep: Monotonic wall clock, s, and sleep function.
     """
 
     def __init__(
@@ -43,16 +43,16 @@ class Pace:
         self.is_stopped = False
 
     def begin(self) -> None:
-        """Wait until every run is about to make its first tick."""
+        """Wait until every run is ready for its first tick."""
         self._ready.wait()
 
     def abort(self) -> None:
-        """Whoever waits for the others, or for its time, ends with an error."""
+        """End all waiting runs with an error."""
         self.is_stopped = True
         self._ready.abort()
 
     def wait_until(self, stamp_ns: int) -> None:
-        """Return no sooner than this long after the beginning, ns."""
+        """Return no sooner than `stamp_ns` after the beginning, ns. Raises Stopped."""
         if self.is_stopped:
             raise Stopped
         left = self._began + stamp_ns * 1e-9 - self._clock()
@@ -64,14 +64,14 @@ class Pace:
 
 
 class _Paced(Gathering):
-    """Hands on each tick when the next one begins, at its time."""
+    """Passes the messages of each tick on when the next tick begins, paced to the wall clock."""
 
     def __init__(self, variant: str, take: Callable[[Shown], None], pace: Pace) -> None:
         super().__init__(variant, take)
         self._pace, self._tick = pace, -1
 
     def on_message(self, role: str, instance: str, active: bool, port: str, message: Message, at: Envelope) -> None:
-        """Keep it; with a new tick wait for its time."""
+        """Store a message; at a new tick wait for its time first."""
         if at.tick > self._tick:
             if self._tick < 0:
                 self._pace.begin()
@@ -93,20 +93,20 @@ def drive_side_by_side(
 ) -> BridgeCounts:
     """Drive every method in the world of its config, and show them in one picture until all have ended.
 
-    Paced to the wall clock where a viewer shows it; as fast as it goes where only a file is written.
+    The runs are paced to the wall clock if a viewer shows them, and unpaced if only a file is written.
 
     Args:
         methods: Config by name.
-        where: Where to show it.
-        title: Of the recording.
-        say: Told what the user should know.
-        tell: Given each method's episode once all have ended, before a web server waits for its user.
+        where: Where to show them.
+        title: Title of the recording.
+        say: Receives messages for the user.
+        tell: Called with the episodes once all have ended, before a web server waits for its user.
 
     Returns:
-        What became of what was to be shown.
+        Counts of messages drawn and dropped.
 
     Raises:
-        ConfigError, PluginError: The request was wrong; ViewerError: it cannot be shown.
+        ConfigError, PluginError: The request was wrong; ViewerError: the runs cannot be shown.
     """
     facts = facts_of({name: assemble(loaded) for name, loaded in methods.items()}, title)
     identity = "-".join(loaded.sha256()[:8] for loaded in methods.values())

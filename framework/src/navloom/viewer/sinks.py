@@ -1,4 +1,4 @@
-"""Where drawn things go: a file that is whole, or a viewer that may be slow, frozen, gone or back again."""
+"""The file sink, and functions that send drawings to a rerun stream."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ APPLICATION = "navloom"
 
 
 def stream(title: str, recording_id: str) -> Any:
-    """A recording stream of nothing but our own timelines, so that two of the same run are alike."""
+    """A recording stream with only our own timelines, so that two streams of the same run are equal."""
     import rerun as rr
 
     made = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
@@ -29,7 +29,7 @@ def stream(title: str, recording_id: str) -> Any:
 
 
 def send(recording: Any, path: str, archetypes: Sequence[Any], tick: int | None, stamp_ns: int) -> None:
-    """Log shapes with every timeline stamped: times stick to a thread, and would else be those of another entity."""
+    """Log shapes with all timelines set: the SDK keeps times per thread, so they could be those of another entity."""
     if tick is None:
         recording.log(path, *archetypes, static=True)
         return
@@ -41,7 +41,7 @@ def send(recording: Any, path: str, archetypes: Sequence[Any], tick: int | None,
 def send_series(
     recording: Any, path: str, ticks: NDArray[np.int64], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
 ) -> None:
-    """Log numbers, (n,) each, in one call."""
+    """Log values of a time series, (n,) each, in one call."""
     import rerun as rr
 
     times = [
@@ -52,15 +52,15 @@ def send_series(
 
 
 class FileSink:
-    """An .rrd file. Whole once it is closed; cut short before, it still opens.
+    """An .rrd file. It is complete after `close`; if it is cut short before, it can still be opened.
 
     Args:
-        path: Of the file; an existing one is refused.
-        title: Shown as the recording's name.
-        recording_id: The same for the same run.
+        path: Path of the file; an existing one is refused.
+        title: Name of the recording in the viewer.
+        recording_id: Identifier, equal for the same run.
 
     Attributes:
-        failure: Why the file is cut short, known once it is closed; empty where it is whole.
+        failure: Why the file is cut short, known after `close`; empty if it is complete.
     """
 
     def __init__(self, path: Path, title: str, recording_id: str) -> None:
@@ -81,24 +81,24 @@ class FileSink:
         self._stream.send_recording_name(title)
 
     def layout(self, blueprint: Any) -> None:
-        """What is shown where."""
+        """Write the layout."""
         self._stream.send_blueprint(blueprint)
 
     def log(self, path: str, archetypes: Sequence[Any], tick: int | None, stamp_ns: int) -> None:
-        """Shapes of an entity."""
+        """Write shapes of an entity."""
         send(self._stream, path, archetypes, tick, stamp_ns)
 
     def series(
         self, path: str, ticks: NDArray[np.int64], stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
     ) -> None:
-        """Numbers of a time series."""
+        """Write values of a time series."""
         send_series(self._stream, path, ticks, stamps_ns, values)
 
     def close(self) -> None:
-        """Everything on disk, or, where it is full, what fitted."""
+        """Write everything to disk; on a full disk set `failure`."""
         try:
             self._stream.flush()
-        except RuntimeError as error:  # the SDK keeps the system's own word to itself
+        except RuntimeError as error:  # the SDK does not report the system's error number
             is_full = os.statvfs(self.path).f_bavail == 0
             self.failure = os.strerror(errno.ENOSPC) if is_full else str(error)
         self._stream.disconnect()

@@ -1,4 +1,4 @@
-"""Whose messages are shown: recordings and live robots, and which instance is active when."""
+"""Sources of messages for viewers: recordings and live robots."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from navloom.recording.header import RecordingHeader
     from navloom.recording.reader import Recording
 
-__all__ = ["InCharge", "facts_of_header", "facts_of_recording", "live_messages", "recorded_messages"]
+__all__ = ["ActiveInstances", "facts_of_header", "facts_of_recording", "live_messages", "recorded_messages"]
 
 
-class InCharge:
-    """Tells of each message of a robot whether its instance was active.
+class ActiveInstances:
+    """Determines for each message of a robot whether its instance was active.
 
     Args:
         variant: Name of the robot in the picture.
-        instances: By role, at the start; roles not in it have one instance.
+        instances: Active instance of each role at the start; other roles have only one instance.
     """
 
     def __init__(self, variant: str, instances: Mapping[str, str]) -> None:
@@ -34,7 +34,7 @@ class InCharge:
         self._next: tuple[float, dict[str, str]] = (math.inf, {})
 
     def shown(self, stream: str, message: Message, at: Envelope) -> Shown:
-        """A message of role/instance/port, as it is to be drawn."""
+        """The `Shown` of a message on role/instance/port."""
         role, instance, port = stream.split("/", 2)
         if isinstance(message, Selection) and message.epoch:
             self._next = message.from_tick, message.chosen
@@ -46,7 +46,7 @@ class InCharge:
 
 
 def facts_of_header(header: RecordingHeader, title: str) -> Facts:
-    """The facts of a robot whose config is known; without one, of a robot that nothing is known of."""
+    """The facts of a robot from its config; without a config, those of an unknown robot."""
     from navloom.engine.build import assemble
     from navloom.recording.header import RecordingError
 
@@ -57,7 +57,7 @@ def facts_of_header(header: RecordingHeader, title: str) -> Facts:
 
 
 def facts_of_recording(recording: Recording) -> Facts:
-    """The facts of a recording; its world from the recording itself where its file has gone."""
+    """The facts of a recording; its world comes from the recording itself if its file no longer exists."""
     from navloom.engine.build import assemble
     from navloom.recording.header import RecordingError
     from navloom.recording.worldfiles import with_world
@@ -72,23 +72,23 @@ def facts_of_recording(recording: Recording) -> Facts:
 
 
 def recorded_messages(recording: Recording, facts: Facts) -> Iterator[Shown]:
-    """Messages of a recording in the order they were received."""
+    """Messages of a recording in the order of receipt."""
     first = facts.variants[0]
-    charge = InCharge(first.name, first.instances)
+    instances = ActiveInstances(first.name, first.instances)
     for one in recording.messages():
-        yield charge.shown(one.key.split("/", 2)[2], one.message, one.envelope)
+        yield instances.shown(one.key.split("/", 2)[2], one.message, one.envelope)
 
 
 def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
-    """Messages of a live robot as they come, what is kept first; None at least four times a second.
+    """Messages of a live robot as they arrive, retained ones first; None at least four times a second.
 
-    Only listens: the robot knows nothing of it.
+    It only subscribes and does not affect the robot.
     """
     from navloom.live.mailbox import Mailbox
     from navloom.operating.looking import listing, retained, tap
 
     first = facts.variants[0]
-    charge = InCharge(first.name, first.instances)
+    instances = ActiveInstances(first.name, first.instances)
     mailbox = Mailbox()
     nodes = listing(client)
     names = [f"{n['role']}/{n['instance']}/{port}" for n in nodes for port in n["published"]]
@@ -96,14 +96,14 @@ def live_messages(client: Client, facts: Facts) -> Iterator[Shown | None]:
     for name in taps:
         kept = retained(client, name)
         if kept is not None:
-            yield charge.shown(name, *kept)
+            yield instances.shown(name, *kept)
     seen = 0
     while True:
         come: list[tuple[str, Any, Envelope]] = []
         for name, inlet in taps.items():
             come += [(name, message, at) for message, at in inlet.take()]
-        # In order of the run clock, so that a robot's pose is known before what it saw there.
+        # In order of the run clock, so that a robot's pose is known before the scans from that pose.
         for name, message, at in sorted(come, key=lambda one: one[2].stamp_ns):
-            yield charge.shown(name, message, at)
+            yield instances.shown(name, message, at)
         yield None
         seen = mailbox.wait(seen, 0.2)

@@ -1,4 +1,4 @@
-"""What a mapper makes of each point of a sweep: the rules of IPaBD (Hoang et al. 2013, II.B), for colours only."""
+"""Classifies the points of a sweep by the rules of IPaBD (Hoang et al. 2013, II.B), for colours only."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ __all__ = ["CLASSES", "sweep_classes", "sweep_points"]
 
 Floats = NDArray[np.float64]
 CLASSES = ("none", "below", "floor", "overhead", "behind", "kept")
-"""By number: no usable range; under the floor; floor; over the robot; an obstacle, but not the nearest on its bearing;
-the nearest, which goes into the map."""
+"""Names of the classes, by number: no usable range; below the floor; floor; above the robot; an obstacle that is not
+the nearest on its bearing; the nearest obstacle, which goes into the map."""
 NONE, BELOW, FLOOR, OVERHEAD, BEHIND, KEPT = range(6)
 STILL = 1e-6
-"""Movement during a sweep that is only rounding, m and rad."""
+"""Largest movement during a sweep that counts as rounding, m and rad."""
 
 
 def sweep_points(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> Floats:
     """(frames, beams, 3) points: x, y, m, map frame, and height above the floor, m; infinite or NaN without a return.
 
     Args:
-        sweep: As published.
-        rule: Its geometry, where it is not the sweep's own.
-        poses: (frames, 3) x, y, m, heading, rad, of base in the map frame; None gives the points in base.
+        sweep: The published sweep.
+        rule: Rule whose geometry may override that of the sweep.
+        poses: (frames, 3) x, y, m, heading, rad, of base in the map frame; None gives the points in the base frame.
     """
     geometry = sweep.geometry if rule.geometry == "as_sweep" else rule.geometry
     sin_a, cos_a = np.sin(sweep.pitches)[:, None], np.cos(sweep.pitches)[:, None]
@@ -50,10 +50,10 @@ def sweep_points(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> 
 
 
 def sweep_classes(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) -> NDArray[np.uint8]:
-    """(frames, beams) number in CLASSES of each point. The counts agree with those the mapper `ipabd` reports.
+    """(frames, beams) index in CLASSES of each point. The counts agree with those of the mapper `ipabd`.
 
     Args:
-        sweep, rule, poses: As of `sweep_points`; with poses the nearest is sought from the sensor's last place.
+        sweep, rule, poses: See `sweep_points`; with poses the nearest point is that from the sensor's last position.
     """
     points = sweep_points(sweep, rule, poses)
     usable = (sweep.ranges >= max(sweep.range_min, rule.min_range)) & (
@@ -79,7 +79,7 @@ def sweep_classes(sweep: Sweep, rule: SweepRule, poses: Floats | None = None) ->
 def _nearest(
     sweep: Sweep, rule: SweepRule, points: Floats, poses: Floats | None, candidates: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """(frames, beams) the first of the least horizontal range on each bearing, among the candidates."""
+    """(frames, beams) mask of the first candidate with the smallest horizontal range on each bearing."""
     origin = np.array([sweep.x, sweep.y])
     heading = 0.0
     if poses is not None:

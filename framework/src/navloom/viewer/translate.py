@@ -1,4 +1,4 @@
-"""Which type of message is drawn how, and how often at most."""
+"""The built-in panels: how each type of message is drawn, and its largest rate."""
 
 from __future__ import annotations
 
@@ -50,4 +50,4 @@ BUILT_IN: tuple[Panel, ...] = (
     Panel("trajectory", Trajectory, draw_motion.trajectory, ALL),
     Panel("truth", Truth, draw_motion.truth, 20.0),
 )
-"""Every other type is drawn only where a plugin brings a panel for it."""
+"""The built-in panels. Other types of message are drawn only by panels of plugins."""

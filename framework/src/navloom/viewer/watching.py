@@ -1,4 +1,4 @@
-"""Watching lockstep runs: of one config, or of several methods that drive the same world side by side."""
+"""Shows a lockstep run of one config in a viewer."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Progress = Callable[[float, float], None]
 
 @dataclass(eq=False)
 class Watch:
-    """What looks on at one run; nothing at all where nobody wants to see it.
+    """The viewer's observers of one run; empty if the run is not shown.
 
     Attributes:
-        observers: For the run.
-        showing: Where it goes.
+        observers: Observers for the run.
+        showing: The showing, or None.
     """
 
     observers: Sequence[Gathering] = ()
     showing: Showing | None = None
 
     def between(self, progress: Progress) -> Progress:
-        """A progress function that hands on, between two ticks, what was gathered."""
+        """A progress function that also passes the collected messages on between ticks."""
         if not self.observers:
             return progress
 
@@ -41,25 +41,25 @@ class Watch:
         return tell
 
     def finish(self) -> None:
-        """The run is over: hand on the rest, and let it be drawn."""
+        """Pass on the remaining messages and draw them, after the run."""
         self.drain()
         if self.showing is not None:
             self.showing.finish()
 
     def drain(self) -> None:
-        """Hand on the rest."""
+        """Pass on the collected messages."""
         for observer in self.observers:
             observer.drain()
 
 
 @contextmanager
 def watch_run(loaded: Loaded, where: Where | None, say: Callable[[str], None]) -> Iterator[Watch]:
-    """Watch a run of a config. The trace is the same; a run that nobody watches pays nothing.
+    """Show a run of a config. The trace does not change; without a viewer there is no cost.
 
     Args:
         loaded: The config.
         where: Where to show it; None for nowhere.
-        say: Told what the user should know.
+        say: Receives messages for the user.
 
     Raises:
         ViewerError: It cannot be shown there.

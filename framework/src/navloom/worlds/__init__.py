@@ -1,4 +1,4 @@
-"""The worlds that ship with the framework, and the schemes that read worlds from files."""
+"""The worlds shipped with the framework, and the schemes that read worlds from files."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 The file holds: `world` (n,) the worlds' numbers; `cyl` (k, 3) x, y, radius of all cylinders, m, those of the i-th world
 from `cyl_off[i]` up to `cyl_off[i + 1]`; `start` (3,) x, y, heading; `goal` (2,); `goal_tol`, m; `time_limit`, s; and,
-where scores are to be relative to it, `path_len_m` (n,) the organisers' way through each world, m.
+if scores are relative to it, `path_len_m` (n,) the length of the organisers' path through each world, m.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from navloom.worlds.errors import WorldError, did_you_mean, file_of, readable
 __all__ = ["barn_numbers", "barn_world"]
 
 _MOST = 100_000
-"""Most cylinders of one world: each becomes an object."""
+"""Most cylinders of one world, since each becomes an object."""
 _MARGIN = 1.0
 Floats = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def barn_world(argument: str, base: Path) -> World:
 
 
 def barn_numbers(name: str, base: Path) -> list[int]:
-    """The numbers of a file's worlds, rising. Raises WorldError: the file is missing or damaged."""
+    """The numbers of a file's worlds, increasing. Raises WorldError if the file is missing or damaged."""
     numbers: list[int] = _Arrays(file_of(name, base)).read("world", (-1,)).astype(np.int64).tolist()
     return sorted(numbers)
 
@@ -83,7 +83,7 @@ def _world(name: str, cylinders: Floats, arrays: _Arrays, reference: float | Non
 
 
 class _Arrays:
-    """The arrays of a file, each checked."""
+    """The arrays of a file, with checks."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -95,10 +95,10 @@ class _Arrays:
         return name in self._arrays.names
 
     def read(self, name: str, shape: tuple[int, ...]) -> Floats:
-        """One array as float64; -1 in `shape` is any length.
+        """One array as float64; -1 in `shape` means any length.
 
         Raises:
-            WorldError: The array is missing, damaged, of another shape, or has anything but finite numbers.
+            WorldError: The array is missing, damaged, of another shape, or contains anything but finite numbers.
         """
         if not self.has(name):
             raise WorldError(f"{self.path}: array {name!r} is missing; {did_you_mean(name, self._arrays.names)}")

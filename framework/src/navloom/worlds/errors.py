@@ -1,4 +1,4 @@
-"""What goes wrong with worlds and their files, and how files are read so that only this goes wrong."""
+"""Errors of worlds and their files, and file access that raises only these."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _SHOWN = 30
 
 
 class WorldError(NavloomError, ValueError):
-    """A world cannot be made: the text names the file and place, what was given and what was expected."""
+    """A world cannot be made; the text names the file and place, the given value and the expectation."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """`did you mean 'x'?` for the known name closest to a wrong one, or the list of them where none is close."""
+    """`did you mean 'x'?` with the known name closest to a wrong one, or the list of known names if none is close."""
     names = sorted(known)
     close = get_close_matches(name, names, n=1, cutoff=0.6)
     if close:
@@ -36,7 +36,7 @@ def file_of(text: str, base: Path) -> Path:
     """The file a reference names, relative to a base folder.
 
     Raises:
-        WorldError: The text is empty or no file name.
+        WorldError: The text is empty or not a file name.
     """
     if not text.strip() or "\0" in text:
         raise WorldError(f"file name {text!r}: expected the name of a file")
@@ -47,11 +47,11 @@ def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, 
     """Split `file?key=value&key=value` into the file and its options.
 
     Args:
-        argument: What follows the scheme's colon.
-        defaults: The options there are, with their defaults.
+        argument: Text after the scheme's colon.
+        defaults: Valid options with their defaults.
 
     Raises:
-        WorldError: An unknown option, or one without a value.
+        WorldError: An option is unknown or has no value.
     """
     name, question, query = argument.partition("?")
     options = dict(defaults)
@@ -68,10 +68,10 @@ def options_of(argument: str, defaults: dict[str, str]) -> tuple[str, dict[str, 
 
 
 def read_bytes(path: Path, megabytes: float) -> bytes:
-    """All of a file.
+    """The contents of a file.
 
     Raises:
-        WorldError: The file is missing, unreadable, no file, or larger than its bound, MB.
+        WorldError: The path is missing, unreadable, not a file, or larger than its bound, MB.
     """
     with readable(path):
         return read_file(path, megabytes, WorldError)
@@ -79,7 +79,7 @@ def read_bytes(path: Path, megabytes: float) -> bytes:
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Makes a WorldError of what the system says of a file that is missing or cannot be read."""
+    """Convert an OSError about a missing or unreadable file to a WorldError."""
     try:
         yield
     except FileNotFoundError:

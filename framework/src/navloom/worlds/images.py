@@ -1,4 +1,4 @@
-"""Reading the image of a ROS map: PGM (P2, P5) by hand, PNG through Pillow, as map_server takes their pixels."""
+"""Reads the image of a ROS map like map_server: PGM (P2, P5) directly, PNG through Pillow."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from navloom.worlds.errors import WorldError, read_bytes
 __all__ = ["Shades", "read_image"]
 
 _HEADER = 65536
-"""Bytes that the header of a PGM with its comments may take."""
+"""Largest header of a PGM with its comments, bytes."""
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
-"""Of a PNG, by its colour type: grey, RGB, palette, grey and alpha, RGB and alpha."""
+"""Number of channels by colour type of a PNG: grey, RGB, palette, grey and alpha, RGB and alpha."""
 _INFLATED = 1032
-"""Most bytes that one byte of deflate can stand for."""
+"""Largest number of bytes that one byte of deflate can expand to."""
 _STRIP = 1 << 20
-"""Pixels that are converted at once."""
+"""Number of pixels that are converted at once."""
 _PGM = re.compile(
     rb"P([25])(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})(?:\s|#[^\n\r]*+[\n\r])++(\d{1,9})"
 )
@@ -35,14 +35,14 @@ _SPACE = re.compile(rb"\s")
 
 @dataclass(frozen=True, eq=False)
 class Shades:
-    """How bright the pixels of an image are.
+    """Brightness of an image's pixels.
 
     Attributes:
         levels: (rows, cols) unsigned integers, row 0 at the top; `top` is white.
         top: Level of white.
-        opaque: (rows, cols) bool, or None where the image has no transparency.
-        with_alpha: (rows, cols) brightness of the colours and the opacity together, `top_with_alpha` is opaque white;
-            None where the image has no transparency.
+        opaque: (rows, cols) bool, or None if the image has no transparency.
+        with_alpha: (rows, cols) sum of the colours' brightness and the opacity, `top_with_alpha` is opaque white;
+            None if the image has no transparency.
         top_with_alpha: See `with_alpha`.
     """
 
@@ -88,7 +88,7 @@ def _pgm(content: bytes, path: Path) -> Shades:
 
 
 def _plain_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
-    """The numbers of a P2 image, in pieces: parsed as a whole they would take eight times the file."""
+    """The numbers of a P2 image, parsed in pieces, since parsing at once takes eight times the file's size."""
     body = content[start:] if b"#" not in content[start:] else re.sub(rb"#[^\n\r]*", b"", content[start:])
     wrong = re.search(rb"[^0-9\s]|[0-9]{7}", body)
     if wrong is not None:
@@ -109,7 +109,7 @@ def _plain_values(content: bytes, start: int, count: int, top: int, path: Path) 
 
 def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) -> NDArray[np.integer]:
     kind = np.dtype(np.uint8) if top < 256 else np.dtype(">u2")
-    # Exactly one white space parts the header from the pixels.
+    # Exactly one white space separates the header from the pixels.
     present = len(content) - start - 1
     if present < count * kind.itemsize:
         raise WorldError(
@@ -121,11 +121,11 @@ def _raw_values(content: bytes, start: int, count: int, top: int, path: Path) ->
 def _png(content: bytes, path: Path) -> Shades:
     from PIL import Image
 
-    if len(content) >= 26:  # before Pillow, which has a bound of its own, and room for all pixels before it reads one
+    if len(content) >= 26:  # before Pillow, which has its own bound and allocates all pixels first
         _check_png_head(content, path)
     try:
         with warnings.catch_warnings():
-            # Pillow's own warning of large images: the check below is the stricter one.
+            # Pillow's own warning about large images; the check below is stricter.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             image = Image.open(io.BytesIO(content), formats=["PNG"])
         _check_size(path, *image.size)
@@ -136,12 +136,12 @@ def _png(content: bytes, path: Path) -> Shades:
     except WorldError:
         raise
     except Exception as error:
-        # Pillow gives no list of what it raises on damaged files: OSError, SyntaxError, ValueError, struct.error, ...
+        # Pillow does not document what it raises on damaged files: OSError, SyntaxError, ValueError, struct.error, ...
         raise WorldError(f"{path}: damaged PNG: {error}; copy the file again") from error
 
 
 def _check_png_head(content: bytes, path: Path) -> None:
-    """Refuse a PNG by its header: of a wrong size, or of more pixels than its bytes can hold."""
+    """Refuse a PNG whose header has an invalid size, or more pixels than its bytes can hold."""
     width, height, depth, kind = struct.unpack_from(">IIBB", content, 16)
     _check_size(path, width, height)
     size = width * height * depth * _CHANNELS.get(kind, 1) // 8
@@ -153,7 +153,7 @@ def _check_png_head(content: bytes, path: Path) -> None:
 
 
 def _colours(image: Any) -> Shades:
-    """The sum of the colours of a loaded image, a strip of rows at a time: whole, its pixels take 14 bytes each."""
+    """The sum of the colours of a loaded image, computed in strips of rows: at once it would take 14 bytes a pixel."""
     is_clear = "A" in image.getbands() or "transparency" in image.info
     width, height = image.size
     colours = np.empty((height, width), dtype=np.uint16)

@@ -23,7 +23,7 @@ from navloom.worlds.rasters import length_of, raster_bounds, wall_height
 __all__ = ["movingai_world", "read_movingai", "scenario_place"]
 
 _HEADER = 4096
-"""Bytes that the four lines before the rows may take."""
+"""Largest size of the four lines before the rows, bytes."""
 _NEWLINE = ord("\n")
 _CELLS = np.full(256, -1, dtype=np.int8)
 _CELLS[list(b".GS")] = FREE
@@ -34,7 +34,7 @@ def movingai_world(argument: str, base: Path) -> World:
     """World scheme `movingai:F.map[.gz]`, with options `?cell=0.25` (edge of a cell, m; default 1) and `?height=2.0`.
 
     Raises:
-        WorldError: See `read_movingai`, or an option that is no length.
+        WorldError: See `read_movingai`; or an option is not a length.
     """
     name, options = options_of(argument, {"cell": "1.0", "height": "2.4"})
     cell = length_of(f"movingai:{argument}", "cell", options["cell"])
@@ -89,9 +89,9 @@ def _text(path: Path) -> bytes:
 
 
 def _rows(text: bytes, start: int, height: int, width: int, path: Path) -> NDArray[np.uint8]:
-    """(height, width) the characters of the map.
+    """(height, width) characters of the map.
 
-    They are looked at as one array: a list of lines takes 40 bytes a line, and a gzipped file has them for nothing.
+    They are processed as one array: a list takes 40 bytes a line, and a gzipped file can contain lines at no cost.
     """
     stride = width + 1
     whole = min(height, (len(text) - start + 1) // stride)

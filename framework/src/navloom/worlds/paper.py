@@ -1,8 +1,8 @@
 """The world of the experiment of Hoang et al. 2013, Figs. 8 to 11: two gates under girders, and a corridor.
 
 Gate A (x -1.4..1.0) is closed by a girder below the robot's top, gate B (x 1.4..3.8) is open below a higher girder,
-corridor C (x 4.2..6.8) runs along the right wall. The figures do not survive in the paper's text; the sizes are ours,
-chosen so that the printed counts and routes come out.
+corridor C (x 4.2..6.8) runs along the right wall. The available text of the paper lacks the figures; the sizes are our
+choice, such that the printed counts and routes result.
 """
 
 from __future__ import annotations
@@ -46,29 +46,29 @@ def _gates(name: str, obstacles: tuple[Obstacle, ...]) -> World:
 
 
 def paper_gates() -> World:
-    """As described: the way leads through gate B."""
+    """The world as described: the shortest path leads through gate B."""
     return _gates("paper_gates", _OBSTACLES)
 
 
 def paper_gates_open_a() -> World:
-    """Without girder A: the way leads straight through gate A."""
+    """Without girder A: the shortest path leads straight through gate A."""
     return _gates("paper_gates_open_a", tuple(o for o in _OBSTACLES if o is not _GIRDER_A))
 
 
 def paper_gates_blocked_b() -> World:
-    """A barrier in the middle of gate B leaves 0.7 m on either side, too little for the robot: only corridor C is left.
+    """A barrier in the middle of gate B leaves 0.7 m on either side, too little for the robot: only corridor C is free.
 
-    It is no wider because the laser must still see the side of the partition behind it: with the gate filled from post
-    to partition the map lacks that side, and the way found is 0.7 m shorter than what is left of the room allows.
+    A wider barrier would hide the side of the partition behind it from the laser. With the gate closed from post to
+    partition, the map lacks that side, and the planned path is 0.7 m shorter than the room allows.
     """
     return _gates("paper_gates_blocked_b", (*_OBSTACLES, _BARRIER_B))
 
 
 def paper_gates_blocked_bc() -> World:
-    """A door closes corridor C as well: no way is left."""
+    """A door closes corridor C as well: there is no path."""
     return _gates("paper_gates_blocked_bc", (*_OBSTACLES, _BARRIER_B, _DOOR_C))
 
 
 def paper_gates_obstacle() -> World:
-    """With the obstacle of Fig. 11, below the laser's view, on the way to gate B after the sweep has ended."""
+    """With the obstacle of Fig. 11, below the laser's view, which appears on the path to gate B after the sweep."""
     return _gates("paper_gates_obstacle", (*_OBSTACLES, _OBSTACLE_O))

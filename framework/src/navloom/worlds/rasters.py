@@ -1,4 +1,4 @@
-"""What the schemes of raster maps share."""
+"""Common parts of the schemes of raster maps."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["length_of", "raster_bounds", "wall_height"]
 
 
 def length_of(reference: str, key: str, text: str) -> float:
-    """The length that an option of a reference gives, m.
+    """The length of an option in a reference, m.
 
     Raises:
-        WorldError: It is no length from 0.001 to 1000 m.
+        WorldError: It is not a length from 0.001 to 1000 m.
     """
     try:
         value = float(text)
@@ -29,10 +29,10 @@ def length_of(reference: str, key: str, text: str) -> float:
 
 
 def wall_height(reference: str, text: str) -> Interval:
-    """Height the walls of a map cover, m, from the text of an option.
+    """Height interval of a map's walls, m, from the text of an option.
 
     Raises:
-        WorldError: It is no length.
+        WorldError: It is not a length.
     """
     return 0.0, length_of(reference, "height", text)
 

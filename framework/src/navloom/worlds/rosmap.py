@@ -1,10 +1,10 @@
-"""Maps of the ROS map_server (a YAML file and an image): read as nav2_map_server reads them, and saved alike.
+"""Maps of the ROS map_server (a YAML file and an image), read and written like nav2_map_server.
 
 A pixel's occupancy is p = 1 - shade (p = shade with `negate`), the image's top row has the highest y. Modes:
 
 - trinary: 100 where p > occupied_thresh, 0 where p < free_thresh, -1 between. Transparency counts as a fourth colour.
 - scale: as trinary, but 0 to 100 in proportion between the thresholds, and -1 where not opaque.
-- raw: the level of 0 to 255 itself, -1 above 100.
+- raw: the level from 0 to 255 itself, -1 above 100.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navloom.files import write_whole
 from navloom.geometry.grid import FREE, OCCUPIED, UNKNOWN, GridMap
 from navloom.geometry.world import Interval, Place, Raster, World
 from navloom.inputs.bounds import YAML_MB
@@ -27,7 +26,7 @@ from navloom.worlds.errors import WorldError, did_you_mean, file_of, options_of,
 from navloom.worlds.images import Shades, read_image
 from navloom.worlds.rasters import raster_bounds, wall_height
 
-__all__ = ["load_raster", "read_rosmap", "rosmap_files", "rosmap_world", "save_rosmap"]
+__all__ = ["load_raster", "read_rosmap", "rosmap_files", "rosmap_world"]
 
 _MODES = ("trinary", "scale", "raw")
 _UNKNOWNS = ("occupied", "free")
@@ -37,7 +36,7 @@ _OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.196
 
 @dataclass(frozen=True)
 class _Description:
-    """The YAML file of a map, checked."""
+    """The checked YAML file of a map."""
 
     image: Path
     resolution: float
@@ -57,18 +56,18 @@ def rosmap_world(argument: str, base: Path) -> World:
 
 
 def load_raster(path: Path, unknown: str = "occupied", z: Interval = (0.0, 2.4)) -> Raster:
-    """A map as ground truth.
+    """A map as the true world.
 
     A cell is an obstacle from 100 on, in a raw map from `occupied_thresh` on. Unknown cells are obstacles too, unless
-    `unknown` is "free": nobody has seen a floor there, and a shortest path must not leave the building through it.
+    `unknown` is "free": no floor was seen there, and a shortest path must not leave the building through them.
 
     Args:
         path: The YAML file.
         unknown: "occupied" or "free".
-        z: Height the walls cover, m.
+        z: Height interval of the walls, m.
 
     Raises:
-        WorldError: See `read_rosmap`; or another word for `unknown`.
+        WorldError: See `read_rosmap`; or `unknown` has another value.
     """
     if unknown not in _UNKNOWNS:
         raise WorldError(f"{path}: unknown={unknown}: expected occupied or free; {did_you_mean(unknown, _UNKNOWNS)}")
@@ -88,7 +87,7 @@ def read_rosmap(path: Path) -> GridMap:
         path: The YAML file; the image is relative to its folder.
 
     Raises:
-        WorldError: A file is missing, damaged or truncated, or a key is missing or has a wrong value.
+        WorldError: A file is missing, damaged or truncated, or a key is missing or has an invalid value.
     """
     return _grid(_describe(path))
 
@@ -100,7 +99,7 @@ def _grid(description: _Description) -> GridMap:
 
 
 def _cells(shades: Shades, description: _Description) -> NDArray[np.int8]:
-    """(rows, cols) cells, row 0 at the top, by a table with one entry a level."""
+    """(rows, cols) cells, row 0 at the top, from a lookup table with one entry a level."""
     levels, top = shades.levels, shades.top
     if description.mode == "trinary" and shades.with_alpha is not None:
         levels, top = shades.with_alpha, shades.top_with_alpha
@@ -134,7 +133,7 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
 
     def number(key: str, given: Any, fits: Callable[[float], bool], expected: str) -> float:
         try:
-            # A YAML 1.1 reader takes 5e-2 for a text; map_server's takes it for a number.
+            # A YAML 1.1 parser reads 5e-2 as a string; map_server's reads it as a number.
             found = float(given) if isinstance(given, int | float | str) and not isinstance(given, bool) else math.nan
         except (ValueError, OverflowError):
             found = math.nan
@@ -164,36 +163,13 @@ def _checked(document: dict[Any, Any], path: Path) -> _Description:
     return _Description(file_of(image, path.parent), resolution, Place(x, y, yaw), bool(negate), occupied, free, mode)
 
 
-def save_rosmap(grid: GridMap, path: Path, mode: Literal["trinary", "raw"] = "trinary") -> None:
-    """Save a grid as map_server's saver does: `path`, a `.yaml` file, and a `.pgm` file beside it.
-
-    Each file is written under another name first and then renamed, the image before the YAML file that names it, so
-    that no reader ever finds half a file.
-
-    Args:
-        grid, mode: As for `rosmap_files`.
-        path: The YAML file.
-
-    Raises:
-        WorldError: The name does not end in `.yaml` or `.yml`, or the files cannot be written.
-    """
-    if path.suffix not in (".yaml", ".yml"):
-        raise WorldError(f"{path}: expected a name that ends in .yaml")
-    image, description = rosmap_files(grid, path.stem, mode).values()
-    for file, content in ((path.with_suffix(".pgm"), image), (path, description)):
-        try:
-            write_whole(file, content)
-        except OSError as error:
-            raise WorldError(f"{file}: cannot be written: {error.strerror}") from error
-
-
 def rosmap_files(grid: GridMap, name: str, mode: Literal["trinary", "raw"] = "trinary") -> dict[str, bytes]:
-    """The two files of a map by name: the image first, then the YAML file that names it.
+    """Contents of the two files of a map, by name: the image first, then the YAML file that names it.
 
     Args:
         grid: In trinary mode cells from 65 count as occupied, those up to 19 as free, all others as unknown; a grid of
-            -1, 0 and 100 comes back exactly. In raw mode every grid does.
-        name: Of both, without its ending.
+            -1, 0 and 100 is restored exactly. In raw mode every grid is.
+        name: Name of both files, without the extension.
         mode: "trinary" or "raw".
     """
     import yaml

@@ -1,4 +1,4 @@
-"""Small worlds to try a method in: an empty floor, corridors, doorways, a trap, and random posts."""
+"""Small worlds for trying a method: an empty floor, corridors, doorways, a trap, and random posts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROOM = (
 
 
 def empty() -> World:
-    """Nothing but floor."""
+    """An empty floor."""
     return World("empty", start=Place(0.0, 0.0, _UP), goal=Place(0.0, 6.0), bounds=(-5.0, -2.0, 5.0, 8.0))
 
 
@@ -38,7 +38,7 @@ def corridor() -> World:
 
 
 def doorway() -> World:
-    """A wall right across a room, with a door of 1.2 m that is 2 m beside the straight way."""
+    """A wall across a room, with a door of 1.2 m that is 2 m beside the straight line to the goal."""
     walls = (
         *_ROOM,
         Box("door wall left", (-4.0, 1.4), (3.0, 3.2)),
@@ -48,10 +48,10 @@ def doorway() -> World:
 
 
 def crossing_person() -> World:
-    """A corridor 4 m wide and 13 m long that a person crosses to and fro at 0.4 m/s, resting 5 s at each side.
+    """A corridor 4 m wide and 13 m long that a person crosses back and forth at 0.4 m/s, resting 5 s at each side.
 
-    The person never gives way, but walks no faster than a robot may drive. It sets out so that who comes straight on at
-    0.4 m/s sees it cross about 2 m ahead: somebody who walks into a robot's side tells nothing about the robot.
+    The person never gives way, but walks no faster than a robot may drive. A robot that drives straight at 0.4 m/s sees
+    the person cross about 2 m ahead. A person who walks into the robot's side would not test the robot.
     """
     walls = (Box("left wall", (-2.2, -2.0), (-2.0, 11.0)), Box("right wall", (2.0, 2.2), (-2.0, 11.0)))
     rest, walk, side = 5.0, 7.5, 1.5
@@ -71,17 +71,17 @@ def crossing_person() -> World:
 
 
 def door_world(argument: str, base: Path) -> World:
-    """A wall right across a room that nobody has mapped, with a door 1 m beside the straight way.
+    """An unmapped wall across a room, with a door 1 m beside the straight line to the goal.
 
-    The wall appears when the first sweep has ended; robots without a sweep find it there from the start. On a map it
-    would be the planner's business, and no avoider would have to find the door.
+    The wall appears when the first sweep has ended; for robots without a sweep it is there from the start. If it were
+    mapped, the planner would find the door and not the avoider.
 
     Args:
         argument: Width of the door, m, from 0.8 to 4.
-        base: Not used: the world is made, not read.
+        base: Not used, as no file is read.
 
     Raises:
-        WorldError: The width is no such number.
+        WorldError: The width is not such a number.
     """
     try:
         width = float(argument)
@@ -104,7 +104,7 @@ def door_world(argument: str, base: Path) -> World:
 
 
 def u_trap() -> World:
-    """A dead end of 3 m by 3 m, open towards the start: what steers to the goal alone does not get out."""
+    """A dead end of 3 m by 3 m, open towards the start: a method that only steers to the goal does not get out."""
     walls = (
         Box("trap left", (-1.7, -1.5), (2.0, 5.2)),
         Box("trap right", (1.5, 1.7), (2.0, 5.2)),
@@ -114,14 +114,14 @@ def u_trap() -> World:
 
 
 def clutter_world(argument: str, base: Path) -> World:
-    """20 posts of 0.2 m diameter on 12 m x 12 m, no two nearer than 1.6 m; start in front, goal behind.
+    """20 posts of 0.2 m diameter on 12 m x 12 m with gaps of at least 1.6 m; the start in front, the goal behind.
 
     Args:
-        argument: The seed, a whole number from 0.
-        base: Not used: the world is made, not read.
+        argument: The seed, an integer >= 0.
+        base: Not used, as no file is read.
 
     Raises:
-        WorldError: The seed is no such number.
+        WorldError: The seed is not such a number.
     """
     if not (argument.isascii() and argument.isdigit() and len(argument) <= 18):
         raise WorldError(f"clutter:{argument}: expected a seed, a whole number from 0, as in clutter:3")

@@ -1,4 +1,4 @@
-"""Reading a TOML table key by key: every error names the file, the table and the key."""
+"""Reads a TOML table key by key; every error names the file, the table and the key."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navloom.worlds.errors import WorldError, did_you_mean
 __all__ = ["FileTable"]
 
 _FARTHEST = 1e6
-"""Largest number a world file may give, m, s or degrees."""
+"""Largest number in a world file, m, s or degrees."""
 
 
 class FileTable:
@@ -21,12 +21,12 @@ class FileTable:
 
     Args:
         path: The file.
-        place: What to call the table in errors, as `[[box]] 2`; empty for the file itself.
+        place: Name of the table in errors, as `[[box]] 2`; empty for the file itself.
         content: Its keys and values.
-        known: The keys there may be.
+        known: Valid keys.
 
     Raises:
-        WorldError: It is no table, or has another key.
+        WorldError: It is not a table, or has an unknown key.
     """
 
     def __init__(self, path: Path, place: str, content: Any, known: Collection[str]) -> None:
@@ -42,11 +42,11 @@ class FileTable:
         return key in self._content
 
     def error(self, text: str) -> WorldError:
-        """The error that something in this table is."""
+        """An error about something in this table."""
         return WorldError(f"{self.path}, {self.place}: {text}" if self.place else f"{self.path}: {text}")
 
     def value(self, key: str) -> Any:
-        """What a key that must be there has."""
+        """The value of a required key."""
         if key not in self._content:
             raise self.error(f"key {key!r} is missing")
         return self._content[key]
@@ -69,7 +69,7 @@ class FileTable:
         return tuple(float(v) for v in value)
 
     def interval(self, key: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
-        """A lowest and a higher number."""
+        """A lower and a higher number."""
         if default is not None and key not in self._content:
             return default
         low, high = self.numbers(key, "[lowest, highest]")
@@ -78,7 +78,7 @@ class FileTable:
         return low, high
 
     def text(self, key: str, default: str | None = None) -> str:
-        """A text that is not empty."""
+        """A non-empty string."""
         if default is not None and key not in self._content:
             return default
         value = self.value(key)
@@ -87,7 +87,7 @@ class FileTable:
         return value
 
     def choice(self, key: str, choices: tuple[str, ...]) -> str:
-        """One of some words, the first by default."""
+        """One of several words, the first by default."""
         value = self.text(key, choices[0])
         if value not in choices:
             raise self.error(

@@ -1,7 +1,7 @@
 """World files, `.toml`:
 
 ```toml
-bounds = [-5.0, -1.0, 5.0, 9.0]      # lowest x, lowest y, highest x, highest y, m; default: round everything
+bounds = [-5.0, -1.0, 5.0, 9.0]      # lowest x, lowest y, highest x, highest y, m; default: around everything
 start = { x = 0.0, y = 0.0, heading_deg = 90.0 }
 goal = { x = 0.0, y = 7.6 }
 goal_tolerance = 0.2                 # m
@@ -130,7 +130,7 @@ def _cylinder(table: FileTable, name: str) -> Cylinder:
 
 
 def _timing(table: FileTable) -> dict[str, Any]:
-    """When an obstacle is there, and how it moves."""
+    """When an obstacle appears, and how it moves."""
     after_sweep = table.choice("appears", ("at_start", "after_sweep")) == "after_sweep"
     if after_sweep and "appears_at" in table:
         raise table.error('appears_at and appears = "after_sweep" exclude each other: leave one out')
@@ -176,7 +176,7 @@ def _raster(table: FileTable) -> Raster:
 def _bounds(
     table: FileTable, obstacles: tuple[Obstacle, ...], raster: Raster | None, places: list[Place]
 ) -> tuple[float, float, float, float]:
-    """The bounds given, or those of everything in the world with 1 m round it."""
+    """The given bounds, or those of everything in the world with a margin of 1 m."""
     if "bounds" in table:
         x0, y0, x1, y1 = table.numbers("bounds", "[lowest x, lowest y, highest x, highest y]")
         if not (x0 < x1 and y0 < y1):

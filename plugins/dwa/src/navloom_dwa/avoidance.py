@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-SPEED_ERROR, TURN_ERROR = 0.1, 0.2  # m/s, rad/s: a robot this far off its command is not following it
 STANDING = (0.01, 0.02)  # m/s, rad/s: slower is to stand
 HELD = 0.5  # less of a command than this passes the gate: it holds the robot back
 MOST_OBSTACLES, MOST_POINTS = 4096, 8192
@@ -95,9 +94,7 @@ class DynamicWindow:
         self.max_speed = min(p.max_speed, robot.max_linear)
         self.max_turn = min(math.radians(p.max_turn_deg), robot.max_angular)
         self.turn_acceleration = min(math.radians(p.turn_acceleration_deg), robot.max_angular_acceleration)
-        self.motors = Motors(
-            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
-        )  # fmt: skip
+        self.motors = Motors.of(robot, period)
         self.rim_speed = p.wheel_speed if p.wheel_speed > 0.0 else math.inf
         self.margin = max(p.laser_margin, p.sonar_margin)
         self.corners = enlarged_corners(self.edges, self.margin)
@@ -191,9 +188,7 @@ class DynamicWindow:
 
     def _count_time(self, given: Given) -> None:
         """Time without progress; a robot that was stopped, or is driven by another, does not do what it was told."""
-        v, w = given.twist
-        obeyed = abs(v - self._sent[0]) < SPEED_ERROR and abs(w - self._sent[1]) < TURN_ERROR
-        elapsed = self.period if obeyed else 0.0
+        elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
         self.progress.stalled += elapsed
         is_there = math.dist(given.pose[:2], given.target) < self.params.progress_step
         is_blocked = is_standing(*self._sent) and not is_there

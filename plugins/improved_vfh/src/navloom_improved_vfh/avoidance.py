@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import THIN_BEAM, insert_beams, new_window, occupied_cells
-from navloom.avoidance.clearance import footprint_edges, free_command, nearest_ahead
+from navloom.avoidance.clearance import free_command, nearest_ahead
 from navloom.avoidance.decision import Decision
 from navloom.avoidance.histogram import enlarged_density, free_slots, sector_density, slot_directions, smooth
-from navloom.avoidance.motors import Motors
+from navloom.avoidance.method import Method
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, RotationSearch, Trap
 from navloom.avoidance.steering import turn_rate, wrap
@@ -112,7 +112,7 @@ def survey(
     return count, found, candidates, d30, run
 
 
-class Avoidance:
+class Avoidance(Method):
     """The improved VFH of one robot: its certainty window and what it remembers of its search.
 
     Attributes:
@@ -122,16 +122,13 @@ class Avoidance:
     """
 
     def __init__(self, params: ImprovedVfhParams, robot: Robot, period: float) -> None:
-        self.params, self.robot, self.period = params, robot, period
-        self.edges = footprint_edges(robot.footprint)
+        super().__init__(robot, period)
+        self.params = params
         self.front = float(robot.footprint[:, 0].max())
         self.half_width = float(np.abs(robot.footprint[:, 1]).max())
         self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
         self.max_speed = min(params.max_speed, robot.max_linear)
         measured = self.front if params.distance_from == "front" else 0.0
-        self.motors = Motors(
-            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
-        )  # fmt: skip
         self._front = (math.radians(params.front_sector_deg), measured, self.half_width)
         self._slow = math.radians(params.slow_on_deg), math.radians(params.slow_off_deg)
         self._window, self._case = math.radians(params.slot_window_deg), math.radians(params.case_limit_deg)
@@ -146,6 +143,7 @@ class Avoidance:
 
     def reset(self) -> None:
         """Forget the window and the search."""
+        super().reset()
         p = self.params
         self._open_window()
         self.search = RotationSearch(math.radians(p.rotation_deg))
@@ -154,27 +152,8 @@ class Avoidance:
         self.slot_count = 0
         self._previous: float | None = None
         self._is_turning = False
-        self.motors.reset()
-        self.in_flight = np.zeros((1, 2))
 
-    def step(
-        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
-    ) -> Decision:
-        """Decide for one tick.
-
-        Args:
-            beams: Readings of this tick, None where there are none.
-            pose: x, y, m, heading, rad, of the base in the pose frame.
-            twist: Present forward speed, m/s, and turn rate, rad/s.
-            target: x_t, y_t, m, pose frame.
-            share: Of the last command that the gate let through.
-        """
-        self.in_flight = self.motors.in_flight(twist, share)
-        decision = self._decide(beams, pose, twist, target)
-        self.motors.give(decision.speed, decision.turn)
-        return decision
-
-    def _decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
+    def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
         view = self.look(pose, twist, target)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from navloom.recording.header import RecordingError
-from navloom.recording.imported import mount_option, start_option
+from navloom.recording.imported import mount_option
 from navloom.recording.reader import Recording
 
 from navloom_ros.bag_import import Imported, import_bag
@@ -58,7 +58,7 @@ def import_from(
     mounts: Sequence[str],
     odometry: str | None,
     map_ref: str | None,
-    start: str | None,
+    start: tuple[float, float, float] | None,
 ) -> Imported:
     """Import a bag as the options of the command say; see `import_bag`.
 
@@ -75,5 +75,4 @@ def import_from(
     for name, (x, y, yaw, z) in map(mount_option, mounts):
         rotation = quaternion_matrix(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
         places[name] = Mount(rotation, np.array([x, y, z]))
-    at = None if start is None else start_option(start)
-    return import_bag(bag, out, names, places, odometry, map_ref, at)
+    return import_bag(bag, out, names, places, odometry, map_ref, start)

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from navloom.cli.command import App
+from navloom.cli.options import AsJson, MapOptions, RobotOptions
 
 from navloom_ros.errors import BadDefinition, BadName, RosError, UnknownType
 from navloom_ros.graph import Graph, Listed
@@ -27,7 +29,7 @@ from navloom_ros.wire import ROUTER
 
 __all__ = ["app"]
 
-app = typer.Typer(name="ros", help="Work with a ROS 2 network over Zenoh, without ROS.", no_args_is_help=True)
+app = App(name="ros", help="Work with a ROS 2 network over Zenoh, without ROS.", no_args_is_help=True)
 
 SHOWN = 12
 """Elements of a list that are shown where people read it."""
@@ -44,7 +46,6 @@ Interfaces = Annotated[
     list[Path] | None,
     typer.Option("--interfaces", metavar="DIR", help="Definitions as package/msg/Name.msg; may repeat."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="JSON, for scripts.")]
 
 
 @app.command()
@@ -121,6 +122,7 @@ def export(
 
 @app.command()
 def serve(
+    which: RobotOptions,
     router: Router = ROUTER,
     domain: Domain = 0,
     namespace: Annotated[str, typer.Option(metavar="NAME", help="Of relative names, as /robot1.")] = "/",
@@ -130,12 +132,6 @@ def serve(
     take: Annotated[
         str, typer.Option(metavar="LIST", help="What to take from the network, of goals,pose; nothing by default.")
     ] = "",
-    robot: Annotated[str | None, typer.Option(metavar="REALM/NAME", help="Default: the only one that is up.")] = None,
-    connect: Annotated[str | None, typer.Option(metavar="ENDPOINT", help="Robot on another host.")] = None,
-    keys: Annotated[str | None, typer.Option(metavar="DIR", help="Folder of certificates, see `navloom keys`.")] = None,
-    insecure: Annotated[
-        bool, typer.Option("--insecure", help="Plain TCP to another host, in a closed test network only.")
-    ] = False,
     distribution: Annotated[str, typer.Option("--distro", metavar="NAME", help="ROS 2 of the network.")] = "jazzy",
 ) -> None:
     """Show a live robot to ROS tools, until Ctrl-C.
@@ -148,7 +144,8 @@ def serve(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _refusals():
         wanted, taken = _listed(publish, "--publish", tuple(STREAMS)), _listed(take, "--take", TAKEN)
-        served = Serving(robot, connect, keys, insecure, router, domain, namespace, Types(distribution), wanted, taken)
+        reached = which.robot, which.connect, which.keys, which.insecure
+        served = Serving(*reached, router, domain, namespace, Types(distribution), wanted, taken)
         serve_robot(served, lambda: False, lambda text: typer.echo(f"navloom ros: {text}", err=True))
 
 
@@ -164,6 +161,7 @@ def _listed(text: str, option: str, known: tuple[str, ...]) -> list[str]:
 def import_(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="A .bag file, or the folder of a ROS 2 bag.")],
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
+    place: MapOptions,
     map_topic: Annotated[
         list[str] | None, typer.Option("--map-topic", metavar="TOPIC=NAME", help="Name of the sensor; repeats.")
     ] = None,
@@ -174,12 +172,6 @@ def import_(
     odom: Annotated[
         str | None, typer.Option("--odom", metavar="TOPIC", help="Odometry, where there are several.")
     ] = None,
-    map_: Annotated[
-        str | None, typer.Option("--map", metavar="WORLD", help="Map for replays, a world or a map's .yaml.")
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="X,Y,HEADING_DEG", help="Where the robot is at first, in the map.")
-    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Import a ROS 1 or ROS 2 bag.
@@ -189,7 +181,7 @@ def import_(
     from navloom_ros.adapter import import_from
 
     with _refusals():
-        found = import_from(bag, out, map_topic or (), mount or (), odom, map_, start)
+        found = import_from(bag, out, map_topic or (), mount or (), odom, place.map_, place.pose())
     span = (found.last_ns - found.first_ns) * 1e-9
     if as_json:
         typer.echo(json.dumps({"file": str(out), "seconds": span, "topics": [one.to_json() for one in found.topics]}))

@@ -13,15 +13,13 @@ from typing import Any
 
 from rosbags.interfaces import Nodetype
 
-__all__ = ["FIRST_HASHED", "NOT_HASHED", "field_description", "rihs01"]
+__all__ = ["NOT_HASHED", "field_description", "rihs01"]
 
 Fields = list[tuple[str, Any]]
 """Names and descriptors of a type's fields, as `rosbags` has them: a node type and what it is of."""
 
 NOT_HASHED = "TypeHashNotSupported"
 """What Humble writes in the place of a hash."""
-FIRST_HASHED = "iron"
-"""The first distribution with type hashes."""
 
 _NESTED = 1
 _BOUNDED_STRING = 21

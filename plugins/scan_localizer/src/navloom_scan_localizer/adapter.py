@@ -67,10 +67,8 @@ class ScanMatching(Localizer[ScanMatchingParams]):
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker = given.odometry, self._tracker
-        seen, time = odometry.pose, (odometry.stamp_ns - self._stamp_ns) / 1e9
-        tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
+        points = _predict(tracker, given, self._stamp_ns, self.params)
         self._stamp_ns = odometry.stamp_ns
-        points = [_points(scan, odometry, self.params) for scan in given.scans if isinstance(scan, RangeScan)]
         if points:
             joined = np.concatenate(points)
             tracker.correct(joined)
@@ -117,10 +115,8 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
 
     def localize(self, given: LocalizerInput) -> PoseEstimate:
         odometry, tracker = given.odometry, self._tracker
-        seen, time = odometry.pose, (odometry.stamp_ns - self._stamp_ns) / 1e9
-        tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
+        points = _predict(tracker, given, self._stamp_ns, self.params)
         self._stamp_ns = odometry.stamp_ns
-        points = [_points(scan, odometry, self.params) for scan in given.scans if isinstance(scan, RangeScan)]
         joined = points[0] if len(points) == 1 else np.concatenate(points) if points else np.empty((0, 4))
         joined = joined[: beams.keep_near(joined, self.params.max_range)]
         if len(joined):
@@ -159,6 +155,16 @@ class _BeamLimits(Protocol):
     def max_half_angle_deg(self) -> float: ...
     @property
     def max_age(self) -> float: ...
+
+
+def _predict(
+    tracker: PoseTracker, given: LocalizerInput, since_ns: int, limits: _BeamLimits
+) -> list[NDArray[np.float64]]:
+    """Move the pose by the odometry since a stamp; gives the points of each scan."""
+    odometry = given.odometry
+    seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9
+    tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
+    return [_points(scan, odometry, limits) for scan in given.scans if isinstance(scan, RangeScan)]
 
 
 def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits) -> NDArray[np.float64]:

@@ -45,7 +45,10 @@ _FREE, _TOUCHING = Contact(False), Contact(True)
 
 
 class SensorsSim(Platform[SensorsSimParams]):
-    """Drives through the ground truth and reads simulated sensors, odometry and contact."""
+    """Drives through the ground truth and reads simulated sensors, odometry and contact.
+
+    A subclass may add kinds of sensor; its `advance` then adds their messages to the answer of this one.
+    """
 
     name = "sensors_sim"
     sensor_kinds = {"pitched_laser": Sweep, "laser_2d": RangeScan, "sonar_ring": RangeScan}
@@ -59,7 +62,8 @@ class SensorsSim(Platform[SensorsSimParams]):
     def reset(self) -> None:
         """Back to the start of the run; the random streams go on."""
         context, spec, start = self.context, self.context.robot, self.context.start
-        self._sensors = {sensor.name: self._sensor(sensor) for sensor in context.sensors}
+        added = self.sensor_kinds.keys() - _SENSORS.keys()  # a subclass reads these itself
+        self._sensors = {sensor.name: self._sensor(sensor) for sensor in context.sensors if sensor.kind not in added}
         solids, raster = (context.world.obstacles, context.world.raster) if context.world is not None else ((), None)
         sweeps = any(sensor.kind == "pitched_laser" for sensor in context.sensors)
         self._scene = Scene(solids, raster, position_at, sweeps)

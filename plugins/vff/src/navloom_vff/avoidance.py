@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import new_window, occupied_cells, place_beams, scroll_window
-from navloom.avoidance.clearance import disc_radius, footprint_edges, free_command
+from navloom.avoidance.clearance import disc_radius, free_command
 from navloom.avoidance.decision import Decision
 from navloom.avoidance.himm import count_readings
-from navloom.avoidance.motors import SPEED_ERROR, TURN_ERROR, Motors
+from navloom.avoidance.method import Method
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, Trap
 from navloom.avoidance.steering import wrap
@@ -52,15 +52,12 @@ class View:
     factor: float
 
 
-class ForceField:
+class ForceField(Method):
     """The VFF of one robot: its certainty window, its turn rate, and the wall it follows."""
 
     def __init__(self, params: VffParams, robot: Robot, period: float) -> None:
-        self.params, self.robot, self.period = params, robot, period
-        self.edges = footprint_edges(robot.footprint)
-        self.motors = Motors(
-            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
-        )  # fmt: skip
+        super().__init__(robot, period)
+        self.params = params
         self.radius = disc_radius(robot.footprint, params.disc)
         self.constant = force_constant(params.balance)
         self.max_turn = min(math.radians(params.max_turn_deg), robot.max_angular)
@@ -73,35 +70,16 @@ class ForceField:
 
     def reset(self) -> None:
         """Forget the window and the wall."""
+        super().reset()
         p = self.params
         self.grid, self.origin = new_window(p.window)
         self.following = WallFollowing()
         self.progress = Progress(p.progress_step, p.target_shift)
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
         self._target: Point | None = None
-        self._sent = (0.0, 0.0)
         self._turn = 0.0
-        self.motors.reset()
-        self.in_flight = np.zeros((1, 2))
 
-    def step(
-        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
-    ) -> Decision:
-        """Decide for one tick.
-
-        Args:
-            beams: Readings of this tick, None where there are none.
-            pose: x, y, m, heading, rad, of the base in the pose frame.
-            twist: Present forward speed, m/s, and turn rate, rad/s.
-            target: x_t, y_t, m, pose frame.
-            share: Of the last command that the gate let through.
-        """
-        self.in_flight = self.motors.in_flight(twist, share)
-        decision = self._decide(beams, pose, twist, target)
-        self.motors.give(decision.speed, decision.turn)
-        return decision
-
-    def _decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
+    def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
         view = self.look(pose, twist, target)
@@ -197,9 +175,8 @@ class ForceField:
             why += ", reduced by what is on the arc"
         is_clear = view.push == (0.0, 0.0)
         # A robot that was stopped, or driven by another, does not do what it was told here: that is no trap.
-        obeyed = abs(view.twist[0] - self._sent[0]) < SPEED_ERROR and abs(view.twist[1] - self._sent[1]) < TURN_ERROR
+        obeyed = self.motors.obeyed(view.twist)
         elapsed = self.period if obeyed else 0.0
-        self._sent = sent
         progress.stalled = 0.0 if is_clear else progress.stalled + elapsed
         self.following.hesitated += elapsed
         progress.blocked = progress.blocked + elapsed if sent == (0.0, 0.0) else 0.0
@@ -211,7 +188,7 @@ class ForceField:
 
     def _give_up(self, view: View, why: str) -> Decision:
         self.trap.place, self.trap.target = view.pose, view.target
-        self._sent, self._turn = (0.0, 0.0), 0.0
+        self._turn = 0.0
         return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from navloom.avoidance.beams import Beams
 from navloom.avoidance.certainty import new_window, place_beams, scroll_window
-from navloom.avoidance.clearance import disc_radius, footprint_edges, free_command
+from navloom.avoidance.clearance import disc_radius, free_command
 from navloom.avoidance.decision import Decision
 from navloom.avoidance.himm import count_readings
-from navloom.avoidance.motors import SPEED_ERROR, TURN_ERROR, Motors
+from navloom.avoidance.method import Method
 from navloom.avoidance.robot import Robot
 from navloom.avoidance.search import Progress, RotationSearch, Trap
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ class Choice:
     why: str
 
 
-class HistogramAvoidance(ABC):
+class HistogramAvoidance(Method):
     """A vector field histogram method of one robot; what is its own is choose().
 
     Attributes:
@@ -77,11 +77,8 @@ class HistogramAvoidance(ABC):
     threshold: float
 
     def __init__(self, params: HistogramParams, robot: Robot, period: float) -> None:
-        self.common, self.robot, self.period = params, robot, period
-        self.edges = footprint_edges(robot.footprint)
-        self.motors = Motors(
-            robot.motor_lag, robot.dead_time, period, robot.max_acceleration, robot.max_deceleration
-        )  # fmt: skip
+        super().__init__(robot, period)
+        self.common = params
         disc = disc_radius(robot.footprint, params.disc)
         self.radius = disc + params.safety_distance if disc > 0.0 else 0.0
         self.slack = max(self.radius, disc_radius(robot.footprint, "inscribed"))
@@ -96,38 +93,19 @@ class HistogramAvoidance(ABC):
 
     def reset(self) -> None:
         """Forget the window, the choice and the search."""
+        super().reset()
         p = self.common
         self.grid, self.origin = new_window(p.window)
         self.search = RotationSearch(math.radians(p.rotation_deg))
         self.progress = Progress(p.progress_step, p.target_shift)
         self.trap = Trap(p.release_distance, math.radians(p.release_deg))
         self.slot_count = 0
-        self._sent = (0.0, 0.0)
-        self.motors.reset()
-        self.in_flight = np.zeros((1, 2))
 
     @abstractmethod
     def choose(self, view: View) -> Choice:
         """The direction to steer to, from the window and the view."""
 
-    def step(
-        self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point, share: float = 1.0
-    ) -> Decision:
-        """Decide for one tick.
-
-        Args:
-            beams: Readings of this tick, None where there are none.
-            pose: x, y, m, heading, rad, of the base in the pose frame.
-            twist: Present forward speed, m/s, and turn rate, rad/s.
-            target: x_t, y_t, m, pose frame.
-            share: Of the last command that the gate let through.
-        """
-        self.in_flight = self.motors.in_flight(twist, share)
-        decision = self._decide(beams, pose, twist, target)
-        self.motors.give(decision.speed, decision.turn)
-        return decision
-
-    def _decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
+    def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
             self.sense(beams, pose)
         distance = math.dist(target, pose[:2])
@@ -205,8 +183,7 @@ class HistogramAvoidance(ABC):
         """Count the time without progress; why it is trapped, or nothing."""
         p, progress = self.common, self.progress
         # A robot that was stopped, or driven by another, does not do what it was told here: that is no trap.
-        obeyed = abs(view.twist[0] - self._sent[0]) < SPEED_ERROR and abs(view.twist[1] - self._sent[1]) < TURN_ERROR
-        self._sent = sent
+        obeyed = self.motors.obeyed(view.twist)
         elapsed = self.period if obeyed else 0.0
         progress.stalled += 0.0 if is_clear else elapsed
         stands = sent[0] == 0.0 and abs(sent[1]) < STANDS_BELOW
@@ -224,5 +201,4 @@ class HistogramAvoidance(ABC):
 
     def _give_up(self, view: View, why: str) -> Decision:
         self.trap.place, self.trap.target = view.pose, view.target
-        self._sent = (0.0, 0.0)
         return Decision(0.0, 0.0, "trapped", None, "trapped: " + why)

@@ -43,7 +43,7 @@ def show(given: ConfigOptions, as_json: AsJson = False) -> None:
 
 
 def as_toml(value: Any) -> str:
-    """A value as a config or `--set` writes it; `-` for what is not set."""
+    """A value in the notation of a config or `--set`; `-` if it is not set."""
     if value is None:
         return "-"
     if isinstance(value, float):
@@ -70,11 +70,11 @@ def check(given: ConfigOptions, as_json: AsJson = False) -> None:
     loaded = given.load()
     system = assemble(loaded)
     waits = is_real(system) or not loaded.config.navigation.drive
-    (check_drive if waits else check_task)(system)  # one that waits needs no goal yet
+    (check_drive if waits else check_task)(system)  # a robot that waits for goals needs none yet
     with redirect_stdout(sys.stderr):  # plugins may print
         try_plugins(system)
     network = network_of(loaded.config, loaded.config.live.router_host, insecure=True)
-    if network.keys is None:  # certificates lie on the robot's hosts, which this one need not be
+    if network.keys is None:  # certificates are on the robot's hosts, and this host may be another
         network.check()
     if as_json:
         print_json({

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, Changes, RobotOptions
+from navloom.cli.options import AsJson, Changes, PluginFiles, RobotOptions
 from navloom.installed import config_help
 
 __all__ = ["graph"]
@@ -18,6 +18,7 @@ def graph(
         str | None, typer.Argument(metavar="[CONFIG]", help=f"{config_help()} Without one, of a live robot.")
     ] = None,
     set_: Changes = None,
+    plugin: PluginFiles = None,
     as_json: AsJson = False,
     dot: Annotated[bool, typer.Option("--dot", help="Print the graph for Graphviz.")] = False,
     *,
@@ -40,7 +41,7 @@ def graph(
 
 
 def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool) -> None:
-    """The connections that a config makes."""
+    """Print the connections that a config defines."""
     from navloom.cli.output import print_json
     from navloom.config import load_config
     from navloom.engine.build import assemble
@@ -78,12 +79,12 @@ def _config_graph(config: str, changes: Sequence[str], as_json: bool, dot: bool)
 
 
 def _carried(port: Any) -> str:
-    """Schema name of what a port carries; the framework's own without its package."""
+    """Schema name of a port's message; the framework's own without the package."""
     return str(port.carries.schema_name).removeprefix("navloom.") or "any message"
 
 
 def _live_graph(robot: RobotOptions, as_json: bool, dot: bool) -> None:
-    """The nodes, what each publishes, and whose messages it has received."""
+    """Print the nodes, the ports that each publishes, and the streams that it has received."""
     from navloom.cli.live.live_graph import live_edges, live_nodes, print_dot, print_nodes
     from navloom.cli.output import print_json
     from navloom.operating.client import ClientError

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navloom.cli.describing.docstrings import meanings
+from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
 
 if TYPE_CHECKING:
@@ -20,11 +22,12 @@ _UNIT = r"(?:^|, )(ns|µs|ms|s|m|m²|m/s|m/s²|rad|rad²|rad/s|rad/s²|deg|Hz|1/
 """A unit in the text of a field: at its start, or after a comma."""
 
 _IN_NAME = {"ns": "ns", "hz": "Hz", "deg": "deg"}
-"""Units that a name may end in."""
+"""Units by the last word of a field's name."""
 
 
 def messages(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show the fields of this one.")] = None,
+    plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List every message, or show the fields of one.
@@ -88,26 +91,9 @@ def _head(cls: type[Message], owner: str) -> dict[str, Any]:
 def _fields(cls: type[Message]) -> Iterator[dict[str, str]]:
     from navloom.recording.schemas import typed
 
-    meanings = _meanings(inspect.getdoc(cls) or "")
+    told = meanings(inspect.getdoc(cls) or "")
     for name, kind in cls.kinds.items():
-        meaning = meanings.get(name, "")
+        meaning = told.get(name, "")
         unit = re.search(_UNIT, meaning)
         in_name = _IN_NAME.get(name.rpartition("_")[2], "") if "_" in name else ""
         yield {"name": name, "type": typed(kind), "unit": unit[1] if unit else in_name, "meaning": meaning}
-
-
-def _meanings(text: str) -> dict[str, str]:
-    """What a docstring says of each field, below `Attributes:` as `name, other: Text.`"""
-    found: dict[str, str] = {}
-    names: list[str] = []
-    _, _, below = text.partition("Attributes:\n")
-    for line in below.splitlines():
-        entry = re.match(r" {4}(\w+(?:, \w+)*): (.*)", line)
-        if line and not line.startswith(" "):
-            break
-        if entry:
-            names = entry[1].split(", ")
-            found |= dict.fromkeys(names, entry[2])
-        elif line.strip():
-            found |= {name: f"{found[name]} {line.strip()}" for name in names}
-    return found

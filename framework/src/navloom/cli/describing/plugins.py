@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
+
+if TYPE_CHECKING:
+    from navloom.plugins.discovery import Discovery
 
 __all__ = ["plugins"]
 
@@ -18,7 +21,10 @@ __all__ = ["plugins"]
 def plugins(
     context: typer.Context,
     name: Annotated[
-        str | None, typer.Argument(metavar="ROLE.NAME", help="Show this one's parameters; or the word `new`.")
+        str | None,
+        typer.Argument(
+            metavar="ROLE[.NAME]", help="Show what the role is given, or this one's parameters; or the word `new`."
+        ),
     ] = None,
     kind_and_name: Annotated[
         list[str] | None, typer.Argument(metavar="KIND_NAME", help="After `new`: the kind and name of the new plugin.")
@@ -29,16 +35,14 @@ def plugins(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List plugins, show one's parameters, or generate a new one.
+    """List plugins, show a role or one plugin's parameters, or generate a new one.
 
-    The list imports no plugin.
+    The list imports no plugin. `navloom plugins avoider` shows what an avoider is given and answers.
 
     `navloom plugins new KIND NAME` writes a distribution with one plugin that works: its package, tests, README and
     CI. KIND is a role, node, metric, panel, world, scheme or message.
     """
-    from navloom.cli.output import print_json, print_table
     from navloom.plugins.discovery import Discovery
-    from navloom.plugins.registry import NODE
 
     discovery = Discovery()
     if name == "new":
@@ -48,19 +52,51 @@ def plugins(
         given = f"--out {out}" if out is not None else " ".join(kind_and_name or ())
         raise typer.BadParameter(f"{given}: this is for `navloom plugins new KIND NAME`")
     if name is None:
-        infos = discovery.infos()
-        root: Any = context.find_root().command
-        for problem in (*discovery.problems(), *discovery.taken("command", root.commands)):
-            LOG.warning(problem)
-        if as_json:
-            print_json([asdict(info) for info in infos])
-        else:
-            print_table(
-                ("role", "name", "distribution", "version"),
-                [(i.role, i.name, i.distribution, i.version) for i in infos],
-            )
-        return
+        _list(context, discovery, as_json)
+    elif "." not in name:
+        _show_role(name, discovery, as_json)
+    else:
+        _show(name, discovery, as_json)
+
+
+def _list(context: typer.Context, discovery: Discovery, as_json: bool) -> None:
+    """Everything that is installed."""
+    from navloom.cli.output import print_json, print_table
+
+    infos = discovery.infos()
+    root: Any = context.find_root().command
+    for problem in (*discovery.problems(), *discovery.taken("command", root.commands)):
+        LOG.warning(problem)
+    if as_json:
+        print_json([asdict(info) for info in infos])
+    else:
+        print_table(
+            ("role", "name", "distribution", "version"),
+            [(i.role, i.name, i.distribution, i.version) for i in infos],
+        )
+
+
+def _show_role(role: str, discovery: Discovery, as_json: bool) -> None:
+    """What the plugins of a role are given and answer."""
+    from navloom.cli.describing.roles import described, print_role
+    from navloom.cli.output import print_json
+    from navloom.plugins.registry import PluginError, nearest
+    from navloom.roles import ROLES
+
+    if role not in ROLES:
+        raise PluginError(f"{role}: expected a role or ROLE.NAME{discovery.meant(role) or nearest(role, list(ROLES))}")
+    told = described(role)
+    if as_json:
+        print_json({**told, "plugins": discovery.names(role)})
+    else:
+        print_role(told, discovery.names(role))
+
+
+def _show(name: str, discovery: Discovery, as_json: bool) -> None:
+    """The parameters of one plugin."""
+    from navloom.cli.output import print_json, print_table
     from navloom.engine.parts import streams_of  # which imports numba: the list does without
+    from navloom.plugins.registry import NODE
 
     role, _, own = name.partition(".")
     cls = discovery.node(own) if role == NODE else discovery.role(role, own)
@@ -80,8 +116,8 @@ def plugins(
             print_table(("setting", "default", "allowed", "meaning"), rows_of(one["settings"]))
 
 
-def _new(kind_and_name: Sequence[str], where: Path, discovery: Any, as_json: bool) -> None:
-    """Write a distribution, and say what to do with it."""
+def _new(kind_and_name: Sequence[str], where: Path, discovery: Discovery, as_json: bool) -> None:
+    """Write a distribution, and print the next commands."""
     from navloom.cli.output import print_json
     from navloom.plugins.scaffold import KINDS, new_distribution
 
@@ -102,7 +138,7 @@ def _new(kind_and_name: Sequence[str], where: Path, discovery: Any, as_json: boo
 
 
 def kinds_of(cls: Any) -> dict[str, Any]:
-    """The kinds of sensor that a platform provides: the message class of each, and what its table may hold."""
+    """The kinds of sensor that a platform provides, each with its message class and the schema of its settings."""
     from navloom.roles import Platform
 
     if not issubclass(cls, Platform):

@@ -1,4 +1,4 @@
-"""`navloom worlds`: where a run can take place."""
+"""`navloom worlds`: the named worlds and the world schemes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from typing import Annotated
 
 import typer
 
+from navloom.cli.options import PluginFiles
+
 __all__ = ["worlds"]
 
 
-def worlds(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+def worlds(
+    plugin: PluginFiles = None, as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+) -> None:
     """List the named worlds and the schemes for world files."""
     from navloom.cli.output import print_json
     from navloom.plugins.discovery import Discovery

@@ -1,1 +1,1 @@
-"""Commands that start a live robot, act on it and look into it."""
+"""Commands that start a live robot, control it and inspect it."""

@@ -50,7 +50,7 @@ def doctor(
 
 
 def _lines(text: str) -> str:
-    """A finding on a terminal: broken between words, each further line set in."""
+    """A finding wrapped between words for a terminal; continuation lines are indented."""
     if not sys.stdout.isatty():
         return text
     width = shutil.get_terminal_size().columns

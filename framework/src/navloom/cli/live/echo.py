@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, RobotOptions
+from navloom.cli.options import AsJson, PluginFiles, RobotOptions
 from navloom.cli.output import LOG
 
 __all__ = ["echo"]
 
 ENTRIES = 6
-"""Of a list at most, where people read it."""
+"""Largest number of list entries in the text output."""
 PATIENCE = 2.0
 """Longest silence before it is logged, s."""
 
@@ -24,6 +24,7 @@ def echo(
     fields: Annotated[str | None, typer.Option(metavar="A.B,C", help="Only these fields.")] = None,
     count: Annotated[int | None, typer.Option(metavar="N", min=1, help="End after N messages.")] = None,
     whole: Annotated[bool, typer.Option("--whole", help="Arrays whole instead of summarised.")] = False,
+    plugin: PluginFiles = None,
     *,
     robot: RobotOptions,
     as_json: AsJson = False,
@@ -53,7 +54,7 @@ def echo(
 
 
 def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
-    """Stream, message and envelope; what is kept first, then what comes. Says on stderr what cannot be shown."""
+    """Stream, message and envelope: retained messages first, then new ones. Logs what cannot be decoded."""
     from navloom.live.mailbox import Mailbox
     from navloom.messages.generic import GenericMessage
     from navloom.operating.client import ClientError
@@ -91,7 +92,7 @@ def _messages(client: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
 
 
 def chosen(values: Mapping[str, Any], fields: str | None) -> dict[str, Any]:
-    """Only the fields named, by dotted path; entries of lists by number."""
+    """Only the named fields, by dotted path; list entries by number."""
     if fields is None:
         return dict(values)
     found = {}
@@ -128,7 +129,7 @@ def _text(stream: str, head: Mapping[str, Any], values: Mapping[str, Any]) -> st
 
 
 def _value(value: Any) -> str:
-    """A value as people read it on one line."""
+    """A value as text on one line."""
     if isinstance(value, Mapping):
         if "dtype" in value and "shape" in value:
             return _array(value)

@@ -121,7 +121,7 @@ def compose(
 
 
 def _check_host(hosts: Mapping[str, object], host: str | None) -> None:
-    """Refuse a host that the config does not have. Raises ConfigError."""
+    """Refuse a host that is not in the config. Raises ConfigError."""
     from navloom.config import ConfigError
 
     if host is not None and host not in hosts:

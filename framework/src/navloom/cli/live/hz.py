@@ -1,4 +1,4 @@
-"""`navloom hz`: how a stream flows."""
+"""`navloom hz`: rate, jitter, age and losses of streams."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navloom.cli.output import LOG
 __all__ = ["hz"]
 
 COLUMNS = ("stream", "count", "Hz", "jitter\nms", "max\nms", "age50\nms", "age99\nms", "kB/s", "lost", "bad")
-"""Short, so that streams have room in 80 columns: jitter and max are of the intervals, bad is malformed."""
+"""Heads of the table, short enough for 80 columns. Jitter and max are of the intervals; bad means malformed."""
 
 
 def hz(

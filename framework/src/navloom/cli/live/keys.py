@@ -20,6 +20,8 @@ Hosts = Annotated[
     typer.Option("--host", metavar="ADDR", help="Name or address others connect to; repeats. Default: this host."),
 ]
 Days = Annotated[int, typer.Option(metavar="N", min=1, max=36500, help="Validity of the certificates, days.")]
+DAYS = 825
+"""Validity of a certificate if nothing else is asked for, days."""
 
 
 @app.command()
@@ -28,7 +30,7 @@ def new(
     realm: Annotated[str, typer.Option(metavar="NAME", help="robot.realm of the config.")] = "lab",
     robot: Annotated[str, typer.Option(metavar="NAME", help="robot.name of the config.")] = "r1",
     host: Hosts = None,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Make an authority and the robot's first certificates.
@@ -39,10 +41,10 @@ def new(
 
     from navloom.cli.output import print_json
     from navloom.transport.access import common_name
-    from navloom.transport.certificates import HOSTS, Request
+    from navloom.transport.certificates import HOSTS, CertificateRequest
     from navloom.transport.keys import new_authority
 
-    order = Request(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
+    order = CertificateRequest(realm, robot, tuple(host or HOSTS), days, datetime.now(UTC))
     made = new_authority(folder, order)
     if as_json:
         entries = [{"name": one.name, "kind": one.kind, "common_name": common_name(one, realm, robot)} for one in made]
@@ -62,7 +64,7 @@ def add(
     kind: Annotated[str, typer.Option(metavar="KIND", help="nodes, operator, viewer or shadow.")],
     instance: Annotated[str, typer.Option(metavar="ROLE.NAME", help="Instance of a shadow, as avoider.forces.")] = "",
     host: Hosts = None,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Make one more certificate.
@@ -92,7 +94,7 @@ def renew(
         list[str] | None,
         typer.Option("--host", metavar="ADDR", help="Names or addresses of router and nodes; default: as before."),
     ] = None,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Replace certificates by new ones of the same authority.
@@ -119,7 +121,7 @@ def revoke(
     replace: Annotated[
         bool, typer.Option("--replace", help="Make another certificate of that name; the old one stays revoked.")
     ] = False,
-    days: Days = 825,
+    days: Days = DAYS,
     as_json: AsJson = False,
 ) -> None:
     """Revoke a certificate.

@@ -13,7 +13,7 @@ SHOWN = ("plugin", "process", "pid", "host")
 LONG = 0.5
 """Duration of a step from which a node counts as busy, s."""
 QUIET = ("streams", "places", "hosts")
-"""Parts of a description that are not in the table; `navloom graph` and `navloom hz` show them."""
+"""Parts of a description that are left out; `navloom graph` and `navloom hz` show them."""
 
 
 def list_nodes(

@@ -1,4 +1,4 @@
-"""The graph of a live robot: who is there, and who has heard what from whom."""
+"""The graph of a live robot: its nodes, and the streams that each has received."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Node = Mapping[str, Any]
 
 
 def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
-    """Every node that is there, announced or missing, in the order they step; `state` as `navloom list` has it."""
+    """Every node, also announced and missing ones, in the order of their steps; `state` is that of `navloom list`."""
     from navloom.cli.live.listing import state
     from navloom.operating.looking import missing
 
@@ -30,7 +30,7 @@ def live_nodes(nodes: Sequence[Node]) -> list[dict[str, Any]]:
 
 
 def live_edges(nodes: Sequence[Node]) -> list[dict[str, Any]]:
-    """Every stream into a node, with the messages that came."""
+    """Every stream into a node, with the number of messages received."""
     return [
         {"from": stream.rpartition("/")[0], "port": stream.rpartition("/")[2],
          "to": f"{node['role']}/{node['instance']}", "received": counts["received"]}
@@ -39,13 +39,13 @@ def live_edges(nodes: Sequence[Node]) -> list[dict[str, Any]]:
 
 
 def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
-    """Node by node: what it hears, what it has not heard so far, what it publishes."""
+    """Print for each node the streams that it has and has not received, and the ports that it publishes."""
     for node in nodes:
         name = f"{node['role']}/{node['instance']}"
         typer.echo(f"{name} ({node['state']}; {_place(node)})")
         into = [edge for edge in edges if edge["to"] == name]
-        for words, heard in (("hears", True), ("has not heard", False)):
-            streams = [f"{edge['from']}/{edge['port']}" for edge in into if bool(edge["received"]) is heard]
+        for words, is_received in (("receives", True), ("has not received", False)):
+            streams = [f"{edge['from']}/{edge['port']}" for edge in into if bool(edge["received"]) is is_received]
             if streams:
                 typer.echo(f"  {words} {', '.join(streams)}")
         if node["published"]:
@@ -53,7 +53,7 @@ def print_nodes(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> No
 
 
 def print_dot(nodes: Sequence[Node], edges: Sequence[Mapping[str, Any]]) -> None:
-    """For Graphviz: a box a process, dashed who is not there, dotted what nothing has come on."""
+    """Print for Graphviz: a box for each process, missing nodes dashed, streams without messages dotted."""
     typer.echo("digraph navloom {\n  rankdir=LR;")
     processes = dict.fromkeys((node["process"], node["host"]) for node in nodes)
     for number, (process, host) in enumerate(processes):

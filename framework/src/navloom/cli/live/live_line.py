@@ -1,4 +1,4 @@
-"""One line with the progress of a drive: rewritten on a terminal, printed now and then elsewhere."""
+"""One line with the progress of a drive: rewritten on a terminal, otherwise printed at intervals."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import IO, Any
 __all__ = ["LiveLine", "goal_line"]
 
 SPARSE = 5.0
-"""Time between two lines of the same kind where the output is no terminal, s."""
+"""Interval of lines of the same kind if the output is not a terminal, s."""
 
 
 class LiveLine:
-    """A line that is shown again and again.
+    """A line that is updated repeatedly.
 
     Args:
-        stream: Where it is shown.
+        stream: Stream that it is written to.
         clock: Monotonic time, s.
     """
 
@@ -28,7 +28,7 @@ class LiveLine:
         self._last: tuple[str, float] | None = None
 
     def show(self, text: str, kind: str) -> None:
-        """Show the line. Without a terminal, a change of `kind` prints it at once."""
+        """Show the line. Without a terminal, a change of `kind` prints it immediately."""
         if self._is_terminal:
             print(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}", end="", file=self._stream, flush=True)
             self._is_open = True
@@ -47,9 +47,9 @@ def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
     """The progress of a goal on one line, and its kind: see `LiveLine`.
 
     Args:
-        feedback: The goal's newest.
+        feedback: The goal's newest feedback.
         gate: The gate's newest status, or None.
-        speed: That the platform measures, m/s, or None.
+        speed: Speed that the platform measures, m/s, or None.
     """
     from navloom.operating.looking import progress, why_stopped
 
@@ -60,7 +60,7 @@ def goal_line(feedback: Any, gate: Any, speed: float | None) -> tuple[str, str]:
     why, remedy = why_stopped(gate, feedback)
     if remedy:
         return f"{way}; stopped: {why}; {remedy}", f"{kind} {why}"
-    if why or way.startswith("planning"):  # its state says what it waits for
+    if why or way.startswith("planning"):  # the state already says what it waits for
         return way, kind
     pace = f"by {gate.source}" if speed is None else f"{speed:.2f} m/s by {gate.source}"
     return progress(feedback, pace), f"{kind} {gate.source}"

@@ -1,4 +1,4 @@
-"""What `navloom up` shows while a robot is up: a table that is redrawn on a terminal, log lines elsewhere."""
+"""Output of `navloom up` while a robot is up: a table that is redrawn on a terminal, otherwise log lines."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class StatusTable:
 
     Args:
         run: The `LiveRun`.
-        stream: Where it is shown.
-        say: Takes a line that stays.
+        stream: Stream that it is written to.
+        say: Prints a line that stays.
     """
 
     def __init__(self, run: Any, stream: IO[str], say: Callable[[str], None]) -> None:
@@ -46,7 +46,7 @@ class StatusTable:
             self._live.stop()
 
     def missing(self, left: Sequence[tuple[str, str]]) -> None:
-        """Who is not there yet."""
+        """Show the nodes that are not up yet."""
         text = "waiting for " + ", ".join(f"{role} {name}" for role, name in left)
         if self._live is not None:
             self._live.update(text, refresh=True)
@@ -64,7 +64,7 @@ class StatusTable:
             self._live.update(self._table(robot), refresh=True)
 
     def result(self, episode: Any) -> None:
-        """A goal has ended."""
+        """Print the result of a goal."""
         if self._live is not None:
             self._live.update("", refresh=True)
         if self._run.judges:
@@ -83,7 +83,7 @@ class StatusTable:
             self.say(text)
 
     def _driver(self) -> tuple[str, bool]:
-        """Who drives or why nothing does, empty where the goal's state says it, and whether that is a fault."""
+        """The source that drives, or why the robot is stopped (empty if the goal says it); whether that is a fault."""
         from navloom.operating.looking import NO_GOAL, NO_PATH, who_drives
 
         feedback, status = self._run.feedback or NO_GOAL, self._run.status

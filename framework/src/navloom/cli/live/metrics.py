@@ -1,4 +1,4 @@
-"""`navloom metrics`: a live robot for Prometheus."""
+"""`navloom metrics`: serves metrics of a live robot to Prometheus."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def router(
 
 
 def _warn(link: Any) -> None:
-    """Of certificates that expire soon."""
+    """Warn about certificates that expire soon."""
     from navloom.transport.tool_sessions import expiring
 
     for warning in expiring(link.credentials):

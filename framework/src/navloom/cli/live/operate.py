@@ -219,7 +219,7 @@ def _end(result: Any, as_json: bool) -> NoReturn:
 
 
 def _end_unknown(goal_id: int, reason: str, as_json: bool) -> NoReturn:
-    """The end of a goal whose robot is gone: no node is left to say where the robot is."""
+    """Report an error for a goal whose robot is gone: no node is left to say where the robot is."""
     from navloom.cli.output import print_json
 
     if as_json:

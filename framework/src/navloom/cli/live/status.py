@@ -84,9 +84,9 @@ def _platform(nodes: Sequence[Mapping[str, Any]]) -> str:
 
     age = platform_age(nodes)
     if age is not None:
-        return f"heard {age:.2f} s ago"
+        return f"last message {age:.2f} s ago"
     tick = max((n["tick"] for n in nodes if n["role"] == "platform" and n["tick"] is not None), default=-1)
-    return f"at tick {tick}, in simulated time" if tick >= 0 else "never heard"
+    return f"at tick {tick}, in simulated time" if tick >= 0 else "no message so far"
 
 
 def _goal(feedback: Any, nodes: Sequence[Mapping[str, Any]]) -> str:
@@ -117,7 +117,7 @@ def _localizer(feedback: Any) -> str:
 
 
 def _driver(words: Mapping[str, Any], nodes: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """The row of who drives, or of why nothing does."""
+    """The row with the source that drives, or with why the robot is stopped."""
     from navloom.operating.looking import who_drives
 
     gate = words["gate/status"]

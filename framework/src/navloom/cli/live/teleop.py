@@ -1,4 +1,4 @@
-"""`navloom teleop`: drive a live robot by hand, through the gate and its limits."""
+"""`navloom teleop`: manual driving of a live robot, through the gate and its limits."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from navloom.cli.options import RobotOptions, a_number, seconds
 __all__ = ["teleop", "teleop_line"]
 
 RATE = 0.05
-"""s between two commands."""
+"""Interval of commands, s."""
 HOLD = 0.4
-"""s that a key press holds; terminals repeat keys faster than that."""
+"""Time that a key press holds, s; terminals repeat keys faster than that."""
 WAYS = {"w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0), "q": (1.0, 1.0), "e": (1.0, -1.0)}
 
 
@@ -69,7 +69,7 @@ def teleop(
 
 @contextmanager
 def _line() -> Iterator[Any]:
-    """The line that shows how it drives; an error begins a line of its own."""
+    """The progress line; it is ended at the exit, so that an error begins on a new line."""
     from navloom.cli.live.live_line import LiveLine
 
     line = LiveLine(sys.stdout)
@@ -85,7 +85,7 @@ def _send(driver: Any, vx: float, wz_deg: float, line: Any) -> None:
 
 
 def teleop_line(asked: Any, granted: Any, measured: Any, limit: str) -> tuple[str, str]:
-    """What is asked for, what the gate commands and what the robot does; and what is worth a line: see `LiveLine`."""
+    """Line with the operator's command, the gate's command and the measured velocity, and its kind: see `LiveLine`."""
     shown = [f"{one.vx:+.2f} {math.degrees(one.wz):+.0f}" for one in (granted, measured)]
     text = f"asked {asked.vx:+.2f} m/s {math.degrees(asked.wz):+.0f} deg/s | gate {shown[0]} | robot {shown[1]}"
     return text + (f" | {limit}" if limit else ""), limit
@@ -106,7 +106,7 @@ def _by_keys(driver: Any, speed: float, turn: float, line: Any) -> None:
 
 
 def _key(timeout: float) -> str:
-    """A key pressed within s, or nothing."""
+    """A key pressed within `timeout`, s, or an empty string."""
     import select
 
     ready, _, _ = select.select([sys.stdin], [], [], timeout)

@@ -145,7 +145,7 @@ def _barrier(loaded: Any, out: Path | None, record: Path | None, as_json: bool) 
     from navloom.plugins import Discovery
     from navloom.plugins.observing import Onlookers
     from navloom.report.results import ResultFolder
-    from navloom.study.live_run import run_barrier
+    from navloom.study.barrier_run import run_barrier
 
     cut: list[str] = []
     onlookers = Onlookers(Discovery(loaded.config.plugins.blocked), log_of("plugins").warning)

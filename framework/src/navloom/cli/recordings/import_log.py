@@ -1,4 +1,4 @@
-"""`navloom import`: a CARMEN log as a recording, and what `navloom replay` makes of an imported one."""
+"""`navloom import`: converts a CARMEN log to a recording, and replays imported recordings."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, a_number, seconds
+from navloom.cli.options import AsJson, MapOptions, a_number, seconds
 
 __all__ = ["import_log", "replay_imported"]
 
 
 class Poses(StrEnum):
-    """What is taken as odometry."""
+    """Source of the odometry."""
 
     odometry = "odometry"
     corrected = "corrected"
@@ -24,6 +24,7 @@ class Poses(StrEnum):
 def import_log(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A CARMEN log, or one in gzip.")],
     out: Annotated[Path, typer.Option("--out", metavar="F.mcap", help="Recording to write.")],
+    place: MapOptions,
     poses: Annotated[
         Poses, typer.Option("--poses", help="Raw odometry of the wheels, or the log's corrected poses.")
     ] = Poses.odometry,
@@ -44,12 +45,6 @@ def import_log(
         list[str] | None,
         typer.Option("--mount", metavar="NAME=X,Y,YAW_DEG", help="Where the laser is on the robot; repeats."),
     ] = None,
-    map_: Annotated[
-        str | None, typer.Option("--map", metavar="WORLD", help="Map for replays, a world or a map's .yaml.")
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="X,Y,HEADING_DEG", help="Where the robot is at first, in the map.")
-    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Import a CARMEN log with laser scans and odometry.
@@ -58,12 +53,12 @@ def import_log(
     """
     from navloom.cli.output import print_json, print_table
     from navloom.recording.carmen_import import import_carmen
-    from navloom.recording.imported import mount_option, start_option
+    from navloom.recording.imported import mount_option
 
-    mounts = {name: place[:3] for name, place in map(mount_option, mount or ())}
-    at = None if start is None else start_option(start)
+    mounts = {name: pose[:3] for name, pose in map(mount_option, mount or ())}
+    start = place.pose()
     _refuse_bag(log)
-    found = import_carmen(log, out, poses.value, period, range_max, mounts, map_, at)
+    found = import_carmen(log, out, poses.value, period, range_max, mounts, place.map_, start)
     if as_json:
         print_json({"file": str(out), **found.to_json()})
         return
@@ -96,25 +91,23 @@ def replay_imported(
     changes: Sequence[str],
     out: Path | None,
     as_json: bool,
-    map_ref: str | None = None,
-    start: str | None = None,
+    place: MapOptions,
 ) -> None:
-    """`navloom replay` of an imported log: the plugins asked for on what it holds.
+    """`navloom replay` of an imported log: run the given plugins on its messages.
 
     Args:
-        recording: The log.
+        recording: The imported log.
         loaded: Its config.
         stand_ins: Plugin by role.
-        changes: Of their parameters.
+        changes: Changes of their parameters.
         out: Folder for results; None for none.
         as_json: Print JSON.
-        map_ref, start: In place of those of the import.
+        place: Map and start, in place of those of the import.
     """
     from navloom.cli.output import print_json, stage
     from navloom.cli.recordings.substitute_output import can_draw
     from navloom.cli.written import tell_out
     from navloom.config import ConfigError
-    from navloom.recording.imported import start_option
     from navloom.recording.log_replay import place_in_map, replay_log
     from navloom.recording.substitutes import substitute_config
     from navloom.report.results import MAP, OutFolder
@@ -123,8 +116,8 @@ def replay_imported(
         raise ConfigError(
             "an imported log has no steps to replay: name what to try on it, as --mapper scan_grid or --avoider vff"
         )
-    if map_ref is not None or start is not None:
-        loaded = place_in_map(recording, loaded, map_ref, None if start is None else start_option(start))
+    if place != MapOptions():
+        loaded = place_in_map(recording, loaded, place.map_, place.pose())
     for role, name in stand_ins.items():
         loaded = substitute_config(loaded, role, name, changes)
     with OutFolder(out, ("result.json", "ticks.csv", "poses.csv", "avoider.png", "map.png", *MAP)) as folder:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, RobotOptions, a_number
+from navloom.cli.options import AsJson, PluginFiles, RobotOptions, a_number
 from navloom.cli.output import LOG
 
 __all__ = ["record"]
@@ -28,6 +28,7 @@ def record(
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=0.1, help="End after S seconds.", callback=a_number)
     ] = None,
+    plugin: PluginFiles = None,
     *,
     robot: RobotOptions,
     as_json: AsJson = False,

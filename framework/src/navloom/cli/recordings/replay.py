@@ -1,4 +1,4 @@
-"""`navloom replay`: a recording again, node by node, as it was or with another plugin in one role."""
+"""`navloom replay`: repeats a recording node by node, unchanged or with another plugin in one role."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, PluginFiles, a_number
+from navloom.cli.options import AsJson, MapOptions, PluginFiles, a_number
 from navloom.cli.output import LOG, log_of
 from navloom.cli.tracebacks import with_traceback_of
 
@@ -27,6 +27,7 @@ Plugin = Annotated[
 
 def replay(
     file: Annotated[Path, typer.Argument(metavar="F.mcap", help="A recording.")],
+    place: MapOptions,
     avoider: Plugin = None,
     controller: Plugin = None,
     planner: Plugin = None,
@@ -40,14 +41,6 @@ def replay(
         list[str] | None, typer.Option("--set", metavar="ROLE.KEY=V", help="A parameter of such a plugin; repeats.")
     ] = None,
     plugin: PluginFiles = None,
-    map_: Annotated[
-        str | None,
-        typer.Option("--map", metavar="WORLD", help="Imported log: map for the plugins, a world or a map's .yaml."),
-    ] = None,
-    start: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,HEADING_DEG", help="Imported log: where the robot is at first, in the map."),
-    ] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit 1 if an output differs from the recorded one.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Publish the recording as a robot in realm replay.")] = False,
     speed: Annotated[
@@ -96,8 +89,8 @@ def replay(
         raise ConfigError("--only, --until and --pdb replay what was recorded: leave --live and another plugin out")
     for change in set_ or ():
         if change.partition(".")[0] not in stand_ins:
-            tried = ", ".join(stand_ins) or "none is tried"
-            raise ConfigError(f"--set {change}: expected ROLE.KEY=V of a role that another plugin is tried in: {tried}")
+            tried = ", ".join(stand_ins) or "none has"
+            raise ConfigError(f"--set {change}: expected ROLE.KEY=V, with a ROLE that has another plugin here: {tried}")
     recording = Recording(file)
     tell_reading(recording)
     if live:
@@ -107,12 +100,12 @@ def replay(
     if is_part and is_imported:
         raise ConfigError("--only, --until and --pdb: an imported log holds no steps of nodes")
     excerpt = excerpt_of(recording, only, until, pdb)
-    if not is_imported and (map_ is not None or start is not None):
+    if not is_imported and place != MapOptions():
         raise ConfigError("--map and --start are for imported logs: this recording holds its own world and start")
     with TemporaryDirectory() as folder:
         loaded = with_world(recording, recording.header.loaded(), Path(folder))
         if is_imported:
-            replay_imported(recording, loaded, stand_ins, set_ or (), out, as_json, map_, start)
+            replay_imported(recording, loaded, stand_ins, set_ or (), out, as_json, place)
         elif stand_ins:
             _substitute(recording, loaded, stand_ins, set_ or (), out, as_json)
         else:
@@ -168,7 +161,7 @@ def _check(recording: Any, loaded: Any, excerpt: Excerpt, is_check: bool, out: P
 
 
 def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
-    """What a node raised, and the command that repeats that step; of the step that was asked for its traceback."""
+    """Log an exception of a node and the command that repeats the step; for a requested step, log its traceback too."""
     from navloom.recording.excerpt import repeating
 
     fault = found.first_fault if excerpt.until is None else found.last_fault
@@ -184,7 +177,7 @@ def _tell_fault(path: Path, found: NodeCheck, excerpt: Excerpt) -> None:
 
 
 def _tell_check(found: Sequence[Any], first: Any, compared: int) -> None:
-    """A check for people."""
+    """Print the result of a check for people."""
     from navloom.cli.output import print_table
 
     print_table(

@@ -1,4 +1,4 @@
-"""What `navloom replay` shows of a plugin that was tried on recorded inputs."""
+"""Output of `navloom replay` for a plugin that was run on recorded inputs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def can_draw() -> bool:
 
 
 def tell_substitute(found: Any, recorded: str) -> None:
-    """One comparison for people."""
+    """Print one comparison for people."""
     from navloom.cli.output import print_table
     from navloom.engine.differences import UNITS
 
@@ -54,7 +54,7 @@ def tell_substitute(found: Any, recorded: str) -> None:
 
 
 def _spans(found: Any) -> str:
-    """Ticks that differ, as first-last of each run of ticks that were compared."""
+    """Ticks that differ, as first-last of each run of consecutive compared ticks."""
     spans: list[list[int]] = []
     previous = False
     for tick, differs in zip(found.ticks, found.differing, strict=True):

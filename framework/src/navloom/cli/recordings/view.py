@@ -1,4 +1,4 @@
-"""`navloom view`: see a live robot or a recording."""
+"""`navloom view`: shows a live robot or a recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.options import AsJson, RobotOptions, ViewerOptions, a_number
+from navloom.cli.options import AsJson, PluginFiles, RobotOptions, ViewerOptions, a_number
 from navloom.cli.output import log_of, say_so
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def view(
         bool, typer.Option("--foxglove", help="Serve the live robot to Foxglove or Lichtblick on this host.")
     ] = False,
     foxglove_port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="With --foxglove.")] = 8765,
+    plugin: PluginFiles = None,
     *,
     viewer: ViewerOptions,
     robot: RobotOptions,
@@ -99,7 +100,7 @@ def _live(where: Where, seconds: float | None, robot: RobotOptions) -> Any:
     from navloom.viewer.showing import showing
     from navloom.viewer.sources import facts_of_header, live_messages
 
-    os.nice(NICE)  # before the network's threads are there: each has a priority of its own
+    os.nice(NICE)  # before the network's threads start: each thread has a priority of its own
     with ending() as event, robot.look() as client:
         header = ask_header(client)
         facts = facts_of_header(header, header.prefix)

@@ -1,1 +1,1 @@
-"""Completion of words in a shell, and manual pages: both made of the tree of commands."""
+"""Shell completion and manual pages, both generated from the command tree."""

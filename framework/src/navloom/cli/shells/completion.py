@@ -1,4 +1,4 @@
-"""`navloom completion`: what makes a shell complete commands, options and values."""
+"""`navloom completion`: scripts that let a shell complete commands, options and values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`navloom man`: the manual page, made from the help of every command."""
+"""`navloom man`: the manual page, generated from the help of every command."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _terms(terms: Sequence[tuple[str, str]]) -> Iterator[str]:
 
 
 def _text(text: str) -> str:
-    """One line of roff in ASCII, whose first character is no command."""
+    """One line of roff in ASCII that does not begin with a roff command."""
     line = " ".join(text.split()).replace("\\", r"\e").replace("-", r"\-")
     line = "".join(one if one.isascii() else rf"\[u{ord(one):04X}]" for one in line)
     return rf"\&{line}" if line[:1] in (".", "'") else line

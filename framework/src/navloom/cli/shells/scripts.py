@@ -1,4 +1,4 @@
-"""The command line as completion scripts: commands and options are written into a script, values are asked for."""
+"""Completion scripts: a script contains all commands and options, and asks `navloom __complete` for values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from navloom.cli.shells.tree import CommandEntry, Word
 __all__ = ["SCRIPTS"]
 
 SHELLS = "bash zsh fish"
-"""What the argument of `navloom completion` can be."""
+"""Values of the argument of `navloom completion`."""
 
 BASH = r"""# bash completion of navloom, made by `navloom completion bash`
 
@@ -207,7 +207,7 @@ def _zsh_action(kind: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Text within a specification of _arguments."""
+    """Text escaped for a specification of zsh's _arguments."""
     return re.sub(r"([\\:\[\]])", r"\\\1", " ".join(text.split()))
 
 
@@ -246,7 +246,7 @@ def _fish_values(kind: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A word of a shell."""
+    """Text as one quoted word of a shell."""
     return "'" + text.replace("'", r"'\''") + "'"
 
 
@@ -257,4 +257,4 @@ def _filled(template: str, **parts: str) -> str:
 
 
 SCRIPTS: Mapping[str, Callable[[Sequence[CommandEntry]], str]] = {"bash": bash, "zsh": zsh, "fish": fish}
-"""What makes the script of each shell."""
+"""Function that writes the script, by shell."""

@@ -24,7 +24,7 @@ KINDS = {
     "SWEEP": "files",
     "SHELL": "shells",
 }
-"""By metavar, what a word can be: a kind of `navloom.installed.candidates`, shells, folders or files."""
+"""Kind of candidates by metavar: a kind of `navloom.installed.candidates`, shells, folders or files."""
 ROLES = ("localizer", "mapper", "planner", "controller", "avoider", "recovery", "platform")
 """Options of these names take a plugin of that role."""
 
@@ -34,12 +34,12 @@ class Word:
     """An option or an argument.
 
     Attributes:
-        names: Of an option, as --robot; empty for an argument.
-        metavar: What its value is called; empty for an option without a value.
-        kind: What its value can be; empty where nothing can be proposed.
-        repeats: It may be given several times.
-        needed: It must be given.
-        help: One sentence or more.
+        names: Names of an option, as --robot; empty for an argument.
+        metavar: Placeholder of its value; empty for an option without a value.
+        kind: Kind of its candidates; empty if there are none.
+        repeats: Whether it may be given several times.
+        needed: Whether it must be given.
+        help: Help text, one sentence or more.
     """
 
     names: tuple[str, ...]
@@ -56,9 +56,9 @@ class CommandEntry:
 
     Attributes:
         path: Its words, `navloom` first.
-        help: Paragraphs.
-        options, arguments: In the order of its help.
-        inner: Names of its commands, of a group.
+        help: Help text in paragraphs.
+        options, arguments: Its words, in the order of the help.
+        inner: Names of the commands in a group; empty for a command.
     """
 
     path: tuple[str, ...]
@@ -69,7 +69,7 @@ class CommandEntry:
 
     @property
     def name(self) -> str:
-        """As it is typed."""
+        """Full name, as it is typed."""
         return " ".join(self.path)
 
     @property
@@ -79,7 +79,7 @@ class CommandEntry:
 
     @property
     def usage(self) -> str:
-        """What follows the name."""
+        """The synopsis after the name."""
         parts = ["[OPTIONS]"] + (["COMMAND …"] if self.inner else [])
         for word in self.arguments:
             name = word.metavar + "…" * word.repeats
@@ -88,10 +88,10 @@ class CommandEntry:
 
 
 def commands(root: Any) -> list[CommandEntry]:
-    """Every command below `navloom`, each group before its own.
+    """Every command below `navloom`, each group before its commands.
 
     Args:
-        root: The command that is all of `navloom`, as typer makes it.
+        root: The root command of `navloom`, made by typer.
     """
     return list(_walk(root, ("navloom",)))
 

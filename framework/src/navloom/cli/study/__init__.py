@@ -1,1 +1,1 @@
-"""Commands that compute without a live robot: one run, many runs, one plan, one map."""
+"""Commands that work without a live robot: one run, many runs, one plan, one map."""

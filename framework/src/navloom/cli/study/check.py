@@ -1,4 +1,4 @@
-"""`navloom check`: whether a plugin keeps the framework's contract."""
+"""`navloom check`: checks that a plugin keeps the framework's contract."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from navloom.cli.options import AsJson, PluginFiles
 
 if TYPE_CHECKING:
-    from navloom.testing.findings import Report
+    from navloom.testing.findings import CheckReport
 
 __all__ = ["check"]
 
@@ -25,7 +25,9 @@ COUNTED = (
 
 
 def check(
-    name: Annotated[str | None, typer.Argument(metavar="ROLE.NAME", help="Like avoider.vff, metric.…, node.…")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="ROLE.NAME", help="Like avoider.vff, metric.…, world.door:2.0.")
+    ] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the plugin; repeats.")
     ] = None,
@@ -83,23 +85,25 @@ def check(
             out=out,
             progress=lambda one, done, total: update(description=one, completed=done, total=total),
         )
-    _end(report, as_json)
+    _end(report, as_json, "" if out is not None else "; --out DIR draws the scenes")
 
 
-def _end(report: Report, as_json: bool) -> None:
-    """Print a report; exit code 1 where a check failed."""
+def _end(report: CheckReport, as_json: bool, hint: str = "") -> None:
+    """Print a report; exit with code 1 if a check failed, with the hint if it is one of behaviour."""
     from navloom.cli.output import print_json, say_so
+    from navloom.testing.tiers import BEHAVIOUR
 
     if as_json:
         print_json(report.to_json())
     else:
         _print(report)
     if report.failed:
-        say_so(f"{report.plugin} fails {len(report.failed)} of {len(report.results)} checks")
+        drawn = hint if any(result.tier == BEHAVIOUR for result in report.failed) else ""
+        say_so(f"{report.plugin} fails {len(report.failed)} of {len(report.results)} checks{drawn}")
         raise typer.Exit(1)
 
 
-def _print(report: Report) -> None:
+def _print(report: CheckReport) -> None:
     """A line for each check; for failed ones also the finding, what was expected, and how to repeat it."""
     marks = {"passed": "ok", "failed": "FAILED", "not_run": "not run", "shown": "shown"}
     wide = max((len(result.check) for result in report.results), default=0)
@@ -152,16 +156,25 @@ def _refuse_unknown(name: str | None, only: list[str] | tuple[str, ...], tiers: 
 
 
 def _refuse_missing(name: str) -> None:
-    """Refuse a name that nothing is installed under: that is no fault of a plugin."""
+    """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
-    from navloom.testing.subject import CHECKED, Request, discovery_of
+    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of
 
     kind, _, plugin = name.partition(".")
+    scheme, colon, _ = plugin.partition(":")
+    if kind == "scheme" and colon:
+        raise PluginError(f"{name}: expected scheme.{scheme}, or world.{plugin} for the world that it reads")
+    if kind == "world" and colon:
+        kind, plugin = "scheme", scheme
     if kind not in CHECKED or not plugin:
-        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{nearest(kind, list(CHECKED))}")
-    known = discovery_of(Request(name)).names(kind)
+        if kind in CHECKED:
+            hint = nearest(plugin, discovery_of(CheckRequest(name)).names(kind))
+        else:
+            hint = discovery_of(CheckRequest(name)).meant(name) or nearest(kind, list(CHECKED))
+        raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{hint}")
+    known = discovery_of(CheckRequest(name)).names(kind)
     if kind == "message":
         known = [*known, *(one.rpartition(".")[2] for one in known)]
     if plugin not in known:
-        raise PluginError(f"no plugin {name} is installed{discovery_of(Request(name)).instead_of(kind, plugin)}")
+        raise PluginError(f"no plugin {name} is installed{discovery_of(CheckRequest(name)).instead_of(kind, plugin)}")

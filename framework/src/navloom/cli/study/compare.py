@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navloom.cli.command import Command
+from navloom.cli.command import SectionedCommand
 from navloom.cli.options import ConfigName, PluginFiles, ViewOptions, a_number
 from navloom.cli.output import LOG, log_of
 
@@ -27,14 +27,13 @@ __all__ = ["Variadic", "compare"]
 MANY = ("--worlds", "--vary", "--set")
 TOLD = 10.0
 """Interval between lines of progress without a terminal, s."""
-SHOWN = ("success", "false_success", "spl", "time", "clearance_min", "collisions")
 
 
-class Variadic(Command):
-    """Lets an option of several values take them one after the other: `--worlds doorway u_trap`."""
+class Variadic(SectionedCommand):
+    """Lets an option take several values in a row: `--worlds doorway u_trap`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Name the option again before each further value."""
+        """Repeat the option before each further value."""
         given: list[str] = []
         option, taken = "", 0
         for word in args:
@@ -148,14 +147,14 @@ def compare(
 
 
 def _in_words(warning: Mapping[str, Any]) -> str:
-    """A warning of a study: of which method, and in which of its episodes."""
+    """A warning of a study, with the method and the episodes that it concerns."""
     count, world, seed = warning["episodes"], warning["world"], warning["seed"]
     episodes = "1 episode" if count == 1 else f"{count} episodes, the first"
     return f"warning: {warning['method']}: {warning['text']} ({episodes}: {world}, seed {seed})"
 
 
 def _show(study: Study, where: Where, as_json: bool) -> None:
-    """Drive one episode of each method in one picture, and say how they ended."""
+    """Drive one episode of each method in one picture, and print the outcomes."""
     from navloom.cli.output import print_json, print_table
     from navloom.study.worldset import placed
     from navloom.viewer.side_by_side import drive_side_by_side
@@ -183,12 +182,12 @@ def _show(study: Study, where: Where, as_json: bool) -> None:
 
 
 def _reported(result: StudyResult, out: Path) -> StudyResult:
-    """The report beside the tables, and its files among the names."""
+    """Write the report beside the tables, and add its files to the result."""
     from dataclasses import replace
 
     from navloom.report.report import FILES, PLOTS_MISSING, write_report
 
-    if result.missing:  # the report is made of these tables
+    if result.missing:  # the report is made from these tables
         return result
     made = write_report(out, result.study.baseline)
     if not made.has_figures:
@@ -217,11 +216,12 @@ def _as_json(result: StudyResult, out: Path | None) -> dict[str, Any]:
 
 
 def _print(result: StudyResult, out: Path | None) -> None:
-    """A study's result for people."""
+    """Print a study's result for people."""
     from navloom.cli.output import print_table
+    from navloom.study.metrics import headlines
 
     study = result.study
-    shown = [name for name in SHOWN if name in study.metrics]
+    shown = headlines(study.metrics)
     lines = []
     for name, found in result.summary().items():
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
@@ -241,13 +241,13 @@ def _print(result: StudyResult, out: Path | None) -> None:
 
 
 def _mean(found: Mapping[str, Any], metric: str) -> Any:
-    """A mean, and the 95 % interval of a share."""
+    """A mean, with the 95 % interval if it is a share."""
     mean, ends = found["means"][metric], found["intervals"].get(metric)
     return mean if ends is None or mean is None else f"{mean:.3g} [{ends[0]:.2g}, {ends[1]:.2g}]"
 
 
 def _truths(result: StudyResult) -> Iterator[str]:
-    """By method, successes that the ground truth denies, and those that it says nothing about."""
+    """For each method, successes that the ground truth refutes, and those without a ground truth."""
     from navloom.study.trail import FALSE_SUCCESS
 
     for method in result.study.methods:
@@ -285,7 +285,7 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 
 @contextmanager
 def _progress(quiet: bool) -> Iterator[Callable[[int, int, float | None], None]]:
-    """Progress on standard error: a bar on a terminal, else a line now and then."""
+    """Progress on standard error: a bar on a terminal, otherwise lines at intervals."""
     if quiet:
         yield lambda done, total, left: None
     elif sys.stderr.isatty():
@@ -312,7 +312,7 @@ def _lines() -> Callable[[int, int, float | None], None]:
 
 
 def _far(done: int, total: int, left: float | None) -> str:
-    """How far a study is, in words."""
+    """Progress of a study in words."""
     if left is None:
         return f"{done} of {total} episodes (the first run compiles kernels, later ones load them)"
     minutes, seconds = divmod(round(left), 60)

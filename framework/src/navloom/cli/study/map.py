@@ -1,4 +1,4 @@
-"""`navloom map`: one recorded sweep to one map."""
+"""`navloom map`: makes a map from one recorded sweep."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navloom.cli.options import a_number
+from navloom.cli.options import PluginFiles, a_number
 
 __all__ = ["map_recording"]
 
@@ -20,6 +20,7 @@ def map_recording(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the mapper; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     pitch_offset: Annotated[
         float | None,
         typer.Option(metavar="DEG", help="Added to the pitches; default: estimated from the floor.", callback=a_number),

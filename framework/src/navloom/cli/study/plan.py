@@ -1,4 +1,4 @@
-"""`navloom plan`: one path on one map."""
+"""`navloom plan`: plans one path on one map."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
+from navloom.cli.options import PluginFiles
+
 __all__ = ["plan"]
 
 STRAIGHT = 0.1
-"""How far a path may swerve from the straight lines that are printed of it, m."""
+"""Largest distance of a path from the straight lines that are printed for it, m."""
 FEW = 4
-"""Corners at either end that are printed of a long path."""
+"""Number of corners at either end that are printed for a long path."""
 
 
 def plan(
@@ -24,6 +26,7 @@ def plan(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=V", help="A parameter of the planner; repeats.")
     ] = None,
+    plugin: PluginFiles = None,
     size: Annotated[str, typer.Option(metavar="L,W", help="Length and width of the robot, m; 0,0 is a point.")] = "0,0",
     resolution: Annotated[
         float, typer.Option(metavar="M", help="Cell of maps without a raster, m, 0.005 to 1.")
@@ -59,7 +62,7 @@ def plan(
 
 
 def _print_path(answer: dict[str, Any]) -> None:
-    """Length, time, and the few places where the path turns."""
+    """Print the length, the time, and the corners of the path."""
     import numpy as np
 
     from navloom.geometry.polylines import corners

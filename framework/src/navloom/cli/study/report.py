@@ -1,4 +1,4 @@
-"""`navloom report`: the report of a study, made again."""
+"""`navloom report`: writes the report of a study again."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from navloom.cli.options import PluginFiles
 from navloom.cli.output import LOG
 
 __all__ = ["report"]
@@ -17,6 +18,7 @@ def report(
     baseline: Annotated[
         str, typer.Option(metavar="METHOD", help="Compare the others with this method; default: the first.")
     ] = "",
+    plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the names of the files as one JSON object.")] = False,
 ) -> None:
     """Write the report of a study into its folder.

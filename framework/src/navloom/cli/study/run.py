@@ -22,12 +22,12 @@ from navloom.crash_watch import dump_file, is_watched
 __all__ = ["recorded", "run"]
 
 STALLED = 10.0
-"""Longest time without a tick before the line that keeps the run is logged, s."""
+"""Longest time without a tick before the line that blocks the run is logged, s."""
 COMPILING = 12
-"""Factor by which the first tick may take longer."""
+"""Factor by which the first tick may take longer, because kernels compile."""
 COMPILER = {"numba", "llvmlite"}
 BENEATH = sys.stdlib_module_names | COMPILER
-"""Modules in which a line tells a user nothing."""
+"""Modules whose lines are of no use to a user."""
 
 
 def run(
@@ -83,16 +83,16 @@ def run(
 def watched_for_stalls(
     progress: Callable[[float, float], None], patience: float = STALLED
 ) -> Iterator[Callable[[float, float], None]]:
-    """A progress function. If it is not called for `patience`, s, the line of code that keeps the run is logged.
+    """A progress function. If it is not called for `patience`, s, the line of code that blocks the run is logged.
 
-    Before the first tick kernels may be compiled: until then it is given `COMPILING` times as long.
+    Before the first tick kernels may compile, so the limit is `COMPILING` times as long until then.
     """
     runs, moved, ended = threading.get_ident(), [time.monotonic()], threading.Event()
     limits = [COMPILING * patience]
 
     def tell(done: float, total: float) -> None:
         moved[0], limits[0] = time.monotonic(), patience
-        if is_watched():  # code that holds the GIL keeps the thread below from saying so
+        if is_watched():  # while code holds the GIL, the thread below cannot run
             faulthandler.dump_traceback_later(1.5 * patience, file=dump_file())
         progress(done, total)
 
@@ -116,7 +116,7 @@ def watched_for_stalls(
 
 
 def _where(frame: FrameType) -> str:
-    """The line that a thread is at, in words, beyond Python's own modules and the compiler of kernels."""
+    """The line that a thread is at, in words, outside Python's own modules and the kernel compiler."""
     compiles = False
     while frame.f_back and (top := frame.f_globals["__name__"].partition(".")[0]) in BENEATH:
         compiles |= top in COMPILER
@@ -127,7 +127,7 @@ def _where(frame: FrameType) -> str:
 
 @contextmanager
 def recorded(loaded: Any, path: Path | None) -> Iterator[Any]:
-    """The observer that writes a recording, if one is requested. A full disk ends the recording, not the run."""
+    """Yield the observer that writes a recording, or None. A full disk ends the recording, not the run."""
     if path is None:
         yield None
         return

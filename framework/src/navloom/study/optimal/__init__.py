@@ -1,1 +1,1 @@
-"""The shortest possible path of a robot in a world: what an episode is measured against."""
+"""The shortest possible path of a robot in a world, as the reference for episodes."""

@@ -1,4 +1,4 @@
-"""Where the centre of a disc may be on a building's map, with boxes and cylinders in it. The questions of `Space`."""
+"""Free space of a disc's centre on a raster map with boxes and cylinders in it. Implements `Space`."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Field = tuple[Bools, int, float, Floats, NDArray[np.int32], Floats, Floats, float]
-"""What the compiled functions are told of a `FieldSpace`: its attributes in order, then those of its shapes."""
+"""A `FieldSpace` for compiled functions: its attributes in order, then those of its shapes."""
 
 
 @dataclass(frozen=True, eq=False)
 class FieldSpace:
-    """A building's map with boxes and cylinders in it; what lies off the map is not free.
+    """A raster map with boxes and cylinders in it; points off the map are not free.
 
     Attributes:
         occupied: (rows, cols) bool.
-        per_cell: Lattice steps a cell; lattice node (0, 0) is the lower left corner of cell (0, 0).
-        step: Distance of lattice nodes, m.
+        per_cell: Lattice steps in a cell; lattice node (0, 0) is the lower left corner of cell (0, 0).
+        step: Spacing of lattice nodes, m.
         clear: (rows * per_cell + 1, cols * per_cell + 1) distance of each node from the nearest obstacle, m.
-        feature: (2, ...) lattice node of an occupied cell nearest to each node, -1 where no cell is occupied.
-        shapes: What else stands there, m, in the raster's frame.
+        feature: (2, ...) for each node, the nearest lattice node of an occupied cell; -1 if no cell is occupied.
+        shapes: Boxes and cylinders, m, in the raster's frame.
     """
 
     occupied: Bools
@@ -54,14 +54,14 @@ class FieldSpace:
 
     @property
     def arrays(self) -> Field:
-        """What the compiled functions are told of the space."""
+        """The space in the form for compiled functions."""
         s = self.shapes
         return self.occupied, self.per_cell, self.step, self.clear, self.feature, s.boxes, s.discs, s.radius
 
 
 @compiled
 def _nearest_cell(x: float, y: float, row: int, col: int, occupied: Bools, per_cell: int, step: float) -> float:
-    """Distance of a point from the occupied cells that lattice node (row, col) lies on, m."""
+    """Distance of a point from the occupied cells adjacent to lattice node (row, col), m."""
     edge = per_cell * step
     best: float = np.inf
     for r in range(max(0, (row - 1) // per_cell), min(occupied.shape[0] - 1, row // per_cell) + 1):
@@ -80,10 +80,10 @@ def field_gap(
     y: float,
     field: Field,
 ) -> float:
-    """Distance of the disc's rim from the nearest obstacle, m; negative where they overlap or off the map.
+    """Distance of the disc's rim from the nearest obstacle, m; negative if they overlap, -inf off the map.
 
-    Near obstacles it is the distance from the cells nearest to the four lattice nodes round the point; further off,
-    a lower bound of it from the nearest node.
+    Near obstacles it is the distance from the cells nearest to the four lattice nodes around the point; further away
+    it is a lower bound from the nearest node.
     """
     occupied, per_cell, step, clear, feature, boxes, discs, radius = field
     u, v = x / step, y / step
@@ -125,7 +125,7 @@ def segment_is_free_in_field(
     by: float,
     field: Field,
 ) -> bool:
-    """March along a segment by the free distance, at least a quarter of a lattice step."""
+    """Whether a segment is free: march along it by the free distance, at least a quarter of a lattice step."""
     step = field[2]
     length = math.hypot(bx - ax, by - ay)
     done = 0.0

@@ -1,6 +1,6 @@
-"""What a space is in which a disc moves, and how one box or cylinder limits it.
+"""Interface of the space in which a disc moves, and the limits by one box or cylinder.
 
-Contact is free, to within `TOLERANCE`. Among many shapes: see `shape_space`. On a building's map: see `field_space`.
+Contact is free, within `TOLERANCE`. For many shapes see `shape_space`, for a raster map `field_space`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 TOLERANCE = 1e-7
-"""How far the disc may reach into an obstacle and still count as touching it, m."""
+"""Largest overlap of the disc with an obstacle that still counts as contact, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Shapes:
     Attributes:
         boxes: (k, 6) centre x, y, half extents, cosine and sine of the turn, m, before inflation.
         discs: (m, 3) centre x, y and radius, m, before inflation.
-        radius: Of the moving disc, m.
+        radius: Radius of the moving disc, m.
     """
 
     boxes: Floats
@@ -40,27 +40,27 @@ class Shapes:
 
 
 class Space(Protocol):
-    """Where the centre of the disc may be."""
+    """Free space of the disc's centre."""
 
     def points_free(self, points: Floats) -> Bools:
-        """(n,) of points (n, 2), m."""
+        """(n,) whether points (n, 2), m, are free."""
         ...
 
     def segments_free(self, segments: Floats) -> Bools:
-        """(n,) of segments (n, 4) x1, y1, x2, y2, m."""
+        """(n,) whether segments (n, 4) x1, y1, x2, y2, m, are free."""
         ...
 
     def arcs_free(self, circles: Floats, angles: Floats, owners: Ints) -> Bools:
-        """(n,) of arcs on circles (n, 3) x, y, radius, from angles (n, 2) first, last (>= first), rad.
+        """(n,) whether arcs are free: circles (n, 3) x, y, radius, m; angles (n, 2) first, last (>= first), rad.
 
-        `owners`: (n,) the obstacle the circle goes round, box first, which is not asked again; -1 for none.
+        `owners`: (n,) the obstacle that the circle surrounds, boxes first, which is not tested; -1 for none.
         """
         ...
 
 
 @compiled
 def gap_to(k: int, x: float, y: float, boxes: Floats, discs: Floats, radius: float) -> float:
-    """Distance of the disc's rim from shape k, box first, m; negative where they overlap."""
+    """Distance of the disc's rim from shape k, boxes first, m; negative if they overlap."""
     count = boxes.shape[0]
     if k < count:
         dx, dy = x - boxes[k, 0], y - boxes[k, 1]
@@ -73,7 +73,7 @@ def gap_to(k: int, x: float, y: float, boxes: Floats, discs: Floats, radius: flo
 
 @compiled
 def shape_gap(x: float, y: float, boxes: Floats, discs: Floats, radius: float) -> float:
-    """Distance of the disc's rim from the nearest shape, m; negative where they overlap."""
+    """Distance of the disc's rim from the nearest shape, m; negative if they overlap."""
     best: float = np.inf
     for k in range(boxes.shape[0] + discs.shape[0]):
         best = min(best, gap_to(k, x, y, boxes, discs, radius))
@@ -112,7 +112,7 @@ def _rectangle_is_near(hx: float, hy: float, ax: float, ay: float, bx: float, by
             return True
         side = dx * (y - ay) - dy * (x - ax)
         lowest, highest = min(lowest, side), max(highest, side)
-    # No end and no corner is near: then it is only near if it runs right through.
+    # If no end and no corner is near, the segment is near only if it passes through the rectangle.
     through_x = min(ax, bx) < hx and max(ax, bx) > -hx
     through_y = min(ay, by) < hy and max(ay, by) > -hy
     return through_x and through_y and lowest < 0.0 < highest
@@ -122,7 +122,7 @@ def _rectangle_is_near(hx: float, hy: float, ax: float, ay: float, bx: float, by
 def is_near_segment(
     k: int, ax: float, ay: float, bx: float, by: float, boxes: Floats, discs: Floats, radius: float
 ) -> bool:
-    """Whether shape k, box first, stops the disc on a segment."""
+    """Whether shape k, boxes first, blocks the disc on a segment."""
     count = boxes.shape[0]
     if k >= count:
         m = k - count

@@ -1,6 +1,6 @@
-"""The shortest path among many shapes: A* on a tangent graph of which only what the search reaches is built.
+"""The shortest path among many shapes: A* on a tangent graph that is built only where the search reaches it.
 
-A shortest path turns round each circle in one sense, so a vertex is a departure from a side: a circle with its sense
+A shortest path turns around each circle in one sense, so a vertex is a departure from a side: a circle with its sense
 of turning. A side's departures are found when the search first arrives there. See `tangents` for the whole graph.
 """
 
@@ -41,13 +41,15 @@ class TangentSearch:
     Attributes:
         circles: Start, goal, four corners of each box, cylinders; radius 0 for start and goal.
         space: The shapes.
-        sides: Those whose departures are known.
-        arrives, lengths, sides_there: Of each departure's tangent: arc to the arrival there, rad, length, m, and side.
+        sides: Sides with known departures, by number.
+        side_of: Number of each departure's side.
+        sides_there, arrives, lengths: For each departure's tangent: the side it arrives at, the arc to the arrival
+            there, rad, and its length, m.
         segments: x1, y1, x2, y2, m, of each departure's tangent.
-        costs: Shortest way to each departure so far, m.
-        before: What each was reached from: 2 * departure on the same side, 2 * departure + 1 by its tangent, -1 at the
-            start.
-        looked_at: How many tangents were tested.
+        costs: Length of the shortest path to each departure so far, m.
+        before: Predecessor of each departure: 2 * departure on the same side, 2 * departure + 1 by its tangent, -1 at
+            the start.
+        looked_at: Number of tangents tested.
     """
 
     circles: Circles
@@ -68,7 +70,7 @@ class TangentSearch:
         self._goal = self.circles.places[GOAL, :2].tolist()
 
     def run(self) -> ShortestPath | None:
-        """The shortest path; None where there is none."""
+        """The shortest path; None if there is none."""
         start = self._side(0)
         for departure in range(start.first, start.first + len(start.leaves)):
             self._offer(departure, 0.0, -1)
@@ -85,21 +87,21 @@ class TangentSearch:
         return None
 
     def _arrive(self, departure: int, cost: float) -> None:
-        """On to the next departure of the side that a departure's tangent arrives at."""
+        """Continue at the side where a departure's tangent arrives, to its next departure."""
         side = self._side(self.sides_there[departure])
         at = self.arrives[departure]
         place = bisect_left(side.leaves, at - ANGLE_SLACK)
         self._turn(side, at, place, cost, 2 * departure + 1)
 
     def _turn_on(self, departure: int, cost: float) -> None:
-        """On to the next departure of the same side."""
+        """Continue to the next departure of the same side."""
         side = self.sides[self.side_of[departure]]
         place = departure - side.first
         if self.circles.places[side.circle, 2] > 0.0:
             self._turn(side, side.leaves[place], place + 1, cost, 2 * departure)
 
     def _turn(self, side: _Side, at: float, place: int, cost: float, before: int) -> None:
-        """Along the arc of a side, from a way along it, rad, to one of its departures."""
+        """Turn along the arc of a side, from a position `at` on it, rad, to the departure at index `place`."""
         full = 0.0
         if place == len(side.leaves):
             if not side.leaves or self.circles.usable[side.circle, 1] < 6.28:
@@ -128,7 +130,7 @@ class TangentSearch:
         heapq.heappush(self._heap, (bound, cost, 2 * departure + has_passed))
 
     def _side(self, number: int) -> _Side:
-        """A side; its departures are found when it is first asked for."""
+        """A side; its departures are found on first use."""
         side = self.sides.get(number)
         if side is None:
             circle, turn = number // 2, -1.0 if number % 2 else 1.0
@@ -148,7 +150,7 @@ class TangentSearch:
         return side
 
     def _track(self, departure: int) -> Floats:
-        """(n, 2) points of the way found, m."""
+        """(n, 2) points of the path to a departure's arrival, m."""
         points = []
         while True:
             points.append(np.array(self.segments[4 * departure : 4 * departure + 4]).reshape(2, 2)[::-1])
@@ -162,7 +164,7 @@ class TangentSearch:
             departure = before // 2
 
     def _arc(self, side: _Side, arrives: float, leaves: float) -> Floats:
-        """(n, 2) points of an arc of a side, from and to a way along it, rad."""
+        """(n, 2) points of an arc of a side, between two positions along it, rad."""
         if leaves < arrives - ANGLE_SLACK:
             leaves += 2.0 * math.pi
         first, extent = self.circles.usable[side.circle].tolist()

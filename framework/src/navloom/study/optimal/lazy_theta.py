@@ -19,16 +19,16 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _REACH = 3
-"""How far from the true start and goal the search joins the lattice, in lattice steps."""
+"""Distance from the true start and goal within which the search joins the lattice, lattice steps."""
 
 
 def any_angle_path(space: FieldSpace, start: Floats, goal: Floats) -> Floats | None:
-    """A free path whose corners are lattice nodes, or None where there is none.
+    """A free path whose corners are lattice nodes, or None if there is none.
 
-    It is never shorter than the shortest path and, by the method, not always the shortest way round the obstacles.
+    It is never shorter than the shortest path, and the method does not always choose the shortest side of an obstacle.
 
     Args:
-        space: Where the disc's centre may be.
+        space: Free space of the disc's centre.
         start, goal: (2,) m, raster frame.
 
     Returns:
@@ -44,17 +44,17 @@ def any_angle_path(space: FieldSpace, start: Floats, goal: Floats) -> Floats | N
 
 @compiled
 def _search(sx: float, sy: float, gx: float, gy: float, field: Field) -> Ints:
-    """Nodes of the path from the goal's end to the start's; [-2] where there is no path.
+    """Nodes of the path from the goal to the start; [-2] if there is no path.
 
-    A node's parent is a node, -1 for the true start, or -2. Its line of sight is only checked when it is taken off the
-    heap; where there is none, its best neighbour that was done before becomes its parent.
+    A node's parent is a node, -1 for the true start, or -2 for none. The line of sight to the parent is checked only
+    when the node is taken off the heap; without one, the best expanded neighbour becomes the parent.
     """
     step, clear = field[2], field[3]
     cols = clear.shape[1]
     cost = np.full(clear.size, np.inf)
     parent = np.full(clear.size, -2, dtype=np.int64)
     done = np.zeros(clear.size, dtype=np.bool_)
-    # The last entry to come off the heap says that there is no path.
+    # The last entry to come off the heap means that there is no path.
     heap = [(np.inf, -1)]
     i, j = round(sy / step), round(sx / step)
     _reach(i, j, _REACH, -1, 0.0, sx, sy, gx, gy, field, cost, parent, done, heap)
@@ -85,7 +85,7 @@ def _search(sx: float, sy: float, gx: float, gy: float, field: Field) -> Ints:
 
 @compiled
 def _place(node: int, sx: float, sy: float, cols: int, step: float) -> tuple[float, float]:
-    """Where a node is, m; the true start for -1."""
+    """Position of a node, m; the true start for -1."""
     if node < 0:
         return sx, sy
     return (node % cols) * step, (node // cols) * step
@@ -108,7 +108,7 @@ def _reach(
     done: Bools,
     heap: list[tuple[float, int]],
 ) -> None:
-    """Offer the nodes round (i, j) the parent `through`, which stands at px, py and costs `base`."""
+    """Offer the nodes around (i, j) the parent `through`, which is at (px, py) and has the cost `base`, m."""
     step, clear = field[2], field[3]
     rows, cols = clear.shape
     for a in range(max(0, i - reach), min(rows, i + reach + 1)):
@@ -126,7 +126,7 @@ def _reach(
 
 @compiled
 def _take_neighbour(n: int, i: int, j: int, field: Field, cost: Floats, parent: Ints, done: Bools) -> bool:
-    """Make the best neighbour of node n, at (i, j), that is done and in sight its parent; False where there is none."""
+    """Make the best expanded neighbour in sight the parent of node n, at (i, j); False if there is none."""
     step, clear = field[2], field[3]
     rows, cols = clear.shape
     cost[n] = np.inf

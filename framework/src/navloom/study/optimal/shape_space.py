@@ -1,7 +1,7 @@
-"""Where the centre of a disc may be among many boxes and cylinders. The questions of `Space`, by a grid of buckets.
+"""Free space of a disc's centre among many boxes and cylinders. Implements `Space` with a grid of buckets.
 
-A bucket holds the shapes that, grown by the disc's radius, reach into its square. A question looks at the buckets
-it touches only, so its cost depends on what is near and not on how many shapes there are.
+A bucket holds the shapes that reach into its square when inflated by the disc's radius. A query examines only the
+buckets that it touches, so its cost depends on nearby shapes and not on their total number.
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Buckets = tuple[float, float, float, int, int, Ints, Ints, Floats, Floats, float]
-"""What the compiled functions are given of a `ShapeSpace`: corner x, y and edge of the buckets, m, rows, columns,
-(rows * columns + 1) offsets into the shape numbers, the shape numbers (box first), then the attributes of `Shapes`."""
+"""A `ShapeSpace` for compiled functions: corner x, y and edge of the buckets, m, rows, columns,
+(rows * columns + 1) offsets into the shape numbers, the shape numbers (boxes first), then the attributes of `Shapes`.
+"""
 
 _PER_SHAPE = 2.0
-"""Buckets for each shape."""
+"""Number of buckets for each shape."""
 _SLACK = 1e-4
-"""Share of a bucket's edge by which a bucket holds more than it must: rounding hides no shape at an edge."""
+"""Margin of a bucket relative to its edge, so that rounding does not lose a shape at an edge."""
 _FINEST_ARC = 1e-4
-"""Arcs are halved down to this length, m, where they run along an obstacle."""
+"""Shortest length to which arcs are halved along an obstacle, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpace:
-    """The plane with boxes and cylinders in it: exact.
+    """The plane with boxes and cylinders in it, tested exactly.
 
     Attributes:
-        shapes: What limits the disc.
-        buckets: The same by place.
+        shapes: The obstacles, and the radius of the disc.
+        buckets: The same obstacles, sorted by place.
     """
 
     shapes: Shapes
@@ -81,7 +82,7 @@ def _fill_buckets(shapes: Shapes) -> Buckets:
 
 @compiled
 def bucket_span(low: float, high: float, origin: float, edge: float, count: int) -> tuple[int, int]:
-    """First and last + 1 of `count` buckets that an interval, m, touches."""
+    """First index and last index + 1 of the `count` buckets that an interval, m, touches."""
     first, last = math.floor((low - origin) / edge), math.floor((high - origin) / edge)
     return int(min(max(first, 0), count)), int(min(max(last + 1, 0), count))
 
@@ -99,9 +100,9 @@ def _sort_in(
     discs: Floats,
     radius: float,
 ) -> None:
-    """Put the number of each shape at the end of each bucket it reaches into; without `numbers`, count them only.
+    """Append the number of each shape to each bucket that it reaches into; without `numbers`, only count them.
 
-    A shape is in the buckets whose centres it comes within half a diagonal of.
+    A shape belongs to every bucket whose centre is within half a diagonal of it.
     """
     near = (0.5 + 2.0 * _SLACK) * math.sqrt(2.0) * edge
     for k in range(boxes.shape[0] + discs.shape[0]):
@@ -129,7 +130,7 @@ def segment_is_free(ax: float, ay: float, bx: float, by: float, buckets: Buckets
         ax, ay, bx, by = bx, by, ax, ay
     first_row, last_row = bucket_span(ay, by, y0, edge, rows)
     for row in range(first_row, last_row):
-        # The part of the segment within this row of buckets.
+        # Part of the segment within this row of buckets.
         low, high = 0.0, 1.0
         if by > ay:
             low = min(max((y0 + (row - _SLACK) * edge - ay) / (by - ay), 0.0), 1.0)
@@ -145,7 +146,7 @@ def segment_is_free(ax: float, ay: float, bx: float, by: float, buckets: Buckets
 
 @compiled
 def arc_is_free(x: float, y: float, r: float, first: float, last: float, owner: int, buckets: Buckets) -> bool:
-    """Halve an arc until each part is further from the shapes than it is long: distances have slope <= 1."""
+    """Whether an arc is free: halve it until each part is shorter than its distance from the shapes (slope <= 1)."""
     x0, y0, edge, rows, cols, offsets, numbers, boxes, discs, radius = buckets
     waiting = [(first, last)]
     while len(waiting) > 0:

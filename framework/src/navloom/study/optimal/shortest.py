@@ -1,9 +1,9 @@
-"""The shortest path there is: of the robot's inscribed disc in the true world, at any angle.
+"""The any-angle shortest path of the robot's inscribed disc in the true world.
 
 Worlds of boxes and cylinders: exact, by the tangent graph (see `tangents`). Worlds with a raster: Lazy Theta* on a
-lattice of half a cell or finer chooses the way round the obstacles; the tangent graph of all corners along it then
-pulls the path taut against the cells' true squares. That is the exact shortest path of its neighbourhood, so its length
-is an upper bound of the optimum, and is larger only where the search chose a longer way round.
+lattice of half a cell or finer chooses the side on which to pass each obstacle; the tangent graph of all corners along
+that path then pulls it taut against the true squares of the cells. The result is the exact shortest path of its
+neighbourhood. So its length is an upper bound of the optimum, and exceeds it only if the search chose a longer side.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ _ROUNDS = 6
 
 
 def optimal_length(world: World, start: Place, goal: Place, radius: float, height: float) -> float | None:
-    """Length of the shortest path of a disc, m, or None where there is none.
+    """Length of the shortest path of a disc, m, or None if there is none.
 
     Args:
-        world: The ground truth; only what is there from the start and never moves counts.
-        start, goal: Map frame; headings are not used.
-        radius: Of the disc, m, > 0; touching an obstacle is allowed.
-        height: Of the robot, m: what hangs at or above it does not count.
+        world: The true world; only static obstacles that are present from the start count.
+        start, goal: Positions in the map frame; headings are not used.
+        radius: Radius of the disc, m, > 0; touching an obstacle is allowed.
+        height: Height of the robot, m; obstacles at or above it do not count.
 
     Raises:
-        ValueError: A radius that is not a length.
+        ValueError: The radius is not a length.
     """
     path = optimal_path(world, start, goal, radius, height)
     return None if path is None else path.length
 
 
 def optimal_path(world: World, start: Place, goal: Place, radius: float, height: float) -> ShortestPath | None:
-    """The shortest path itself, in the map frame. Arguments and errors as of `optimal_length`.
+    """The shortest path itself, in the map frame. For arguments and errors see `optimal_length`.
 
-    Boxes and cylinders stand in an open plane, whatever the world's bounds; the edge of a raster is not passed.
+    Boxes and cylinders are in an open plane, whatever the world's bounds; a path does not leave a raster.
     """
     if not (math.isfinite(radius) and radius > 0.0):
         raise ValueError(f"radius = {radius}: expected a length > 0 in metres")
@@ -70,9 +70,9 @@ def optimal_path(world: World, start: Place, goal: Place, radius: float, height:
 
 
 def length_to_reach(path: ShortestPath, reach: float) -> float:
-    """Length of a shortest path up to where it first comes within a distance of its end, m.
+    """Length of a shortest path up to the point where it first comes within a distance of its end, m.
 
-    Where the disc of that distance about the end is free, this is the shortest way to the disc.
+    If the disc of that radius around the end is free, this is the length of the shortest path to the disc.
 
     Args:
         path: The path.
@@ -93,7 +93,7 @@ def length_to_reach(path: ShortestPath, reach: float) -> float:
 
 
 def warm_up() -> None:
-    """Compile everything: one search among shapes and one on a raster."""
+    """Compile all kernels: run one search among shapes and one on a raster."""
     start, goal = Place(0.05, 0.05), Place(0.75, 0.35)
     shapes = (Box("box", (0.3, 0.4), (0.0, 0.3)),)
     cells = np.zeros((4, 8), dtype=np.bool_)
@@ -103,7 +103,7 @@ def warm_up() -> None:
 
 
 def _shapes(obstacles: list[Obstacle], origin: Place, radius: float) -> Shapes:
-    """Obstacles in the frame of an origin."""
+    """Obstacles, transformed to the frame of an origin."""
     origin_to_map = np.array([origin.x, origin.y, origin.heading])
     boxes, discs = [], []
     for obstacle in obstacles:
@@ -125,7 +125,7 @@ def _among_shapes(shapes: Shapes, ends: Floats) -> ShortestPath | None:
 
 
 def _straight(space: Space, ends: Floats) -> ShortestPath | None:
-    """The straight line, where it is free."""
+    """The straight line; None if it is not free."""
     if not space.segments_free(ends.reshape(1, 4))[0]:
         return None
     return ShortestPath(math.dist(ends[0], ends[1]), ends)
@@ -147,7 +147,7 @@ def _joined(*parts: Circles) -> Circles:
 
 
 def _shape_circles(shapes: Shapes) -> Circles:
-    """A quarter circle round each corner of each box, and a circle round each cylinder."""
+    """A quarter circle around each corner of each box, and a circle around each cylinder."""
     boxes, discs, radius = shapes.boxes, shapes.discs, shapes.radius
     signs = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     local = boxes[:, None, 2:4] * signs
@@ -165,7 +165,7 @@ def _shape_circles(shapes: Shapes) -> Circles:
 
 
 def _on_raster(raster: Raster, shapes: Shapes, ends: Floats) -> ShortestPath | None:
-    """Shortest path on a raster, everything in its frame."""
+    """Shortest path on a raster, in the raster's frame."""
     space = _field_space(raster, shapes)
     if not space.points_free(ends).all():
         return None
@@ -177,11 +177,11 @@ def _on_raster(raster: Raster, shapes: Shapes, ends: Floats) -> ShortestPath | N
 
 
 def _pulled_taut(points: Floats, space: FieldSpace, corners: Circles) -> ShortestPath:
-    """The shortest path round the obstacles near a path (n, 2), m, until no further corner comes near."""
+    """Pull a path (n, 2), m, taut around the nearby obstacles, repeatedly until no new corner is near."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     best = ShortestPath(float(steps.sum()), points)
     kept = _joined(_points(points[[0, -1]]), _points(points[1:-1]), _shape_circles(space.shapes))
-    # Pulled taut, two of the search's straight parts may become one, hardly more than two.
+    # Pulling taut may merge two straight parts of the search's path, hardly ever more.
     longest = 2.0 * float(steps.max()) + 4.0 * max(space.shapes.radius, float(kept.places[:, 2].max()))
     near = np.zeros(len(corners), dtype=np.bool_)
     known = -1
@@ -197,9 +197,9 @@ def _pulled_taut(points: Floats, space: FieldSpace, corners: Circles) -> Shortes
 def _field_space(raster: Raster, shapes: Shapes) -> FieldSpace:
     """The raster's lattice, with each node's distance from the nearest obstacle.
 
-    The point of a closed cell nearest to a lattice node is a lattice node too, so the distance transform is exact.
-    An even number of steps a cell puts nodes on the middle line of every gap; a map of more than `_MAX_HALVED` cells
-    has one step a cell, and gaps of an odd number of cells lose that line.
+    The point of a closed cell nearest to a lattice node is also a lattice node, so the distance transform is exact.
+    An even number of steps in a cell puts nodes on the centre line of every gap. A map of more than `_MAX_HALVED` cells
+    has one step in a cell, and gaps of an odd number of cells have no nodes on their centre line.
     """
     rows, cols = raster.occupied.shape
     wanted = 2 * math.ceil(0.5 * raster.resolution * _STEPS_PER_RADIUS / shapes.radius)
@@ -218,7 +218,7 @@ def _field_space(raster: Raster, shapes: Shapes) -> FieldSpace:
 
 
 def _distances(occupied: Bools, per_cell: int, step: float) -> tuple[Floats, NDArray[np.int32]]:
-    """Distance of each lattice node from the occupied cells, m, and the node of one nearest to it; see `FieldSpace`."""
+    """Distance of each lattice node from the occupied cells, m, and their node nearest to it; see `FieldSpace`."""
     from scipy.ndimage import distance_transform_edt
 
     fine = np.repeat(np.repeat(occupied, per_cell, axis=0), per_cell, axis=1)
@@ -233,10 +233,10 @@ def _distances(occupied: Bools, per_cell: int, step: float) -> tuple[Floats, NDA
 
 
 def _cell_circles(raster: Raster, radius: float) -> Circles:
-    """A quarter circle round each convex corner of the occupied cells."""
+    """A quarter circle around each convex corner of the occupied cells."""
     padded = np.pad(raster.occupied, 1)
     places, firsts = [], []
-    # A cell's corner towards (down, left) is convex where both cells beside that corner are free.
+    # A cell's corner towards (down, left) is convex if both cells beside that corner are free.
     for down, left, first in ((-1, -1, 1.0), (-1, 1, 1.5), (1, 1, 0.0), (1, -1, 0.5)):
         beside = np.roll(padded, -left, axis=1) | np.roll(padded, -down, axis=0)
         row, col = np.nonzero(padded & ~beside)
@@ -253,7 +253,7 @@ def _cell_circles(raster: Raster, radius: float) -> Circles:
 
 
 def _are_near(circles: Circles, points: Floats, reach: float, step: float) -> Bools:
-    """(n,) which circles' centres lie within a reach, m, of a path, sampled every step, m."""
+    """(n,) whether the circles' centres are within `reach`, m, of a path, which is sampled every `step`, m."""
     from scipy.spatial import KDTree
 
     lengths = np.hypot(*np.diff(points, axis=0).T)

@@ -1,8 +1,8 @@
-"""Shortest path of a disc's centre round obstacles: straight tangents and arcs, on the tangent graph.
+"""Shortest path of a disc's centre around obstacles: straight tangents and arcs, on the tangent graph.
 
-A shortest path among obstacles inflated by a disc is made of segments that touch two inflation arcs (or an end of the
-path) and of parts of those arcs (Laumond 1987; Liu & Arimoto 1992). With the circles of all arcs given, the shortest
-path in the graph of all free tangents and arcs is the shortest path, exactly.
+A shortest path among obstacles inflated by a disc consists of segments that touch two inflation arcs (or an end of the
+path) and of parts of these arcs (Laumond 1987; Liu & Arimoto 1992). Given the circles of all arcs, the shortest path in
+the graph of all free tangents and arcs is exactly the shortest path.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _ARC_SAMPLE = math.radians(5.0)
 
 @dataclass(frozen=True, eq=False)
 class Circles:
-    """Circles whose arcs a path may run along; radius 0 is a point it may pass.
+    """Circles whose arcs a path may follow; radius 0 is a point that it may pass.
 
     Attributes:
         places: (n, 3) centre x, y and radius, m.
         usable: (n, 2) first angle and extent of the arc that bounds the inflated obstacle, rad; extent 2π is a whole
             circle.
-        owners: (n,) number of the obstacle the circle goes round, box first, or -1.
+        owners: (n,) number of the obstacle that the circle surrounds, boxes first, or -1.
     """
 
     places: Floats
@@ -46,7 +46,7 @@ class Circles:
         return len(self.places)
 
     def chosen(self, mask: Bools) -> Circles:
-        """Those of a mask (n,)."""
+        """The circles selected by a mask (n,)."""
         return Circles(self.places[mask], self.usable[mask], self.owners[mask])
 
 
@@ -59,12 +59,12 @@ class ShortestPath:
 
 
 def shortest_among(circles: Circles, space: Space, longest: float = math.inf) -> ShortestPath | None:
-    """Shortest free path from the centre of circle 0 to that of circle 1, both of radius 0; None where there is none.
+    """Shortest free path from the centre of circle 0 to that of circle 1, both of radius 0; None if there is none.
 
     Args:
-        circles: The ends, then every circle that may bend the path.
-        space: Where the disc's centre may be.
-        longest: Tangents between circles whose centres are further apart than this, m, are left out.
+        circles: The two ends, then every circle that may bend the path.
+        space: Free space of the disc's centre.
+        longest: Largest distance of two circles' centres for a tangent between them, m.
     """
     touched, angles, segments = _free_tangents(circles, space, longest)
     points = segments.reshape(-1, 2)
@@ -73,7 +73,7 @@ def shortest_among(circles: Circles, space: Space, longest: float = math.inf) ->
     lengths = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
     ends = np.arange(len(points)).reshape(-1, 2)
     arc_ends, arc_lengths, arc_angles = _free_arcs(circles, space, on_circle, at_angle)
-    # Both ends of the path become one vertex each: theirs are circles of radius 0, joined by arcs of length 0.
+    # Each end of the path acts as one vertex: its circle has radius 0, so arcs of length 0 join its points.
     starts, goals = np.flatnonzero(on_circle == 0), np.flatnonzero(on_circle == 1)
     if not (starts.size and goals.size):
         return None
@@ -125,8 +125,8 @@ def _free_tangents(circles: Circles, space: Space, longest: float) -> tuple[Ints
 def _tangents_of(circles: Circles, first: int, longest: float) -> tuple[Ints, Floats, Floats]:
     """Segments that touch circle `first` and a later one within their usable arcs.
 
-    With the unit normal n of a tangent, pointing from the first centre to its point of contact, and s = 1 for outer, -1
-    for inner tangents: n · (c2 - c1) = r1 - s r2, contacts at c1 + r1 n and c2 + s r2 n.
+    Let n be the unit normal of a tangent, from the first centre to its point of contact, and s = 1 for outer, -1 for
+    inner tangents. Then n · (c2 - c1) = r1 - s r2, and the contacts are c1 + r1 n and c2 + s r2 n.
     """
     here, later = circles.places[first], circles.places[first + 1 :]
     candidates = first + 1 + np.flatnonzero(np.hypot(later[:, 0] - here[0], later[:, 1] - here[1]) <= longest)
@@ -140,7 +140,7 @@ def _tangents_of(circles: Circles, first: int, longest: float) -> tuple[Ints, Fl
             cosine = (here[2] - kind * there[:, 2]) / distance
         exists = np.abs(cosine) <= 1.0
         if kind < 0.0:
-            # Round a point, inner and outer tangents are the same.
+            # At a point (radius 0), inner and outer tangents are the same.
             exists &= (there[:, 2] > 0.0) & (here[2] > 0.0)
         spread = np.arccos(np.where(exists, cosine, 0.0))
         for side in (1.0, -1.0):
@@ -160,7 +160,7 @@ def _tangents_of(circles: Circles, first: int, longest: float) -> tuple[Ints, Fl
 
 
 def _within(angle: Floats, usable: Floats) -> Bools:
-    """Whether angles lie in arcs (..., 2) first angle, extent."""
+    """Whether angles, rad, are within arcs (..., 2) first angle, extent, rad."""
     past = np.mod(angle - usable[..., 0] + _ANGLE_SLACK, 2.0 * np.pi) - _ANGLE_SLACK
     inside: Bools = past <= usable[..., 1] + _ANGLE_SLACK
     return inside
@@ -173,7 +173,7 @@ def _free_arcs(circles: Circles, space: Space, on_circle: Ints, at_angle: Floats
         on_circle, at_angle: (n,) circle and angle, rad, of each point.
 
     Returns:
-        (m, 2) numbers of the points they join, (m,) lengths, m, (m, 2) first and last angle, rad.
+        (m, 2) indices of the points that they join, (m,) lengths, m, (m, 2) first and last angle, rad.
     """
     first_angle = circles.usable[on_circle, 0]
     past = np.mod(at_angle - first_angle + _ANGLE_SLACK, 2.0 * np.pi) - _ANGLE_SLACK
@@ -181,7 +181,7 @@ def _free_arcs(circles: Circles, space: Space, on_circle: Ints, at_angle: Floats
     same = on_circle[order[1:]] == on_circle[order[:-1]]
     ends = np.stack([order[:-1], order[1:]], axis=-1)[same]
     spans = np.stack([past[ends[:, 0]], past[ends[:, 1]]], axis=-1)
-    # Whole circles close: from their last point on to their first.
+    # Whole circles are closed by an arc from their last point to their first.
     opens = np.flatnonzero(np.concatenate([[True], ~same]))[: len(order)]
     closes = np.append(opens[1:], len(order)) - 1
     closing = np.stack([order[closes], order[opens]], axis=-1)
@@ -197,7 +197,7 @@ def _free_arcs(circles: Circles, space: Space, on_circle: Ints, at_angle: Floats
 
 
 def _adjacency(edges: Ints, count: int) -> tuple[Ints, Ints, Ints]:
-    """Both directions of edges (m, 2) by the vertex they leave: order of the 2 m, offsets (count + 1,), targets."""
+    """Both directions of edges (m, 2), sorted by source: order (2 m,), offsets (count + 1,) and targets (2 m,)."""
     sources = np.concatenate([edges[:, 0], edges[:, 1]])
     order = np.argsort(sources, kind="stable")
     offsets = np.concatenate([[0], np.cumsum(np.bincount(sources, minlength=count))])
@@ -206,7 +206,7 @@ def _adjacency(edges: Ints, count: int) -> tuple[Ints, Ints, Ints]:
 
 @compiled
 def _dijkstra(offsets: Ints, targets: Ints, weights: Floats, start: int, goal: int) -> tuple[float, Ints, Ints]:
-    """Length of the shortest way, and for each vertex the one before it and the place of the edge between them."""
+    """Length of the shortest path, and for each vertex its predecessor and the index of the edge between them."""
     count = offsets.shape[0] - 1
     cost = np.full(count, np.inf)
     previous = np.full(count, -1, dtype=np.int64)

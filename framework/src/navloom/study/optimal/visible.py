@@ -1,8 +1,8 @@
-"""The tangents that leave one circle in one sense of turning and that nothing hides.
+"""The visible tangents that leave one circle in one sense of turning.
 
-The rays that leave a disc tangentially, all in one sense, cover the plane outside it once. Two rays that both enter a
-convex shape hide what is behind the shape from every ray between them. So the search goes outwards, bucket by
-bucket, until every fan of rays ends at a shape; only what is not hidden by then is tested exactly.
+The rays that leave a disc tangentially in one sense cover the plane outside it exactly once. If two rays both enter a
+convex shape, the shape hides everything behind it from every ray between them. So the search proceeds outwards, bucket
+by bucket, until every fan of rays ends at a shape. Only tangents that are not hidden by then are tested exactly.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ Circle = tuple[float, float, float, float, float, float]
 """Centre x, y and radius, m, sense of turning (1 is counter-clockwise), first angle and extent of its arc, rad."""
 
 LINE, LENGTH, SIDE, LEAVES, ARRIVES = range(5)
-"""Columns of a tangent: the line it lies on, as its angle, rounded; its length, m; the side it arrives at: twice the
-circle's number, plus 1 where one turns clockwise there; the arc, rad, from the beginning of this side to the departure
-and from that of the other side to the arrival."""
+"""Columns of a tangent: its line, as the rounded angle; its length, m; the side it arrives at: twice the circle's
+number, plus 1 for clockwise turning; the arc from the beginning of this side to the departure, rad; and the arc from
+the beginning of the other side to the arrival, rad."""
 ENDS = slice(5, 9)
 """Columns of its ends x1, y1, x2, y2, m."""
 ANGLE_SLACK = 1e-9
-"""How far outside its arc a point of contact may lie, rad."""
+"""Largest distance of a point of contact outside its arc, rad."""
 GOAL = 1
-"""Number of the goal's circle. The start's is 0; from 2 on there are four for each box, then one for each cylinder."""
+"""Number of the goal's circle. The start's is 0; from 2 on there are four for each box, then one a cylinder."""
 _FANS = 1024
-"""Fans of rays in a full turn."""
+"""Number of fans of rays in a full turn."""
 _LINES = 1e12
-"""Tangents whose angles agree to the inverse of this, rad, lie on one line."""
+"""Inverse of the angle, rad, to which tangents on the same line agree."""
 
 
 def visible_tangents(number: int, turn: float, places: Floats, usable: Floats, buckets: Buckets) -> tuple[Floats, int]:
     """The free tangents that leave a circle in one sense of turning, in the order of departure.
 
-    Of circles one behind the other on one line only the nearest is given: from there the line goes on.
+    If several circles are on one line, only the nearest is included: the line continues from there.
 
     Args:
-        number: Of the circle.
+        number: Number of the circle.
         turn: 1.0 counter-clockwise, -1.0 clockwise.
-        places, usable: Of all circles, as in `Circles`.
+        places, usable: Attributes of all circles, see `Circles`.
         buckets: The shapes.
 
     Returns:
-        (n, 9) tangents, with columns as named by `LINE` to `ENDS`, and how many were looked at.
+        (n, 9) tangents, with columns `LINE` to `ENDS`, and the number of tangents examined.
     """
     x, y, r = places[number].tolist()
     first, extent = usable[number].tolist()
@@ -66,7 +66,7 @@ def visible_tangents(number: int, turn: float, places: Floats, usable: Floats, b
 
 @compiled
 def _are_kept(found: Floats, circle: Circle, limits: Floats, buckets: Buckets) -> Bools:
-    """Which tangents, in the order of their lines and lengths, are free and have none before them on their line."""
+    """Mask of the tangents, sorted by line and length, that are free and have no kept one before them on their line."""
     kept = np.zeros(found.shape[0], dtype=np.bool_)
     for n in range(found.shape[0]):
         if not _is_hidden(found[n], circle, limits) and not _is_behind(n, found, kept):
@@ -76,14 +76,14 @@ def _are_kept(found: Floats, circle: Circle, limits: Floats, buckets: Buckets) -
 
 @compiled
 def _shape_of(number: int, buckets: Buckets) -> int:
-    """Number of the shape that a circle goes round, box first; negative for start and goal."""
+    """Number of the shape that a circle surrounds, boxes first; negative for start and goal."""
     boxes = buckets[7].shape[0]
     return (number - 2) // 4 if number < 2 + 4 * boxes else number - 2 - 3 * boxes
 
 
 @compiled
 def _is_behind(n: int, found: Floats, kept: Bools) -> bool:
-    """Whether a tangent that is kept lies on the same line as tangent n, on the same side, and well before its end."""
+    """Whether a kept tangent is on the same line as tangent n, with the same turning, and ends well before it."""
     length = found[n, LENGTH]
     for k in range(n - 1, -1, -1):
         if found[k, LINE] != found[n, LINE]:
@@ -104,14 +104,14 @@ def _look_round(
     usable: Floats,
     buckets: Buckets,
 ) -> int:
-    """How many tangents there are to what may be in sight; `limits` becomes how far one sees in each fan, m."""
+    """Collect the tangents to possibly visible shapes; returns their count. Sets `limits`, the range of fans, m."""
     x0, y0, edge, rows, cols, offsets, numbers, boxes, discs, _ = buckets
     count = _add_tangent(found, 0, circle, GOAL, 1.0, places, usable)
     seen = np.zeros(boxes.shape[0] + discs.shape[0], dtype=np.bool_)
     col, row = math.floor((circle[0] - x0) / edge), math.floor((circle[1] - y0) / edge)
     last = max(abs(col), abs(cols - 1 - col), abs(row), abs(rows - 1 - row))
     for ring in range(max(0, -col, col - cols + 1, -row, row - rows + 1), last + 1):
-        # What is first met in this ring is no nearer than that.
+        # Shapes first met in this ring are at least this far away.
         nearest = (ring - 1) * edge
         if limits.max() < nearest:
             break
@@ -140,7 +140,7 @@ def _look_at(
     usable: Floats,
     buckets: Buckets,
 ) -> int:
-    """Add the tangents to shape k, box first, and shorten the fans that end at it; gives the new count."""
+    """Add the tangents to shape k, boxes first, and shorten the fans that end at it; returns the new count."""
     boxes, discs, radius = buckets[7:]
     if k < boxes.shape[0]:
         x, y, reach = boxes[k, 0], boxes[k, 1], math.hypot(boxes[k, 2], boxes[k, 3]) + radius
@@ -152,7 +152,7 @@ def _look_at(
     away = math.hypot(x - circle[0], y - circle[1])
     width, low, span = _fan_width(circle, limits), 0.0, 2.0 * np.pi
     if circle[2] + reach < 0.999 * away:
-        # The rays that touch the circle round the whole shape on its two sides.
+        # The rays that touch a circle around the whole shape on its two sides.
         low = _bearing(circle, x, y, reach)
         span = _bearing(circle, x, y, -reach) - low
         low = _along(circle, low)
@@ -169,9 +169,9 @@ def _look_at(
 
 @compiled
 def _bearing(circle: Circle, x: float, y: float, signed: float) -> float:
-    """Angle of the right-hand normal of the ray that touches a circle at x, y, of a radius, m, negative for clockwise.
+    """Angle of the right-hand normal of the ray that touches a circle at x, y with a signed radius, m (clockwise < 0).
 
-    With the normal n and signed radii e: n · (c2 - c1) = e1 - e2, contacts at c + e n. NaN where there is no such ray.
+    With the normal n and signed radii e: n · (c2 - c1) = e1 - e2, contacts at c + e n. NaN if there is no such ray.
     """
     dx, dy = x - circle[0], y - circle[1]
     away = math.hypot(dx, dy)
@@ -185,20 +185,20 @@ def _bearing(circle: Circle, x: float, y: float, signed: float) -> float:
 
 @compiled
 def _along(circle: Circle, bearing: float) -> float:
-    """How far a ray's point of contact lies beyond the first angle of the circle's arc, rad in [0, 2π)."""
+    """Angle from the first angle of the circle's arc to a ray's point of contact, rad in [0, 2π)."""
     angle = bearing if circle[3] > 0.0 else bearing + np.pi
     return float((angle - circle[4] + ANGLE_SLACK) % (2.0 * np.pi))
 
 
 @compiled
 def _fan_width(circle: Circle, limits: Floats) -> float:
-    """rad; the fans cover the arc and the slack at both its ends."""
+    """Width of a fan, rad; the fans cover the arc and the slack at both its ends."""
     return float((circle[5] + 2.0 * ANGLE_SLACK) / limits.shape[0])
 
 
 @compiled
 def _is_any_open(low: float, span: float, width: float, away: float, limits: Floats) -> bool:
-    """Whether one sees as far as a distance, m, somewhere in an interval of angles along the arc."""
+    """Whether any fan in an interval of angles along the arc reaches a distance, m."""
     for start in (low, low - 2.0 * np.pi):
         first, last = math.floor(start / width), math.floor((start + span) / width)
         for fan in range(max(0, first), min(limits.shape[0], last + 1)):
@@ -209,7 +209,7 @@ def _is_any_open(low: float, span: float, width: float, away: float, limits: Flo
 
 @compiled
 def _is_hidden(tangent: Floats, circle: Circle, limits: Floats) -> bool:
-    """Whether a tangent's fan ends before its far end."""
+    """Whether a tangent's fan ends before the tangent does."""
     along, away = tangent[LINE] / _LINES, math.hypot(circle[2], tangent[LENGTH])
     width = _fan_width(circle, limits)
     for angle in (along - 1e-9, along + 1e-9):
@@ -223,7 +223,7 @@ def _is_hidden(tangent: Floats, circle: Circle, limits: Floats) -> bool:
 def _add_tangent(
     found: Floats, count: int, circle: Circle, target: int, turn: float, places: Floats, usable: Floats
 ) -> int:
-    """Add the tangent to another circle and sense of turning, where there is one within both arcs; gives the count."""
+    """Add the tangent to another circle and sense of turning if there is one within both arcs; returns the count."""
     x, y, r, turn_here = circle[:4]
     tx, ty, tr = places[target, 0], places[target, 1], places[target, 2]
     bearing = _bearing(circle, tx, ty, turn * tr)
@@ -245,7 +245,7 @@ def _add_tangent(
 
 @compiled
 def _arc_to(bearing: float, turn: float, first: float, extent: float) -> float:
-    """From the beginning of an arc, in the sense of turning, to a ray's point of contact, rad; NaN where it is off."""
+    """Angle from the beginning of an arc to a ray's point of contact, rad, in the sense of turning; NaN if outside."""
     angle = bearing if turn > 0.0 else bearing + np.pi
     past = (angle - first + ANGLE_SLACK) % (2.0 * np.pi) - ANGLE_SLACK
     if not past <= extent + ANGLE_SLACK:
@@ -263,7 +263,7 @@ def _hide(k: int, low: float, span: float, width: float, circle: Circle, limits:
     for ray in range(first, last + 1):
         angle = first_angle - ANGLE_SLACK + ray * width
         nx, ny = math.cos(angle), math.sin(angle)
-        # A little beyond where the ray enters, so that the line between two such points stays outside the circle.
+        # Slightly beyond the entry point, so that the line between two such points stays outside the circle.
         depth = _enters(k, x + r * nx, y + r * ny, -turn * ny, turn * nx, r * width, buckets)
         enters = math.isfinite(depth)
         qx, qy = x + r * nx - turn * depth * ny, y + r * ny + turn * depth * nx
@@ -275,7 +275,7 @@ def _hide(k: int, low: float, span: float, width: float, circle: Circle, limits:
 
 @compiled
 def _enters(k: int, x: float, y: float, dx: float, dy: float, beyond: float, buckets: Buckets) -> float:
-    """Way along a ray, m, to a point in shape k grown by the radius, `beyond` behind its rim; infinite for none."""
+    """Distance along a ray, m, to a point `beyond` m inside shape k inflated by the radius; infinite for none."""
     boxes, discs, radius = buckets[7:]
     grown = radius - 2.0 * TOLERANCE
     if k >= boxes.shape[0]:
@@ -291,7 +291,7 @@ def _enters(k: int, x: float, y: float, dx: float, dy: float, beyond: float, buc
 
 @compiled
 def _into_disc(x: float, y: float, dx: float, dy: float, radius: float, beyond: float) -> float:
-    """The same for a disc round the origin."""
+    """Distance like `_enters`, for a disc around the origin."""
     middle = -(x * dx + y * dy)
     squared = radius * radius - (x + middle * dx) ** 2 - (y + middle * dy) ** 2
     if squared <= 0.0:
@@ -303,7 +303,7 @@ def _into_disc(x: float, y: float, dx: float, dy: float, radius: float, beyond: 
 
 @compiled
 def _into_rectangle(x: float, y: float, dx: float, dy: float, hx: float, hy: float, beyond: float) -> float:
-    """The same for the rectangle |x| < hx, |y| < hy."""
+    """Distance like `_enters`, for the rectangle |x| < hx, |y| < hy."""
     low, high = 0.0, np.inf
     for at, step, half in ((x, dx, hx), (y, dy, hy)):
         if abs(step) < 1e-12:

@@ -11,7 +11,7 @@ from navloom.geometry.world import Place
 from navloom.messages import Point2D, RangeScan, Twist2D
 from navloom.roles import AvoiderInput
 from navloom.roles.claims import Claim
-from navloom.testing.behaviour.driving import Drive, Pose, drive, estimate_at, towards
+from navloom.testing.behaviour.driving import FinishedDrive, Pose, drive, estimate_at, towards
 from navloom.testing.behaviour.measured import (
     PERIOD,
     PERIOD_NS,
@@ -51,7 +51,7 @@ def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[fl
     )  # fmt: skip
 
 
-def drive_avoider(make: Maker, scene: Scene, seconds: float) -> Drive:
+def drive_avoider(make: Maker, scene: Scene, seconds: float) -> FinishedDrive:
     """Drive to the scene's target, until it is reached, touched, trapped for 2 s, or the time is up."""
     if not make.sees(RangeScan) and (scene.posts or scene.walls):
         raise Unfit("it takes no RangeScan: it sees nothing of the scenes")
@@ -69,7 +69,7 @@ def drive_avoider(make: Maker, scene: Scene, seconds: float) -> Drive:
     return drive(scene, seconds, step)
 
 
-def _ended(done: Drive) -> str:
+def _ended(done: FinishedDrive) -> str:
     return done.ended or f"still driving after {0.05 * (len(done.poses) - 1):.0f} s"
 
 

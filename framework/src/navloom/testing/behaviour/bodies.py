@@ -13,7 +13,7 @@ from navloom.messages import RangeScan, Twist2D
 from navloom.roles import Platform, PlatformInput, RecoveryInput
 from navloom.roles.claims import Claim
 from navloom.testing.behaviour.avoiders import place_in_map
-from navloom.testing.behaviour.driving import Drive, Pose, drive, estimate_at
+from navloom.testing.behaviour.driving import FinishedDrive, Pose, drive, estimate_at
 from navloom.testing.behaviour.measured import PERIOD, PERIOD_NS, Behaviour, Line, Maker, Measured, Unfit, full_scan
 from navloom.testing.behaviour.scene import Scene, Wall
 
@@ -94,7 +94,7 @@ def stuck_scene(seed: int) -> Scene:
     return scene.moved(place_in_map(seed))
 
 
-def drive_recovery(make: Maker, scene: Scene) -> tuple[Drive, str]:
+def drive_recovery(make: Maker, scene: Scene) -> tuple[FinishedDrive, str]:
     """Drive by a recovery until it is over, two attempts; and its last state."""
     recovery, start = make(scene), np.array([scene.start.x, scene.start.y, scene.start.heading])
     trail = compose(start, np.stack([np.linspace(-scene.came, 0.0, 25), np.zeros(25), np.zeros(25)], axis=1))

@@ -16,7 +16,7 @@ from navloom.navigation.trajectory import SpeedLimits, make_trajectory
 from navloom.roles import ControllerInput
 from navloom.roles.claims import Claim
 from navloom.roles.extra import Extras
-from navloom.testing.behaviour.driving import Drive, Pose, drive, estimate_at
+from navloom.testing.behaviour.driving import FinishedDrive, Pose, drive, estimate_at
 from navloom.testing.behaviour.measured import Behaviour, Line, Maker, Measured, robot_of
 from navloom.testing.behaviour.scene import Scene
 
@@ -91,7 +91,7 @@ class Referee:
         return ControllerInput(stamp_ns, self.trajectory, reference, estimate_at(stamp_ns, pose, twist), self.extra)
 
 
-def follow(make: Maker, scene: Scene, turn: float) -> tuple[Drive, list[float], Referee]:
+def follow(make: Maker, scene: Scene, turn: float) -> tuple[FinishedDrive, list[float], Referee]:
     """Follow the scene's way to its end, then turn in place by an angle, rad; and how far beside it was, m, by tick."""
     samples = samples_of(scene)
     referee = Referee(samples, math.remainder(float(samples[-1, 3]) + turn, math.tau), make.extra)

@@ -14,7 +14,7 @@ from navloom.roles import RobotSpec
 from navloom.testing.behaviour.measured import PERIOD, PERIOD_NS, Line, robot_of
 from navloom.testing.behaviour.scene import Scene
 
-__all__ = ["Drive", "Pose", "drive", "estimate_at", "towards"]
+__all__ = ["FinishedDrive", "Pose", "drive", "estimate_at", "towards"]
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -26,7 +26,7 @@ NO_COVARIANCE = np.zeros((3, 3))
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class FinishedDrive:
     """A drive that is over.
 
     Attributes:
@@ -53,7 +53,7 @@ def drive(
     step: Callable[[int, Pose, tuple[float, float]], tuple[float, float] | str],
     *,
     may_stand: bool = False,
-) -> Drive:
+) -> FinishedDrive:
     """Drive from the scene's start.
 
     Args:
@@ -87,7 +87,7 @@ def drive(
         if gap <= 0.0:
             ended = "contact"
             break
-    return Drive(np.array(poses), np.array(twists), gap, ended)
+    return FinishedDrive(np.array(poses), np.array(twists), gap, ended)
 
 
 def _limited(asked: tuple[float, float], v: float, robot: RobotSpec) -> tuple[float, float]:

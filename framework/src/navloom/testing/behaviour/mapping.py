@@ -136,14 +136,14 @@ def corrects_drift(make: Maker, scene: Scene) -> Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class MapperSeen:
     """What a mapper was shown: its last map, and the places that beams hit, (n, 2) m, map frame."""
 
     update: MapUpdate | None
     hits: Floats
 
 
-def _shown_scans(make: Maker, scene: Scene) -> Seen:
+def _shown_scans(make: Maker, scene: Scene) -> MapperSeen:
     mapper, poses = make(scene, map=grid_of(scene)), true_poses(scene)
     update, hits, extra = None, [], make.extra
     for tick, pose in enumerate(poses[:-LATE].tolist()):
@@ -153,7 +153,7 @@ def _shown_scans(make: Maker, scene: Scene) -> Seen:
         )
         update = answer or update
         hits.append(_places(scan, pose))
-    return Seen(update, np.concatenate(hits))
+    return MapperSeen(update, np.concatenate(hits))
 
 
 def _places(scan: RangeScan, pose: list[float]) -> Floats:
@@ -185,7 +185,7 @@ def sweep_at(scene: Scene, pose: Floats, stamp_ns: int) -> tuple[Sweep, Floats]:
     return sweep, transform(pose, local)
 
 
-def _shown_sweeps(make: Maker, scene: Scene) -> Seen:
+def _shown_sweeps(make: Maker, scene: Scene) -> MapperSeen:
     mapper, update, hits = make(scene, map=grid_of(scene)), None, []
     first = np.array([scene.start.x, scene.start.y, scene.start.heading])
     for number, turn in enumerate((0.0, 1.6, 3.1, -1.6)):
@@ -199,7 +199,7 @@ def _shown_sweeps(make: Maker, scene: Scene) -> Seen:
         )
         update = answer or update
         hits.append(places)
-    return Seen(update, np.concatenate(hits))
+    return MapperSeen(update, np.concatenate(hits))
 
 
 def accurate_mapper(make: Maker, scene: Scene) -> Measured:

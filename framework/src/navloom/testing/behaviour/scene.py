@@ -183,20 +183,6 @@ class Scene:
         gaps += [_wall_gap(outline, w) for w in self.walls]
         return min(gaps, default=math.inf)
 
-    def clearance_along(self, points: Floats, step: float = 0.02) -> float:
-        """Least distance of a polyline (n, 2), m, from what stands nearest, m."""
-        lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.empty(0)
-        along = np.concatenate([[0.0], np.cumsum(lengths)])
-        at = np.linspace(0.0, along[-1], 2 + int(along[-1] / step))
-        dense = np.stack([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])], axis=1)
-        return min((float(self._distances(x, y)) for x, y in dense.tolist()), default=math.inf)
-
-    def _distances(self, x: float, y: float) -> float:
-        """Distance of a point from what stands nearest, m; 0 within it."""
-        gaps = [max(0.0, math.hypot(p.x - x, p.y - y) - p.radius) for p in self.posts]
-        gaps += [_to_segment(x, y, w.x1, w.y1, w.x2, w.y2) for w in self.walls]
-        return min(gaps, default=math.inf)
-
     def cells(self, resolution: float, margin: float = 1.0) -> tuple[NDArray[np.bool_], tuple[float, float]]:
         """The scene as a raster: (rows, cols) which cells something stands in, and the lower left corner, m."""
         ends = [(self.start.x, self.start.y), self.target, *self.way]

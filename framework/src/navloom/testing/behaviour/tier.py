@@ -21,7 +21,7 @@ from navloom.testing.behaviour.planners import PLANNERS
 from navloom.testing.behaviour.scene import Scene
 from navloom.testing.bench import USUAL, Bench, alike
 from navloom.testing.checks import Check
-from navloom.testing.findings import Finding, NotRun, Shown
+from navloom.testing.findings import Finding, NotRun, Remark
 from navloom.testing.guard import GUARD
 from navloom.testing.subject import Subject
 
@@ -58,7 +58,7 @@ def measured(behaviour: Behaviour, make: Maker, scene: Scene, subject: Subject) 
         raise _Raised(error, f"{PurePath(own[-1].f_code.co_filename).name}:{own[-1].f_lineno}") from error
 
 
-def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Shown]:
+def _judge(behaviour: Behaviour, bench: Bench) -> Iterator[Finding | Remark]:
     """Measure a plugin in every scene of one behaviour; of one that plays nothing to its end, `answers` tells."""
     if bench.of_topic(USUAL):
         bench.sound()
@@ -106,7 +106,7 @@ def _finding(behaviour: Behaviour, bench: Bench, make: Maker, failed: Sequence[t
     return Finding(seen.said + others, expected, "", scene.words, _name(seed), picture)
 
 
-def _shown(behaviour: Behaviour, bench: Bench, failed: Sequence[tuple[int, Scene, Measured]]) -> Shown:
+def _shown(behaviour: Behaviour, bench: Bench, failed: Sequence[tuple[int, Scene, Measured]]) -> Remark:
     """What a plugin does that it does not claim."""
     held = behaviour.scenes - len(failed)
     text = f"expected {behaviour.demand}; held in {held} of {behaviour.scenes} scenes"
@@ -119,7 +119,7 @@ def _shown(behaviour: Behaviour, bench: Bench, failed: Sequence[tuple[int, Scene
         picture = _drawn(
             f"{bench.subject.full_name}: {behaviour.name}, not claimed", behaviour, bench, seed, scene, seen
         )
-    return Shown(text, {"held": float(held), "scenes": float(behaviour.scenes)}, picture)
+    return Remark(text, {"held": float(held), "scenes": float(behaviour.scenes)}, picture)
 
 
 def _name(seed: int) -> str:
@@ -155,7 +155,7 @@ def _claims(bench: Bench) -> Iterator[Finding]:
             yield Finding(f"disclaims {claim.name} with the reason {reason!r}", "a sentence that says why")
 
 
-def _run_of(claim: Claim) -> Callable[[Bench], Iterator[Finding | Shown]]:
+def _run_of(claim: Claim) -> Callable[[Bench], Iterator[Finding | Remark]]:
     by_role = {b.role: b for b in BEHAVIOURS if b.claim is claim}
     return lambda bench: _judge(by_role[bench.subject.kind], bench)
 

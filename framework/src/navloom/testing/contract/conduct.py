@@ -22,7 +22,7 @@ from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding, NotRun
-from navloom.testing.inputs import PERIOD, Scene
+from navloom.testing.inputs import PERIOD, PlayedScene
 from navloom.testing.player import Fault, size_of
 from navloom.testing.printed import PRINTED
 from navloom.testing.restamped import restamped
@@ -80,7 +80,7 @@ def _is_patient(bench: Bench) -> bool:
     return bool(bench.subject.thing.is_patient)
 
 
-def _slowest(bench: Bench, scene: Scene, plays: int) -> tuple[float, float]:
+def _slowest(bench: Bench, scene: PlayedScene, plays: int) -> tuple[float, float]:
     """Fastest time of the first step of a scene, and the 99th percentile of those of the others, s."""
     times = []
     for _ in range(plays):

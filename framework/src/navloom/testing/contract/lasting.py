@@ -14,7 +14,7 @@ from navloom.testing.checks import check
 from navloom.testing.contract.conduct import COMMANDING, beyond
 from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding
-from navloom.testing.inputs import PERIOD, Scene
+from navloom.testing.inputs import PERIOD, PlayedScene
 from navloom.testing.player import Fault, digest
 from navloom.testing.restamped import restamped
 
@@ -68,22 +68,22 @@ def goes_on(bench: Bench) -> Iterator[Finding]:
     yield from _slowing(np.array(spent), len(drive), drive[0][0])
 
 
-def _drive(scenes: list[Scene]) -> list[tuple[Scene, int, float]]:
+def _drive(scenes: list[PlayedScene]) -> list[tuple[PlayedScene, int, float]]:
     """One round of a long drive of one robot: of each step its scene, its number there, and how much later it is, s."""
     robot = scenes[0].context.robot
     gentle = [one for one in scenes if one.is_gentle and one.context.robot.max_linear == robot.max_linear]
-    found: list[tuple[Scene, int, float]] = []
+    found: list[tuple[PlayedScene, int, float]] = []
     for scene in gentle[-FEW:] or scenes[:1]:
         later = len(found) * PERIOD
         found += [(scene, number, later) for number in range(len(scene.inputs))]
     return found
 
 
-def _at(scene: Scene, step: int) -> str:
+def _at(scene: PlayedScene, step: int) -> str:
     return f"step {step} of a long drive, in scene {scene.name!r}"
 
 
-def _slowing(spent: NDArray[np.float64], lap: int, scene: Scene) -> Iterator[Finding]:
+def _slowing(spent: NDArray[np.float64], lap: int, scene: PlayedScene) -> Iterator[Finding]:
     """What to say of steps that take longer and longer, s; `lap` is how many are a round."""
     laps = len(spent) // lap
     if laps < 4:

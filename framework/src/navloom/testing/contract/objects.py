@@ -20,7 +20,7 @@ from navloom.messages import SCHEMAS, Message, Pose2D, RangeScan
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.study.metrics import Metric, measure
 from navloom.study.trail import Trail
-from navloom.testing import builders
+from navloom.testing import messages
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.findings import Finding, NotRun
@@ -289,8 +289,8 @@ def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[st
     """Messages of a class, and what is odd of each."""
     yield "", sample(cls, rng)
     if cls is RangeScan:
-        yield " without an echo", builders.scan(math.inf)
-        yield " without beams", builders.scan(np.empty(0))
+        yield " without an echo", messages.scan(math.inf)
+        yield " without beams", messages.scan(np.empty(0))
 
 
 def _undrawable(one: Any) -> str:

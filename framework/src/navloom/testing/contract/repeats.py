@@ -9,7 +9,7 @@ from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding, NotRun
-from navloom.testing.inputs import Scene, made_scenes
+from navloom.testing.inputs import PlayedScene, made_scenes
 from navloom.testing.player import Fault, digest, first_difference, loosened, through_codec
 from navloom.testing.process import digests_of
 
@@ -93,7 +93,7 @@ def fresh_process(bench: Bench) -> Iterator[Finding]:
 def reset_as_new(bench: Bench) -> Iterator[Finding]:
     """A scene is played, the object reset, a little played, the object reset again, and the scene played again."""
 
-    def again(scene: Scene) -> list[bytes]:
+    def again(scene: PlayedScene) -> list[bytes]:
         with alike():
             player = bench.player(scene)
             player.play(scene.inputs)
@@ -137,7 +137,7 @@ def inputs_untouched(bench: Bench) -> Iterator[Finding]:
 def through_the_codec(bench: Bench) -> Iterator[Finding]:
     """What is compared by identity, or kept from step to step, is another object then."""
 
-    def again(scene: Scene) -> list[bytes]:
+    def again(scene: PlayedScene) -> list[bytes]:
         with alike():
             return bench.player(scene).play(through_codec(given) for given in scene.inputs)
 

@@ -35,7 +35,7 @@ FULL_TURN = math.tau + 1e-6
 
 
 def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
-    """Scene, input, step and answer of every sound scene."""
+    """PlayedScene, input, step and answer of every sound scene."""
     for scene in bench.sound():
         with alike():
             player = bench.player(scene)

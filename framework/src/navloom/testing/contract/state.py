@@ -16,7 +16,7 @@ from navloom.testing.checks import check
 from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.contract.repeats import IN_SELF
 from navloom.testing.findings import Finding
-from navloom.testing.inputs import Scene
+from navloom.testing.inputs import PlayedScene
 from navloom.testing.player import Fault, Player, digest, first_difference
 
 __all__ = ["CHECKS"]
@@ -64,7 +64,7 @@ def threads(bench: Bench) -> Iterator[Finding]:
     yield from _free(bench, one, other)
 
 
-def _switched(bench: Bench, one: Scene, other: Scene) -> Iterator[Finding]:
+def _switched(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
     """Steps of one instance, at the lines of which another makes a step in a thread of its own."""
     between = _Between(bench, one, other)
     found = between.differs(None)
@@ -76,7 +76,7 @@ def _switched(bench: Bench, one: Scene, other: Scene) -> Iterator[Finding]:
 class _Between:
     """Has an instance make a step while another is at a line of its own: at one line, or at each new one."""
 
-    def __init__(self, bench: Bench, one: Scene, other: Scene) -> None:
+    def __init__(self, bench: Bench, one: PlayedScene, other: PlayedScene) -> None:
         self.bench, self.one, self.other = bench, one, other
         self.seen: set[_Line] = set()
         self._at: _Line | None = None
@@ -130,11 +130,11 @@ class _Between:
             self._second.step(given)
 
 
-def _free(bench: Bench, one: Scene, other: Scene) -> Iterator[Finding]:
+def _free(bench: Bench, one: PlayedScene, other: PlayedScene) -> Iterator[Finding]:
     """Two threads, each with an instance of its own, that play at the same time."""
     answers: dict[str, list[bytes] | Fault] = {}
 
-    def play(name: str, scene: Scene) -> None:
+    def play(name: str, scene: PlayedScene) -> None:
         try:
             answers[name] = bench.player(scene).play(scene.inputs)
         except Fault as fault:

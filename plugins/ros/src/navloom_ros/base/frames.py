@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navloom_ros.frames import quaternion_matrix
+
 __all__ = ["Frames", "heading_of", "planar", "rotation"]
 
 Floats = NDArray[np.float64]
@@ -61,14 +63,7 @@ def rotation(quaternion: Any) -> Floats | None:
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if not abs(length - 1.0) < UNIT:  # NaN too
         return None
-    x, y, z, w = x / length, y / length, z / length, w / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return quaternion_matrix(x, y, z, w)
 
 
 def heading_of(matrix: Floats) -> float:

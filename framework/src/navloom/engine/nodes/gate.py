@@ -1,170 +1,27 @@
-"""The framework's own nodes operator, goal and gate. The reference node is in `reference.py`."""
+"""The node of the command gate (`navigation.gate`), which also keeps the selection of active instances."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Any
 
-from navloom.engine.node import Node, Tick
-from navloom.engine.ports import Dated, Latest, New, Offers, Out, Output, SensorOffers, Sensors
+from navloom.engine.nodes.node import Node, Tick
+from navloom.engine.nodes.told import GateTold, Obeyed
+from navloom.engine.ports import Dated, Latest, New, Offers, Output, SensorOffers, Sensors
 from navloom.engine.streams import (
     AvoiderPorts,
     ControllerPorts,
     GatePorts,
     GoalPorts,
-    LocalizerPorts,
-    MapperPorts,
     OperatorPorts,
-    PlannerPorts,
     PlatformPorts,
     RecoveryPorts,
-    ReferencePorts,
 )
-from navloom.engine.told import GateTold, GoalTold, Obeyed
-from navloom.messages import (
-    GateStatus,
-    Message,
-    OperatorRequest,
-    Path,
-    PlanFailure,
-    RangeScan,
-    Selection,
-    TrackingCommand,
-    Twist2D,
-)
+from navloom.messages import GateStatus, Message, OperatorRequest, RangeScan, Selection, TrackingCommand, Twist2D
 from navloom.messages.motion import Command
 from navloom.navigation.gate import STOPPED, CommandGate, Offer, Sensed
-from navloom.navigation.goal_rules import GoalView
-from navloom.navigation.goals import GoalMachine
 
-__all__ = ["GateNode", "GoalNode", "OperatorNode"]
-
-
-class OperatorNode(Node):
-    """Publishes the operators' requests of this tick."""
-
-    role = "operator"
-    ticks = True
-    request = Output(OperatorPorts.request)
-    command = Output(OperatorPorts.command)
-
-    def __init__(self) -> None:
-        self.requests: list[OperatorRequest] = []
-
-    def step(self, tick: Tick) -> None:
-        for request in self.requests:
-            self.request.put(request)
-        self.requests = []
-
-
-class GoalNode(Node):
-    """Connects the goal's state machine to its ports.
-
-    Args:
-        machine: The goal's state machine.
-        optional: Nodes whose failure does not end a goal.
-
-    Attributes:
-        fault: Failure that ends the goal; empty for none.
-        is_lost: Live: the platform is silent.
-        restarted: Live: roles whose instance restarted since the last step.
-        submitted: Live: requests that came through a service instead of a port since the last step.
-    """
-
-    role = "goal"
-    ticks = True
-    is_awaited = True
-    hears = "faults"
-    request = New(OperatorPorts.request)
-    pose = Latest(LocalizerPorts.pose)
-    map = Latest(MapperPorts.map)
-    path = Latest(PlannerPorts.path, delayed=True)
-    failure = Latest(PlannerPorts.failure, delayed=True)
-    reference = Latest(ReferencePorts.reference, delayed=True)
-    trajectory = Latest(ReferencePorts.trajectory, delayed=True)
-    avoider = Latest(AvoiderPorts.status, delayed=True)
-    handover = Latest(AvoiderPorts.handover, delayed=True)
-    recovery = New(RecoveryPorts.status, delayed=True)
-    gate = Latest(GatePorts.status, delayed=True)
-    selection = Latest(GatePorts.selection, delayed=True)
-    plan = Output(GoalPorts.plan)
-    sweep = Output(GoalPorts.sweep)
-    recover = Output(GoalPorts.recovery)
-    clear = Output(GoalPorts.clear)
-    drive = Output(GoalPorts.drive)
-    feedback = Output(GoalPorts.feedback)
-    result = Output(GoalPorts.result)
-    cause = pose
-
-    def __init__(self, machine: GoalMachine, optional: Collection[str] = ()) -> None:
-        self.machine, self.optional = machine, optional
-        self.fault = ""
-        self.is_lost = False
-        self.restarted: set[str] = set()
-        self.submitted: list[OperatorRequest] = []
-        self._answer: Path | PlanFailure | None = None
-        self._selection: Selection | None = None
-        self._selected = ("", "")
-        self._out: dict[str, Out[Any]] = {out.name: out for out in self.outs()}
-
-    def step(self, tick: Tick) -> None:
-        self.told = self._note()
-        for answer in (self.path.value, self.failure.value):
-            if answer is None or answer is self._answer:
-                continue
-            if self._answer is None or answer.request_id > self._answer.request_id:
-                self._answer = answer
-        steps, selection = self.recovery.values, self.selection.value
-        if selection is not self._selection:
-            self._selection = selection
-            self._selected = _instances(selection)
-        seen = GoalView(
-            tick.number,
-            tick.time,
-            tick.time_ns,
-            self.pose.value,
-            self.map.value,
-            self._answer,
-            self.avoider.value,
-            self.handover.value,
-            steps[-1] if steps else None,
-            self.gate.value,
-            self.reference.value,
-            self._selected,
-            self.trajectory.value,
-        )
-        for request in self.request.values:
-            if request.do == "goal" and request.goal is not None:
-                self.machine.submit(request.goal, seen)
-            elif request.do == "cancel":
-                self.machine.cancel(seen)
-        if self.fault:
-            self.machine.fail(self.fault, seen)
-        if self.is_lost:
-            self.machine.hold(seen)
-        else:
-            self.machine.go_on(seen)
-        if self.restarted:
-            for role in sorted(self.restarted):
-                self.machine.restart_of(role, seen)
-            self.restarted.clear()
-        for port, message in self.machine.step(seen):
-            self._out[port].put(message)
-
-    def _note(self) -> str:
-        if not (self.fault or self.is_lost or self.restarted or self.submitted):
-            return ""
-        told = GoalTold(self.fault, self.is_lost, tuple(sorted(self.restarted)), tuple(self.submitted))
-        self.submitted = []
-        return told.text
-
-
-def _instances(selection: Selection | None) -> tuple[str, str]:
-    """Active instances of mapper and planner; empty before the first selection."""
-    if selection is None:
-        return "", ""
-    chosen = selection.chosen
-    return chosen["mapper"], chosen["planner"]
+__all__ = ["GateNode"]
 
 
 class GateNode(Node):

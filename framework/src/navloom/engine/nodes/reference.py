@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navloom.config.schema import Config
-from navloom.engine.node import Node, Tick
+from navloom.engine.nodes.node import Node, Tick
 from navloom.engine.ports import Latest, Output
 from navloom.engine.streams import GoalPorts, LocalizerPorts, PlannerPorts, ReferencePorts
 from navloom.geometry.frames import inverse, transform

@@ -1,4 +1,4 @@
-"""Drives in lockstep with the avoider driving from start to goal.
+"""Drives in lockstep with an avoider driving from start to goal: of all avoiders on the same worlds and seeds.
 
 Without a map: the reference is the straight line of an empty map, its look-ahead point the goal itself, and only the
 sensors see obstacles. With one: a planner's path on the true map, and a look-ahead point on it. The gate's limits hold.
@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 from navloom import Box, OccupancyGrid, Place, Pose2D, World
 from navloom.config import load_config
 from navloom.engine.assembly import lockstep_of
@@ -25,9 +27,12 @@ from navloom.worlds.small import clutter_world
 from numpy.typing import NDArray
 
 SONARS = '{name="sonars",kind="sonar_ring"}'
+PAIRS = '{name="sonars",kind="sonar_ring",layout="pairs"}'
+MIRRORS = '{name="sonars",kind="sonar_ring",critical_angle_deg=29.0}'
 CROSSTALK = '{name="sonars",kind="sonar_ring",sigma=0.03,crosstalk=0.05}'
 LASER = '{name="laser",kind="laser_2d",beams=181,field_of_view_deg=270.0,range_max=8.0}'
 FINE_LASER = '{name="laser",kind="laser_2d",beams=720,field_of_view_deg=270.0,range_max=30.0}'
+BOTH_KINDS = pytest.mark.parametrize("sensors", [SONARS, LASER], ids=["sonars", "laser"])
 JACKAL = (
     "robot.footprint={length=0.42,width=0.33}",
     "robot.wheel_radius=0.098",
@@ -40,6 +45,9 @@ JACKAL = (
     "navigation.speed=[0.2,2.0]",
 )
 BARN = Path(os.environ.get("NAVLOOM_DATA", "")) / "barn" / "barn_dev.npz"
+BOUNDS = (-8.0, -8.0, 8.0, 10.0)
+UP = 0.5 * math.pi
+"""The heading along y, rad."""
 
 
 @dataclass(frozen=True)
@@ -64,26 +72,35 @@ def drive(
     start: Place,
     goal: Place,
     seed: int,
+    *,
+    avoider: str,
     sensors: str = SONARS,
     params: Sequence[str] = (),
     settings: Sequence[str] = (),
-    avoider: str = "dwa",
     knows_map: bool = False,
     limit: float = 240.0,
 ) -> Ending:
     """Drive the paper's robot, 0.8 x 0.8 m, 0.5 m/s, 25 deg/s, or another by `settings`.
 
     Args:
-        params: TOML assignments to the avoider's table. settings: Overrides of the config.
-        knows_map: Plan on the true map and look 1.5 m ahead, instead of straight to the goal. limit: s.
+        world: What there is.
+        start, goal: Where the robot is, and goes to.
+        seed: Of every random stream.
+        avoider: Name of the plugin.
+        sensors: TOML tables of the sensors.
+        params: TOML assignments to the avoider's table.
+        settings: Overrides of the config.
+        knows_map: Plan on the true map and look 1.5 m ahead, instead of straight to the goal.
+        limit: Longest duration, s.
     """
     ahead = 1.5 if knows_map else 100.0
-    mapper = ['mapper={plugin="known_map"}', 'planner={plugin="astar",cell=0.1}' if knows_map else "run.seed=0"]
+    planner = ['planner={plugin="astar",cell=0.1}'] if knows_map else []
     system = assemble(
         load_config(
             "paper",
             [
-                *mapper,
+                'mapper={plugin="known_map"}',
+                *planner,
                 f"run.seed={seed}",
                 f"run.stop_after={limit}",
                 'world.ref="empty"',
@@ -189,8 +206,10 @@ def barn(number: int, settings: Sequence[str] = JACKAL, **options: object) -> En
 
 
 def all_of(work: Callable[..., Ending], rows: Iterable[tuple[object, ...]], **options: object) -> list[Ending]:
-    """One drive for each row of arguments."""
-    return [work(*row, **options) for row in rows]
+    """One drive for each row of arguments, on two cores."""
+    with ProcessPoolExecutor(2) as pool:
+        waiting = [pool.submit(work, *row, **options) for row in rows]
+        return [drive.result() for drive in waiting]
 
 
 def told(name: str, endings: Sequence[Ending], word: Callable[[Ending], str] = lambda e: e.word) -> Counter[str]:
@@ -198,3 +217,8 @@ def told(name: str, endings: Sequence[Ending], word: Callable[[Ending], str] = l
     words = Counter(word(ending) for ending in endings)
     print(f"{name}: {dict(sorted(words.items()))}, least gap {min(ending.gap for ending in endings):.3f} m")
     return words
+
+
+def assignments(values: Mapping[str, object]) -> list[str]:
+    """Parameters as TOML assignments."""
+    return [f"{key}={str(value).lower() if isinstance(value, bool) else repr(value)}" for key, value in values.items()]

@@ -1,0 +1,63 @@
+"""Measuring this interpreter's navloom and another's in turn: the arguments, the environment and the order.
+
+This file imports only the standard library.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+__all__ = ["arguments", "clean_environment", "in_turns", "set_options"]
+
+T = TypeVar("T")
+
+
+def arguments(description: str | None) -> argparse.ArgumentParser:
+    """CONFIG, --set, --beside and --json."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("config", nargs="?", default="paper", help="path or shipped name (default paper)")
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
+    parser.add_argument("--beside", metavar="PYTHON", help="another interpreter, with a navloom of its own")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser
+
+
+def in_turns(
+    beside: str | None,
+    rounds: Iterable[int],
+    measure: Callable[[str, int], T],
+    told: Callable[[T], str],
+) -> dict[str, list[T]]:
+    """Each interpreter once a round, the first one changing from round to round.
+
+    Args:
+        beside: The other interpreter; None for this one alone.
+        rounds: Their numbers.
+        measure: Takes an interpreter and the number of the round.
+        told: One line on what was measured, for standard error.
+
+    Returns:
+        What was measured in each round, by "here" and "beside".
+    """
+    sides = {"here": sys.executable} | ({"beside": beside} if beside else {})
+    found: dict[str, list[T]] = {side: [] for side in sides}
+    for number in rounds:
+        for side in sorted(sides, reverse=number % 2 == 0):
+            one = measure(sides[side], number)
+            found[side].append(one)
+            print(f"{side}: {told(one)}", file=sys.stderr)
+    return found
+
+
+def clean_environment(**more: str) -> dict[str, str]:
+    """This process's environment without PYTHONPATH: another interpreter must not find the navloom of this one."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | more
+
+
+def set_options(changes: Sequence[str]) -> list[str]:
+    """Words of a command line that change a config."""
+    return [word for change in changes for word in ("--set", change)]

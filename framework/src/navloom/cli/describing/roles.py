@@ -1,0 +1,52 @@
+"""What a role's plugins are given and answer: `navloom plugins avoider`, for a terminal without the site."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields
+from typing import Any
+
+from navloom.cli.describing.docstrings import meanings
+
+__all__ = ["described", "print_role"]
+
+
+def described(role: str) -> dict[str, Any]:
+    """A role's verb with the type of its answer, and the fields of all that its plugins see."""
+    import navloom
+    from navloom.roles import ROLES, Context, RobotSpec, verb_of
+
+    cls = ROLES[role]
+    verb = getattr(cls, verb_of(role))
+    answer = str(inspect.signature(verb).return_annotation)
+    seen = {"given": getattr(navloom, f"{cls.__name__}Input")}
+    if role == "platform":
+        seen["answer"] = navloom.PlatformOutput
+    seen |= {"self.context": Context, "self.context.robot": RobotSpec}
+    return {
+        "role": role,
+        "about": inspect.getdoc(cls),
+        "verb": f"{verb.__name__}(self, given: {cls.__name__}Input) -> {answer}",
+        "verb_about": inspect.getdoc(verb),
+        "fields": {what: _fields(one) for what, one in seen.items()},
+    }
+
+
+def print_role(told: dict[str, Any], names: list[str]) -> None:
+    """The same for people, and which plugins of the role are installed."""
+    import typer
+
+    from navloom.cli.output import print_table
+
+    typer.echo(f"{told['role']}: {(told['about'] or '').splitlines()[0]}")
+    typer.echo(f"{told['verb']}\n    {told['verb_about']}\n")
+    for what, rows in told["fields"].items():
+        print_table((what, "type", "meaning"), [(row["name"], row["type"], row["meaning"]) for row in rows])
+        typer.echo()
+    typer.echo("the fields of a message: `navloom messages RangeScan`")
+    typer.echo(f"installed: {', '.join(names) or 'none'}; the parameters of one: `navloom plugins {told['role']}.NAME`")
+
+
+def _fields(cls: Any) -> list[dict[str, str]]:
+    told = meanings(inspect.getdoc(cls) or "")
+    return [{"name": one.name, "type": str(one.type), "meaning": told.get(one.name, "")} for one in fields(cls)]

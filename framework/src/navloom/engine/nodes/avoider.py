@@ -1,0 +1,75 @@
+"""The node around an avoider."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from navloom.engine.door import TwistDoor
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
+from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
+from navloom.engine.streams import AvoiderPorts, ControllerPorts, GatePorts, LocalizerPorts, ReferencePorts
+from navloom.messages import Avoidance, AvoiderStatus, Command
+from navloom.navigation.handover import NOWHERE, HandOverRule, own_way
+from navloom.roles import Avoider, AvoiderInput
+
+__all__ = ["AvoiderNode"]
+
+
+class AvoiderNode(RoleNode[Avoider]):
+    """Turns scans and the target into a velocity, and decides whether the avoider drives.
+
+    Args:
+        plugin: The avoider.
+        rule: Decides whether the avoider or the controller drives.
+        look_ahead: How far the rule also checks the way that the robot itself takes next, m; 0 for not at all.
+    """
+
+    role = "avoider"
+    is_awaited = True
+    desired = Latest(ControllerPorts.command, triggers=True)
+    scans = Sensors(RANGES)
+    readings = OtherSensors(RANGES)
+    pose = Latest(LocalizerPorts.pose)
+    reference = Latest(ReferencePorts.reference)
+    gate = Latest(GatePorts.status, delayed=True)
+    command = Output(AvoiderPorts.command)
+    status = Output(AvoiderPorts.status)
+    handover = Output(AvoiderPorts.handover)
+    cause = pose
+
+    def __init__(self, plugin: Avoider, rule: HandOverRule, look_ahead: float) -> None:
+        self.plugin = plugin
+        self.door = TwistDoor(plugin, Avoidance)
+        self.rule = rule
+        self.look_ahead = look_ahead
+
+    def step(self, tick: Tick) -> None:
+        estimate, reference, wanted = self.pose.value, self.reference.value, self.desired.value
+        assert estimate is not None and reference is not None and wanted is not None
+        scans, names = in_order(self.scans)
+        ahead = max(0.0, reference.remaining - _distance(estimate.pose, reference.target))
+        limit, desired = self.gate.value, wanted.twist
+        seen = AvoiderInput(
+            tick.time_ns,
+            scans,
+            estimate,
+            reference.target,
+            reference.corridor,
+            desired,
+            ahead,
+            1.0 if limit is None else limit.share,
+            names,
+            readings_of(self.readings),
+            self.extra(),
+        )
+        answer = self.door.check(self.plugin.avoid(seen))
+        own = own_way(estimate.pose, desired, self.look_ahead) if self.look_ahead > 0.0 else NOWHERE
+        handover = self.rule.step(tick.time, scans, estimate.pose, reference.way, reference.corridor, own)
+        self.command.put(Command(answer.twist))
+        self.status.put(AvoiderStatus(answer.status, answer.diagnostics))
+        self.handover.put(handover)
+
+
+def _distance(pose: Any, point: Any) -> float:
+    return float(((point.x - pose.x) ** 2 + (point.y - pose.y) ** 2) ** 0.5)

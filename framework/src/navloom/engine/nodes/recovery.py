@@ -1,0 +1,83 @@
+"""The node around a recovery."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from navloom.engine.door import TwistDoor
+from navloom.engine.nodes.node import Tick
+from navloom.engine.nodes.role_node import RANGES, RoleNode, in_order, readings_of
+from navloom.engine.ports import Latest, OtherSensors, Output, Sensors
+from navloom.engine.streams import GoalPorts, LocalizerPorts, RecoveryPorts
+from navloom.messages import Command, PoseEstimate, RecoveryStep
+from navloom.roles import Recovery, RecoveryInput
+
+__all__ = ["RecoveryNode"]
+
+TRAIL_STEP = 0.05
+"""Distance between two points of the trail of past poses that recoveries receive, m."""
+TRAIL_LENGTH = 100
+
+
+class RecoveryNode(RoleNode[Recovery]):
+    """Runs the recovery while the goal requests it; one attempt ends with `done` or `failed`."""
+
+    role = "recovery"
+    ticks = True
+    answers_when_asked = True
+    is_awaited = True
+    request = Latest(GoalPorts.recovery, delayed=True)
+    scans = Sensors(RANGES)
+    readings = OtherSensors(RANGES)
+    pose = Latest(LocalizerPorts.pose)
+    command = Output(RecoveryPorts.command)
+    status = Output(RecoveryPorts.status)
+    cause = pose
+
+    def __init__(self, plugin: Recovery) -> None:
+        self.plugin = plugin
+        self.door = TwistDoor(plugin, RecoveryStep)
+        self._attempt: object = None
+        self._is_over = True
+        self._trail: deque[tuple[float, float, float]] = deque(maxlen=TRAIL_LENGTH)
+
+    def step(self, tick: Tick) -> None:
+        request, estimate = self.request.value, self.pose.value
+        self._follow(estimate)
+        if request is None or not request.active or estimate is None:
+            return
+        starts = request is not self._attempt
+        if starts:
+            self._attempt, self._is_over = request, False
+        if self._is_over:
+            return
+        trail = np.array(self._trail).reshape(-1, 3)
+        trail.flags.writeable = False
+        scans, names = in_order(self.scans)
+        seen = RecoveryInput(
+            tick.time_ns,
+            scans,
+            estimate,
+            request.attempt,
+            request.reason,
+            starts,
+            trail,
+            names,
+            readings_of(self.readings),
+            self.extra(),
+        )
+        answer = self.door.check(self.plugin.recover(seen))
+        self._is_over = answer.state != "running"
+        self.command.put(Command(answer.twist))
+        self.status.put(answer)
+
+    def _follow(self, estimate: PoseEstimate | None) -> None:
+        """Add the pose to the trail of where the robot has been."""
+        if estimate is None:
+            return
+        pose = estimate.pose
+        if not self._trail or math.dist((pose.x, pose.y), self._trail[-1][:2]) >= TRAIL_STEP:
+            self._trail.append((pose.x, pose.y, pose.heading))

@@ -1,0 +1,146 @@
+"""The active goal: its requests, and the checks of its drive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from navloom.messages import AvoiderStatus, Feedback, Goal, Message, Point2D, Pose2D
+from navloom.navigation.gate import OBSTACLE
+from navloom.navigation.goal_rules import GoalView
+
+__all__ = ["ActiveGoal", "feedback_of"]
+
+BLOCKED = 2.0
+"""How long the gate may stop the robot for an obstacle before the goal starts a recovery, s."""
+UNFOLLOWED = 2.0
+"""How long a path may stay without a reference before it counts as lost on the network, s."""
+MISSED = 1.0
+"""How long the robot may be at the end of a trajectory, but not at the goal, before another path is requested, s."""
+END = 0.01
+"""Remaining length of a trajectory at which the robot counts as being at its end, m."""
+MISSES = 3
+"""How often a goal or via point may be missed like this before it counts as no progress."""
+PROGRESS = 0.05
+"""Decrease of the remaining length that counts as progress, m."""
+
+
+@dataclass
+class ActiveGoal:
+    """The active goal. Each check of its drive is made once a tick.
+
+    Attributes:
+        goal: As requested.
+        legs: Points that remain to be reached, the goal itself last.
+        since: When the current state began or its request was made, s.
+        deadline: Run clock at which the goal times out, s.
+        recoveries: How many were started.
+        best: Least remaining length on the current path, m.
+        moved_at: When the remaining length last decreased, s.
+        followed_at: When the path last had a reference, s.
+        free_at: When the gate last did not stop the robot for an obstacle, s.
+        first_path: Number of the first path of this drive; references of older paths are ignored.
+        ended_at: When the robot reached the end of its trajectory, s; None before.
+        misses: How often it was at the end of a trajectory, but not at the goal or via point.
+        asked_ns: Stamp from which on a map answers the newest request for one, ns.
+        plan_id: Number of the newest request for a path.
+        asked: Port and message of the newest request.
+        asked_at: When that was last published, s.
+        heard: When the recovery last published its status, s.
+        why: Reason of the newest recovery.
+        avoider: Avoider status at the newest recovery: it is outdated for the drive after that.
+        has_driven: A path of this goal was driven.
+    """
+
+    goal: Goal
+    legs: list[Point2D]
+    since: float
+    deadline: float
+    recoveries: int = 0
+    best: float = math.inf
+    moved_at: float = 0.0
+    followed_at: float = 0.0
+    free_at: float = 0.0
+    first_path: int = 0
+    ended_at: float | None = None
+    misses: int = 0
+    asked_ns: int = 0
+    plan_id: int = 0
+    asked: tuple[str, Message] | None = None
+    asked_at: float = 0.0
+    heard: float = -math.inf
+    why: str = ""
+    avoider: AvoiderStatus | None = None
+    has_driven: bool = False
+
+    def start_drive(self, path_id: int, time: float) -> None:
+        """A drive along a path starts."""
+        self.best, self.has_driven = math.inf, True
+        self.moved_at = self.followed_at = self.free_at = time
+        self.first_path, self.ended_at = path_id, None
+
+    def change_path(self, time: float) -> None:
+        """Another path is taken without a stop."""
+        self.best, self.followed_at = math.inf, time
+
+    def next_place(self) -> Pose2D:
+        """Where the next path ends. Only the last path has a heading."""
+        leg, heading = self.legs[0], self.goal.heading
+        return Pose2D(leg.x, leg.y, heading if heading is not None and len(self.legs) == 1 else 0.0)
+
+    def is_unfollowed(self, path_id: int, seen: GoalView) -> bool:
+        """Whether the reference node has not followed the path for too long: the network may have lost the path."""
+        if seen.reference is not None and seen.reference.path_id == path_id:
+            self.followed_at = seen.time
+        return seen.time - self.followed_at > UNFOLLOWED
+
+    def has_missed(self, path_id: int, seen: GoalView) -> bool:
+        """Whether the robot stays at the end of its trajectory without being within the tolerance of the goal.
+
+        This happens if an avoider drove until shortly before the end. This trajectory cannot bring the robot nearer.
+        """
+        reference = seen.reference
+        if _is_held(seen) or reference is None or reference.path_id != path_id or reference.remaining > END:
+            self.ended_at = None
+        elif self.ended_at is None:
+            self.ended_at = seen.time
+        return self.ended_at is not None and seen.time - self.ended_at >= MISSED and self.misses < MISSES
+
+    def is_blocked(self, seen: GoalView) -> bool:
+        """Whether the gate has stopped the robot for an obstacle for too long."""
+        if seen.gate is None or not (seen.gate.stopped and seen.gate.reason == OBSTACLE):
+            self.free_at = seen.time
+        return seen.time - self.free_at > BLOCKED
+
+    def makes_no_progress(self, path_id: int, seen: GoalView, stuck_after: float) -> bool:
+        """Whether the remaining length has not decreased for `stuck_after` s."""
+        reference = seen.reference
+        if _is_held(seen) or reference is None:
+            self.moved_at = seen.time
+        elif reference.path_id == path_id and reference.remaining < self.best - PROGRESS:
+            if math.isfinite(self.best):  # the first reference of a path is no progress
+                self.moved_at = seen.time
+            self.best = reference.remaining
+        return seen.time - self.moved_at > stuck_after
+
+
+def feedback_of(active: ActiveGoal | None, state: str, seen: GoalView) -> Feedback:
+    """The feedback on a goal in a state; None for no goal."""
+    reference, estimate = seen.reference if state == "driving" else None, seen.estimate
+    if reference is not None and active is not None and reference.path_id < active.first_path:
+        reference = None  # the new path has no reference yet
+    left = reference.remaining if reference is not None else 0.0
+    return Feedback(
+        goal_id=active.goal.goal_id if active else 0,
+        state=state,  # type: ignore[arg-type]
+        distance=left,
+        time_left=left / reference.speed if reference is not None else 0.0,
+        cross_track=reference.cross_track if reference is not None else 0.0,
+        recoveries=active.recoveries if active else 0,
+        localizer="" if estimate is None or estimate.state == "tracking" else f"{estimate.state}: {estimate.reason}",
+    )
+
+
+def _is_held(seen: GoalView) -> bool:
+    """Whether a latched stop holds the robot."""
+    return seen.gate is not None and seen.gate.latched

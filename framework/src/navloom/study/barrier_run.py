@@ -1,0 +1,71 @@
+"""A run of a robot in its processes under the barrier, which has the trace of the same run in lockstep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import IO
+
+from navloom.config import Loaded
+from navloom.engine.build import assemble
+from navloom.engine.checks import check_task
+from navloom.engine.events import schedule
+from navloom.engine.trace import TraceWriter
+from navloom.hosting.network import network_of
+from navloom.hosting.robot import LiveRobot
+from navloom.live.conductor import BarrierError, Conductor
+from navloom.live.switchboard import Switchboard
+from navloom.plugins.observing import Onlookers
+from navloom.study.episode import Episode
+from navloom.study.live_run import START, Beside
+from navloom.study.live_warnings import LiveWarnings
+from navloom.study.observed import run_info
+from navloom.study.recorder import Recorder
+
+__all__ = ["run_barrier"]
+
+
+def run_barrier(
+    loaded: Loaded,
+    *,
+    trace: IO[bytes] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[float, float], None] | None = None,
+    ends: Callable[[], bool] = lambda: False,
+    beside: Beside | None = None,
+    onlookers: Onlookers | None = None,
+) -> Episode:
+    """Run a config in its processes under the barrier: the same trace as in lockstep. See `LiveRun` for the rest.
+
+    Raises:
+        ConfigError, PluginError: The request was wrong; StartError: the robot did not come up;
+        BarrierError: a node did not report a tick.
+    """
+    system = assemble(loaded)
+    check_task(system)
+    recorder, run = Recorder(), loaded.config.run
+    with LiveRobot(system, network_of(loaded.config, None, False), None, True, say) as robot, ExitStack() as attending:
+        robot.wait_complete(START, ends=ends)
+        if beside is not None:
+            attending.enter_context(beside(robot))
+
+        def check() -> None:
+            if ends():
+                raise KeyboardInterrupt
+            for child in robot.supervisor.poll(restarts=False):
+                raise BarrierError(
+                    f"process {child.task.name} {child.why} in the run. "
+                    f"Its last message: {robot.supervisor.tail(child)}"
+                )
+
+        board = Switchboard(robot.bus, robot.keys, lossless=True)
+        shown = [] if onlookers is None else onlookers.begin(run_info(loaded, "barrier"))
+        conductor = Conductor(
+            system, board, schedule(loaded.config, system.goal), [recorder, *shown], TraceWriter(trace), check
+        )
+        board.connect()
+        ticks = math.ceil(round(system.time_limit / run.period, 6)) + 2
+        tell = None if progress is None else (lambda tick: progress(tick * run.period, system.time_limit))
+        log = conductor.run(ticks, tell)
+        return Episode(system, log, recorder, warnings=LiveWarnings(robot.bus, robot.keys).look())

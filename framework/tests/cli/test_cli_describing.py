@@ -1,0 +1,31 @@
+"""`navloom plugins ROLE`: what a role's plugins are given, for a terminal without the site."""
+
+import json
+
+import pytest
+from navloom.roles import ROLES, verb_of
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_role_tells_every_field_with_its_meaning(in_process, role):
+    code, out, _ = in_process("plugins", role, "--json")
+    told = json.loads(out)
+    assert code == 0 and told["verb"].startswith(f"{verb_of(role)}(self, given: ")
+    assert {"given", "self.context", "self.context.robot"} <= told["fields"].keys()
+    fields = [field for rows in told["fields"].values() for field in rows]
+    assert [field["name"] for field in fields if not field["meaning"]] == []
+
+
+def test_the_avoider_as_people_read_it(in_process):
+    code, out, _ = in_process("plugins", "avoider")
+    assert code == 0
+    assert "avoid(self, given: AvoiderInput) -> Avoidance" in out
+    assert "Point to steer to, m, map frame." in out and "improved_vfh" in out
+
+
+def test_a_plugin_named_without_its_role_is_suggested_with_it(in_process):
+    for words in (("plugins", "improved_vfh"), ("check", "improved_vfh")):
+        code, _, err = in_process(*words)
+        assert code == 2 and "did you mean 'avoider.improved_vfh'?" in err
+    assert "did you mean 'avoider'?" in in_process("plugins", "avoidr")[2]
+    assert "known are barn, clutter, door" in in_process("check", "scheme")[2]

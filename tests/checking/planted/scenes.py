@@ -52,6 +52,20 @@ ENTRIES = Entries()
 # --- avoiders ---------------------------------------------------------------------------------------------------------
 
 
+@ENTRIES.plant("steers_into", caught_by="turns_away")
+class SteersInto(Gap):
+    """Takes left for right where it steers round something: what is straight ahead stays ahead."""
+
+    def avoid(self, given: AvoiderInput) -> Avoidance:
+        answer = super().avoid(given)
+        for scan in given.scans:
+            near = np.flatnonzero((scan.ranges < 1.6) & (np.abs(scan.bearings) < 1.0))
+            if near.size and answer.twist != STILL:
+                side = float(np.sign(scan.bearings[near].mean()))
+                return replace(answer, twist=Twist2D(0.2 * answer.twist.vx, 0.0, 0.4 * side))
+        return answer
+
+
 @ENTRIES.plant("first_scan_only", caught_by="no_contact")
 class FirstScanOnly(Gap):
     """Of two lasers it sees one."""

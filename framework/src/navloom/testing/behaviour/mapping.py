@@ -214,7 +214,7 @@ def accurate_mapper(make: Maker, scene: Scene) -> Measured:
     return min((_accuracy(show(make, scene), scene) for show in shows), key=lambda one: (one.holds, one.value))
 
 
-def _accuracy(seen: Seen, scene: Scene) -> Measured:
+def _accuracy(seen: MapperSeen, scene: Scene) -> Measured:
     if not len(seen.hits):
         raise Unfit("nothing in the scene is seen")
     if seen.update is None:

@@ -13,6 +13,7 @@ from navloom.testing.contract import (
     repeats,
     sense,
     state,
+    steering,
     surroundings,
 )
 
@@ -24,6 +25,7 @@ CHECKS = (
     *sense.CHECKS,
     *surroundings.CHECKS,
     *platforms.CHECKS,
+    *steering.CHECKS,
     *repeats.CHECKS,
     *state.CHECKS,
     *parameters.CHECKS,

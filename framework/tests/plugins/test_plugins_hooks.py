@@ -226,7 +226,7 @@ def test_a_distributions_command_is_listed_by_its_metadata_and_imported_when_it_
 def test_a_command_that_navloom_has_itself_is_not_replaced_and_told(install: Install, in_process: InProcess) -> None:
     install("fake_greeter", COMMAND, ["command.run"])
     code, out, _ = in_process("run", "--help")
-    assert code == 0 and "Run a config in lockstep" in out and "fake_greeter" not in sys.modules
+    assert code == 0 and "Run a config in simulated time" in out and "fake_greeter" not in sys.modules
     code, _, err = in_process("plugins")
     assert code == 0 and err == (
         "navloom: entry point 'command.run' of fake-greeter: navloom has a command of that name; rename it\n"

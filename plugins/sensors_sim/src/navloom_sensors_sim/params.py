@@ -16,7 +16,7 @@ Settings = TypeVar("Settings", bound=Params)
 
 
 class SensorsSimParams(Params):
-    """Drive and wheel odometry. The nominal wheel radius and half track are those of `[robot]`."""
+    """Parameters of the drive and wheel odometry. The nominal wheel radius and half track are those of `[robot]`."""
 
     wheel_radius_error: float = Field(0.0, gt=-0.5, lt=0.5, description="True wheel radius over nominal, less 1.")
     half_track_error: float = Field(0.0, gt=-0.5, lt=0.5, description="True half track over nominal, less 1.")
@@ -40,7 +40,7 @@ class SensorsSimParams(Params):
     noise: bool = Field(True, description="Slip is simulated; calibration errors and encoder counts always are.")
 
     def drive_constants(self, wheel_radius: float, half_track: float) -> NDArray[np.float64]:
-        """(8,) `drive` of `motion.drive_tick` from the nominal wheel radius and half track, m; no time yet."""
+        """(8,) `drive` of `motion.drive_tick` from the nominal wheel radius and half track, m; the time is still 0."""
         true = (wheel_radius * (1.0 + self.wheel_radius_error), half_track * (1.0 + self.half_track_error))
         limits = (self.max_wheel_speed, self.motor_time_constant, self.max_wheel_acceleration or math.inf)
         return np.array([wheel_radius, half_track, *true, *limits, 0.0])
@@ -55,7 +55,7 @@ class SensorsSimParams(Params):
 
 
 class _Mounted(Params):
-    """What every sensor has: its mount in the base frame and its noise switch."""
+    """Settings of a mounted sensor: its mount in the base frame and its noise switch."""
 
     x: float = Field(0.0, ge=-10.0, le=10.0, description="Mount ahead of the base's origin, m.")
     y: float = Field(0.0, ge=-10.0, le=10.0, description="Mount to the left of it, m.")
@@ -63,7 +63,7 @@ class _Mounted(Params):
 
 
 class PitchedLaserSettings(_Mounted):
-    """A LMS-211 on a pitching mount: `kind = "pitched_laser"`."""
+    """An LMS-211 on a pitching mount: `kind = "pitched_laser"`."""
 
     z: float = Field(0.4, gt=0.0, le=10.0, description="Mount above the floor, m.")
     mode: Literal["on_request", "continuous"] = Field(

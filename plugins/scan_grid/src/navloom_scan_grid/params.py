@@ -15,7 +15,7 @@ __all__ = ["ScanGridParams"]
 
 
 class ScanGridParams(Params):
-    """Lengths in m, probabilities without unit. The README tells where each default comes from."""
+    """Lengths in m, probabilities without unit. The README gives the source of each default."""
 
     cell: float = Field(0.05, ge=0.005, le=1.0, description="Edge of a cell, m.")
     chunk: float = Field(5.0, gt=0.0, le=100.0, description="The map grows by this at a time, m, in whole cells.")
@@ -53,10 +53,10 @@ class ScanGridParams(Params):
         return self
 
     def settings(self, start: tuple[float, float]) -> MapSettings:
-        """The same for the pure modules.
+        """These parameters as settings of the pure modules.
 
         Args:
-            start: Where the robot starts, m, map frame.
+            start: Start position of the robot, m, map frame.
         """
         weights = Weights(
             hit=log_odds(self.p_hit),

@@ -13,7 +13,7 @@ __all__ = ["ScanMatchingParams", "ScanOdometryParams"]
 
 
 class ScanMatchingParams(Params):
-    """Lengths in m. The README tells where each default comes from."""
+    """Lengths in m. The README gives the source of each default."""
 
     occupied_from: int = Field(50, ge=1, le=100, description="Cells of at least this are walls, percent.")
     unknown_is_wall: bool = Field(False, description="Cells nobody has seen are walls.")

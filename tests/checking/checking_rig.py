@@ -12,7 +12,8 @@ from planted import Entries, Entry
 __all__ = ["FAULTS", "ODD", "SOUND", "install"]
 
 HERE = Path(__file__).parent
-FAULTY = ("planted.avoiders", "planted.planners", "planted.movers", "planted.mappers", "planted.others")
+FAULTY = ("planted.avoiders", "planted.planners", "planted.movers", "planted.mappers", "planted.others",
+          "planted.surroundings", "planted.scenes")  # fmt: skip
 
 
 def _entries(*modules: str) -> dict[str, tuple[Entry, str]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import tempfile
 
 from navloom.testing import worker
 from navloom.testing.bench import Bench
@@ -22,6 +23,8 @@ def main() -> None:
     pairs = json.loads(sys.stdin.read())
     out = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     PRINTED.capture()
+    errors = tempfile.TemporaryFile()  # noqa: SIM115  (a file, as in the process of `navloom check`)
+    os.dup2(errors.fileno(), 2)
     GUARD.install(open(os.devnull, "w"))  # noqa: SIM115  (open as long as the process)
     for name, check in pairs:
         told: list[dict[str, object]] = []

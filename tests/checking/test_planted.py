@@ -20,7 +20,7 @@ DEADLY = {"survives", "returns"}
 """Checks whose finding is the end of the process: each plugin needs one of its own."""
 SLOW = {"step_time", "message_size", "memory", "fresh_process", "no_processes", "reaches", "threads", "episodes",
         "repeats", "typed_failures", "optimal", "optimal_any_angle", "footprint", "ends", "settles",
-        "accurate"}  # fmt: skip
+        "accurate", "goes_on"}  # fmt: skip
 """Checks that take seconds: not in every run."""
 KINDS = {"platform", "localizer", "mapper", "planner", "controller", "avoider", "recovery", "metric", "panel", "world",
          "scheme", "message", "node"}  # fmt: skip

@@ -63,9 +63,14 @@ class Robot:
         return ["--robot", f"{self.realm}/{self.name}", "--connect", self.endpoint, *way]
 
     def write(self) -> Path:
-        """Its config, and its certificates. Its wheels do not slip: it drives for an hour on odometry alone."""
+        """Write its config and certificates.
+
+        Its wheels do not slip, because it drives for an hour on odometry alone. A campaign stops it and kills its
+        processes so often that neither its goals nor its restarts have a limit.
+        """
         text = SHIPPED.read_text("utf-8") + "\n"
         for old, new in (
+            ("stop_after = 120.0\n", "stop_after = 1e6\n"),
             ("[robot]\n", f'[robot]\nrealm = "{self.realm}"\nname = "{self.name}"\n'),
             ('plugin = "sensors_sim"\n', f'plugin = "motor_log"\nmotor_log = "{self.motors}"\nslip = 0.0\n'),
             ("[navigation]\n", "[navigation]\ndrive = false\n"),
@@ -73,7 +78,7 @@ class Robot:
         ):
             assert old in text, f"the config paper has no {old!r} any more"
             text = text.replace(old, new, 1)
-        live = f'[live]\nrouter = "{self.endpoint}"\nrouter_host = "hub"\n'
+        live = f'[live]\nrouter = "{self.endpoint}"\nrouter_host = "hub"\nrestart_limit = 1000\n'
         if self.secure:
             order = ("--realm", self.realm, "--robot", self.name, "--host", self.lab["hub"].address)
             made = self.lab["hub"].run("keys", "new", str(self.keys), *order)

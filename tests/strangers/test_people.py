@@ -155,7 +155,8 @@ def test_an_avoider_that_waits_for_tracks_is_not_blamed(people: Path) -> None:
 
 def test_an_avoider_that_never_had_tracks_is_warned_of(people: Path) -> None:
     (warning,) = run_episode(load_config(str(people), ("run.stop_after=1.0", "node.people.latency=2.0"))).warnings
-    assert (warning.kind, str(warning)) == ("waiting", "avoider polite never stepped: nothing came on people.tracks")
+    assert warning.kind == "waiting" and str(warning).startswith("avoider polite never stepped: ")
+    assert str(warning).endswith(" people.tracks")
 
 
 def test_a_swap_between_trackers_is_an_event(people: Path) -> None:

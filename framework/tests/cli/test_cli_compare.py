@@ -114,6 +114,23 @@ def test_a_study_tells_each_warning_once_for_a_method_with_its_episodes(
         assert errors.count(told) == 1 and "wrong_avoider.py:" in told
 
 
+def test_a_broken_metric_of_another_distribution_does_not_stop_a_study(
+    navloom: Run, config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "site" / "fake_torn-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: fake-torn\nVersion: 1.0\n", "utf-8")
+    (info / "entry_points.txt").write_text("[navloom]\nmetric.torn = fake_torn\n", "utf-8")
+    (info.parent / "fake_torn.py").write_text("import not_there\n", "utf-8")
+    monkeypatch.syspath_prepend(str(info.parent))
+    code, said, errors = navloom(config, "--seeds", "0:1", "--json")
+    assert code == 0 and json.loads(said)["episodes"][0]["outcome"] == "succeeded"
+    (told,) = (line for line in errors.splitlines() if "metric.torn" in line)
+    assert "No module named 'not_there' (fake_torn.py:1)" in told and told.endswith(
+        "the study goes on without this metric"
+    )
+
+
 def test_people_are_told_what_came_of_it_and_what_was_dropped(navloom: Run, config: str, tmp_path: Path) -> None:
     out = tmp_path / "study"
     words = (config, "--vary", "controller=kanayama,lyapunov_tracker", "--out", str(out))

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from functools import partial
 
 import pytest
+from navloom.cli.output import LOG, paced
 from navloom.cli.study import run as run_module
 from navloom.messages import PoseEstimate
 from navloom.navigation.dead_reckoning import OdometryLocalizer
@@ -93,3 +94,14 @@ def test_a_run_of_slow_ticks_is_not_said_to_stand_still(
     monkeypatch.setattr(run_module, "watched_for_stalls", partial(run_module.watched_for_stalls, patience=1.0))
     code, _, errors = in_process("run", "paper", "--set", "run.stop_after=1.25", "--json")
     assert code == 1 and "no tick for 1 s" not in errors  # 27 ticks in 2.7 s
+
+
+def test_lines_of_progress_come_at_most_every_10_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 4.0, 11.0, 11.0, 20.0, 21.5, 21.5])  # at the start, for each text, again if said
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    said: list[str] = []
+    monkeypatch.setattr(LOG, "info", said.append)
+    say = paced()
+    for text in ("at 4", "at 11", "at 20", "at 21.5"):
+        say(text)
+    assert said == ["at 11", "at 21.5"]

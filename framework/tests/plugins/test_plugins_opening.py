@@ -118,6 +118,17 @@ def test_two_distributions_have_a_message_of_one_name(install: Install) -> None:
     assert people.places.tolist() == [[1.0, 2.0], [3.0, 4.0]] and "fake_bomb" not in sys.modules
 
 
+def test_a_command_asks_which_of_two_messages_of_one_name_is_meant(install: Install, in_process: InProcess) -> None:
+    for module in ("fake_people", "fake_cars"):
+        install(module, tracks(), ["message.Tracks"])
+    code, _, err = in_process("check", "message.Tracks")
+    there = "there are message.fake_cars.Tracks and message.fake_people.Tracks; name one of them in full"
+    assert (code, err) == (2, f"navloom: message.Tracks: {there}\n")
+    code, _, err = in_process("plugins", "message.Tracks")
+    hint = "a message has no parameters; `navloom messages Tracks` lists its fields"
+    assert (code, err) == (2, f"navloom: message.Tracks: {hint}\n")
+
+
 def test_nodes_load_nothing_for_a_label_that_comes(install: Install) -> None:
     install("fake_people", tracks(), ["message.Tracks"])
     data, label = sent_by("fake_people")
@@ -329,6 +340,11 @@ def test_a_recording_says_once_which_messages_are_not_known_here(missing: tuple[
             f"{KEY}: {MISSING}",
         )
         assert [bytes(raw.data) for raw in recording.raw()] == [missing[0]] * 2
+
+
+def test_messages_of_one_distribution_that_is_not_installed_share_a_message(missing: tuple[bytes, str]) -> None:
+    labels = ["fake_people.Tracks/1", "navloom.Odometry/1", "fake_people.Seats/3", "fake_people.Tracks/1"]
+    assert Opener().reasons(labels) == [MISSING.replace("Tracks/1", "Tracks/1 and fake_people.Seats/3")]
 
 
 @pytest.fixture

@@ -205,8 +205,8 @@ def entry(name: str, given: Any, monkeypatch: pytest.MonkeyPatch) -> EntryPoint:
 
 def test_a_plugins_metric_comes_after_the_built_in_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = Metric("ticks", "1", None, lambda trail: trail.time.size, "Ticks.")
-    found = all_metrics(Discovery(found=[entry("ticks", ticks, monkeypatch)]))
-    assert found == (*METRICS, ticks)
+    found, wrong = all_metrics(Discovery(found=[entry("ticks", ticks, monkeypatch)]))
+    assert found == (*METRICS, ticks) and wrong == ()
     assert measure(straight(9, 0.1), found)["ticks"] == 10.0
 
 
@@ -226,11 +226,13 @@ class Plain:
     ],
     ids=["class", "built_in", "column", "other", "name", "none"],
 )
-def test_what_is_no_metric_of_its_own_name_is_refused(
+def test_what_is_no_metric_of_its_own_name_is_left_out_with_the_reason(
     name: str, given: Any, refusal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(PluginError, match=refusal):
-        all_metrics(Discovery(found=[entry(name, given, monkeypatch)]))
+    ticks = Metric("ticks", "1", None, lambda trail: trail.time.size, "Ticks.")
+    points = [entry(name, given, monkeypatch), entry("ticks", ticks, monkeypatch)]
+    found, (wrong,) = all_metrics(Discovery(found=points))
+    assert found == (*METRICS, ticks) and re.search(refusal, wrong)
 
 
 def test_short_tables_show_the_chief_metrics_and_all_of_other_distributions() -> None:

@@ -229,7 +229,7 @@ class Hits(Mapper):
     def insert(self, scan: RangeScan, given: MapperInput) -> None:
         if not len(given.track.poses):
             return
-        x, y, heading = given.track.poses[-1].tolist()
+        x, y, heading = given.track.poses[np.argmin(np.abs(given.track.stamps_ns - scan.stamp_ns))].tolist()
         heard = np.isfinite(scan.ranges) & (scan.ranges < scan.range_max) & (scan.ranges > scan.range_min)
         turn = scan.bearings[heard] + heading
         across = scan.origins[heard]

@@ -14,6 +14,7 @@ __all__ = [
     "json_bytes",
     "json_line",
     "log_of",
+    "paced",
     "print_json",
     "print_table",
     "progress_line",
@@ -24,6 +25,8 @@ __all__ = [
 
 LOG = logging.getLogger("navloom.cli")
 """Logger of what is not the answer of a command."""
+INTERVAL = 10.0
+"""Shortest interval between lines of progress without a terminal, s."""
 WIDE = 1000
 """Width of a table that goes to a file or another program, columns; wide enough that nothing is cut."""
 
@@ -85,6 +88,21 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     return str(value)
+
+
+def paced() -> Callable[[str], None]:
+    """Log of progress where there is no terminal: a text that comes within 10 s of the previous one is dropped."""
+    from time import monotonic
+
+    said = monotonic()
+
+    def say(text: str) -> None:
+        nonlocal said
+        if monotonic() - said >= INTERVAL:
+            said = monotonic()
+            LOG.info(text)
+
+    return say
 
 
 def say_so(text: str) -> None:

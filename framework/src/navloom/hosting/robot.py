@@ -7,6 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from types import TracebackType
 
 from navloom.engine.system import System
@@ -26,8 +27,10 @@ from navloom.transport.keyspace import KeySpace
 from navloom.transport.tool_sessions import expiring
 from navloom.transport.zenoh_bus import Bus
 
-__all__ = ["LiveRobot", "StartError"]
+__all__ = ["START", "Beside", "LiveRobot", "StartError"]
 
+START = 180.0
+"""Longest startup of a robot, s; kernels may have to be compiled."""
 DAY = 86400.0
 """Interval of warnings about certificates that expire soon, s."""
 JOIN = 15.0
@@ -222,3 +225,7 @@ class LiveRobot:
                 self.folder.clear()
         finally:
             self.folder.unlock()
+
+
+Beside = Callable[[LiveRobot], AbstractContextManager[None]]
+"""What runs beside a robot, as a recorder, from the moment it is up."""

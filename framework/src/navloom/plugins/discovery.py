@@ -199,7 +199,9 @@ class Discovery:
         if distribution := distribution_of(f"{role}.{name}"):
             return f": pip install {distribution}, or pip install 'navloom[all]' for every plugin of the project"
         known, shipped = [*self.names(role), *beside], shipped_names(role)
-        if known or not shipped:
+        if not known and not shipped:
+            return f", nor is any other {role}: install the distribution that it comes with"
+        if known:
             return close_to(name, [*known, *shipped]) or nearest(name, known)
         every = f"pip install 'navloom[all]' adds {', '.join(shipped)}"
         return close_to(name, shipped) or f"; no {role} is installed: {every}"

@@ -76,6 +76,14 @@ class Opener:
             self._why[label] = self._look(*parts.groups())
         return self._why[label]
 
+    def reasons(self, labels: Iterable[str]) -> list[str]:
+        """Why labels have no class here; those of one distribution that is not installed share a message."""
+        found: dict[str, list[str]] = {}
+        for label in dict.fromkeys(labels):
+            if why := self.why_unknown(label):
+                found.setdefault(why.replace(label, "{}"), []).append(label)
+        return [why.replace("{}", " and ".join(sharing)) for why, sharing in found.items()]
+
     def _look(self, package: str, name: str, version: str) -> str:
         if self._discovery is None:
             self._discovery = Discovery(self._blocked)

@@ -178,9 +178,9 @@ class Recording:
         return sorted({channel.key for channel in self._channels.values() if channel.encoding == ENCODING})
 
     def unknown(self) -> list[str]:
-        """Why messages in it have no class here, one text for each schema; such messages are skipped."""
+        """Why messages in it have no class here, one text for each cause; such messages are skipped."""
         self.keys()
-        return list(filter(None, dict.fromkeys(map(OPENER.why_unknown, self._schemas.values()))))
+        return OPENER.reasons(self._schemas.values())
 
     def span_ns(self) -> tuple[int, int]:
         """Receive times of the first and the last message, ns; (0, 0) if there is none."""

@@ -22,7 +22,7 @@ from navloom.inputs.texts import json_of
 from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import nearest
 from navloom.study.episode_key import EpisodeKey
-from navloom.study.metrics import METRICS, Metric, all_metrics
+from navloom.study.metrics import Metric, all_metrics
 from navloom.study.statistics import Comparison, compare_methods
 from navloom.study.tracks import StoredWay, read_track
 from navloom.study.worldset import OWN_WORLD, world_digest
@@ -170,17 +170,9 @@ def read_study(folder: Path, baseline: str = "") -> StudyFiles:
     timing = _optional(folder / "timing.json", _json, {})
     open_loop = _optional(folder / "open_loop.csv", _table, []) if "open_loop" in request else []
     discovery = Discovery()
-    known = {metric.name: metric for metric in _installed(discovery)}
+    known = {metric.name: metric for metric in all_metrics(discovery)[0]}
     metrics = tuple(known.get(name) or _unknown(name) for name in told)
     return StudyFiles(folder, request, rows, open_loop, timing, metrics, baseline, discovery)
-
-
-def _installed(discovery: Discovery) -> tuple[Metric, ...]:
-    """Installed metrics; with a broken plugin only the built-in ones, so that the report can still be made."""
-    try:
-        return all_metrics(discovery)
-    except PluginError:
-        return METRICS
 
 
 def _unknown(name: str) -> Metric:

@@ -13,12 +13,11 @@ from navloom.engine.checks import check_task
 from navloom.engine.events import schedule
 from navloom.engine.trace import TraceWriter
 from navloom.hosting.network import network_of
-from navloom.hosting.robot import LiveRobot
+from navloom.hosting.robot import START, Beside, LiveRobot
 from navloom.live.conductor import BarrierError, Conductor
 from navloom.live.switchboard import Switchboard
 from navloom.plugins.observing import Onlookers
 from navloom.study.episode import Episode
-from navloom.study.live_run import START, Beside
 from navloom.study.live_warnings import LiveWarnings
 from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder

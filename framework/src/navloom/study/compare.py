@@ -68,6 +68,7 @@ class Study:
     here: Path
     baseline: str = ""
     open_loop: OpenLoop | None = None
+    unusable: tuple[str, ...] = ()
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -255,12 +256,13 @@ def plan_study(
     if beside is not None:
         _checked(Method(METHOD, (), beside.loaded), cases[0], discovery, here, single)
     equal, different = compared(systems)
+    metrics, unusable = all_metrics(discovery)
     return Study(
         config,
         tuple(methods),
         tuple(cases),
         tuple(seeds) or (base.config.run.seed,),
-        tuple(metric.name for metric in all_metrics(discovery)),
+        tuple(metric.name for metric in metrics),
         equal,
         different,
         {method.name: method.loaded.dropped for method in methods},
@@ -268,6 +270,7 @@ def plan_study(
         here,
         baseline,
         beside,
+        unusable,
     )
 
 

@@ -8,7 +8,7 @@ import threading
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +21,7 @@ from navloom.engine.lockstep import RunLog
 from navloom.engine.run_warnings import RunWarning
 from navloom.engine.system import System
 from navloom.hosting.network import network_of
-from navloom.hosting.robot import LiveRobot
+from navloom.hosting.robot import START, Beside, LiveRobot
 from navloom.live.cells import all_sources
 from navloom.live.mailbox import Inlet, Mailbox
 from navloom.live.placing import spread
@@ -48,15 +48,12 @@ from navloom.study.observed import run_info
 from navloom.study.recorder import Recorder
 from navloom.transport.keyspace import FAULT
 
-__all__ = ["START", "Beside", "LiveRun"]
+__all__ = ["LiveRun"]
 
-START = 180.0
-"""Longest startup of a robot, s; kernels may have to be compiled."""
 ASK_AGAIN = 2.0
 """Interval of queries for the goal's last messages, s, in case they came while the network was down."""
 TELL_AGAIN = 10.0
 """Shortest time between two reports of the same failing node, s."""
-Beside = Callable[[LiveRobot], AbstractContextManager[None]]
 HEARD = {"goal": {"result", "feedback"}, "gate": {"status", "selection"}, "localizer": {"pose"}}
 """Ports that are subscribed to on every host, by role, also if the run is judged on another host."""
 LOOK = 0.1

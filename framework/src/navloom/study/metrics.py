@@ -77,24 +77,26 @@ def timing(trail: Trail) -> dict[str, float | bool]:
     return {"tick_us_p50": p50, "tick_us_p95": p95, "tick_us_p99": p99, "tick_us_max": top, "too_slow": late}
 
 
-def all_metrics(discovery: Discovery) -> tuple[Metric, ...]:
-    """The built-in metrics, then those of plugins in order of name.
-
-    Raises:
-        PluginError: A plugin's metric is not a `Metric`, or has the name of a built-in column.
-    """
+def all_metrics(discovery: Discovery) -> tuple[tuple[Metric, ...], tuple[str, ...]]:
+    """The built-in metrics, then those of plugins in order of name; and why others cannot be used, a message each."""
     from navloom.plugins import PluginError
 
     taken = {metric.name for metric in METRICS} | _COLUMNS
-    found = []
+    found: list[Metric] = list(METRICS)
+    wrong: list[str] = []
     for name in discovery.names("metric"):
-        metric = discovery.metric(name)
+        try:
+            metric = discovery.metric(name)
+        except PluginError as error:
+            wrong.append(str(error))
+            continue
         if not isinstance(metric, Metric):
-            raise PluginError(f"metric.{name}: registers {metric!r}, expected a navloom.Metric")
-        if name in taken:
-            raise PluginError(f"metric.{name}: a column {name!r} is there already: rename the metric")
-        found.append(metric)
-    return (*METRICS, *found)
+            wrong.append(f"metric.{name}: registers {metric!r}, expected a navloom.Metric")
+        elif name in taken:
+            wrong.append(f"metric.{name}: a column {name!r} is there already: rename the metric")
+        else:
+            found.append(metric)
+    return tuple(found), tuple(wrong)
 
 
 def headlines(names: Sequence[str]) -> list[str]:

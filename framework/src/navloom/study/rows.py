@@ -275,7 +275,7 @@ def _shared(task: EpisodeTask) -> Shared:
     shared = _SHARED.get(task.study)
     if shared is None:
         discovery = CachedDiscovery(task.config["config"].get("plugins", {}).get("blocked", ()))
-        shared = Shared(discovery, {metric.name: metric for metric in all_metrics(discovery)})
+        shared = Shared(discovery, {metric.name: metric for metric in all_metrics(discovery)[0]})
         _SHARED.clear()
         _SHARED[task.study] = shared
     return shared

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 
 from navloom.plugins.registry import NODE
 from navloom.testing.findings import Finding, NotRun
-from navloom.testing.guard import GUARD
+from navloom.testing.guard import GUARD, Deed
 from navloom.testing.inputs import PlayedScene, made_scenes
 from navloom.testing.nodes import NodePlayer
 from navloom.testing.player import Fault, Player, first_difference
@@ -42,12 +42,14 @@ class Bench:
         request: How it was asked for.
         seed: Of everything random.
         out: Folder for pictures; None where none are wanted.
+        first_step: Time that the first step of the process took to compute, s.
     """
 
     def __init__(self, subject: Subject, request: CheckRequest, out: Path | None = None) -> None:
         self.subject, self.request, self.seed, self.out = subject, request, request.seed, out
         self._scenes = made_scenes(subject, self.seed)
         self._plays: dict[str, list[bytes] | tuple[Fault, int]] = {}
+        self.first_step = 0.0
 
     @property
     def scenes(self) -> tuple[PlayedScene, ...]:
@@ -133,6 +135,18 @@ class Bench:
         reading = next((deed for deed in GUARD.deeds if deed.kind == "clock"), None)
         return replace(found, place=reading.place) if found is not None and reading is not None else found
 
+    @cached_property
+    def deeds(self) -> dict[str, tuple[Deed, PlayedScene]]:
+        """What the plugin does beside answering: the first deed of each kind in a play of all scenes, and its scene."""
+        found: dict[str, tuple[Deed, PlayedScene]] = {}
+        for scene in self.scenes:
+            GUARD.deeds.clear()
+            with suppress(Fault):
+                self.play(scene)
+            for deed in GUARD.deeds:
+                found.setdefault(deed.kind, (deed, scene))
+        return found
+
     def differs(
         self, scene: PlayedScene, given: Sequence[bytes], when: str, expected: str, place: str = ""
     ) -> Finding | None:
@@ -188,7 +202,9 @@ class Bench:
             try:
                 player = self.player(scene)
                 for given in scene.inputs:
+                    before = thread_time()
                     answers += player.play([given])
+                    self.first_step = self.first_step or thread_time() - before
             except Fault as fault:
                 return fault, len(answers)
         return answers

@@ -115,7 +115,7 @@ class CheckReport:
     def sentences(self, result: Result) -> list[str]:
         """The findings of a check, one a line: who, what, where, what it was given, and what was expected."""
         return [
-            f"{self.plugin} ({finding.place or self.place or self.owner}): {finding.problem}"
+            f"{self.plugin}{_in_brackets(finding.place or self.place or self.owner)}: {finding.problem}"
             + (f" [{finding.given}]" if finding.given else "")
             + f"; expected: {finding.expected}"
             for finding in result.findings
@@ -141,3 +141,8 @@ class CheckReport:
                 for result in self.results
             ],
         }
+
+
+def _in_brackets(text: str) -> str:
+    """To append to a name; empty for an empty text."""
+    return f" ({text})" if text else ""

@@ -5,6 +5,7 @@ Only the process of `navloom.testing.worker` installs this, before it imports th
 
 from __future__ import annotations
 
+import _thread
 import datetime
 import faulthandler
 import os
@@ -24,13 +25,16 @@ CLOCKS = ("time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_
 KINDS = {
     "os.fork": "process", "os.forkpty": "process", "os.posix_spawn": "process", "os.system": "process",
     "os.exec": "process", "subprocess.Popen": "process",
-    "socket.connect": "socket", "socket.bind": "socket", "socket.getaddrinfo": "socket", "open": "file",
+    "socket.connect": "socket", "socket.bind": "socket", "socket.getaddrinfo": "socket", "socket.__new__": "socket",
+    "socket.gethostname": "socket", "open": "file",
     "os.remove": "file", "os.rename": "file", "os.mkdir": "file", "os.truncate": "file",
 }  # fmt: skip
 """Events of the interpreter's audit hooks that no verb has a use for, and what they are about."""
 LOADERS = ("importlib", "_frozen_importlib", "_frozen_importlib_external", "numba", "zipimport")
 """Code below which files are read and written for code, not by the plugin."""
 
+DOORS = ("os", "pathlib", "posixpath", "genericpath", "collections.abc")
+"""Modules that only hand on a look at the environment or at a path."""
 MOST_DEEDS = 100
 
 
@@ -68,6 +72,7 @@ class Guard:
         self._wrap_clocks()
         self._wrap_exit()
         self._wrap_threads()
+        self._wrap_environment()
 
     @contextmanager
     def within(self, what: str, limit: float = 0.0) -> Iterator[None]:
@@ -97,15 +102,18 @@ class Guard:
     def _on_event(self, event: str, given: tuple[Any, ...]) -> None:
         if not self._depth or event not in KINDS:
             return
+        kind = KINDS[event]
         if event == "open" and not _writes(given):
-            return
+            if not _is_relative(given[0]):
+                return
+            kind = "environment"
         place = self._own_place(sys._getframe(1))
         if place:
-            self._keep(Deed(KINDS[event], f"{event} {_short(given)}".strip(), place))
+            self._keep(Deed(kind, f"{event} {_short(given)}".strip(), place))
 
     def _keep(self, deed: Deed) -> None:
-        """Keep the first deeds: a check of memory is on its way."""
-        if len(self.deeds) < MOST_DEEDS:
+        """Keep the first deeds, each once: a check of memory is on its way."""
+        if len(self.deeds) < MOST_DEEDS and deed not in self.deeds:
             self.deeds.append(deed)
 
     def _own_place(self, frame: FrameType | None) -> str:
@@ -147,6 +155,47 @@ class Guard:
             start(thread)
 
         setattr(threading.Thread, "start", started)  # noqa: B010  (of a class that is not to change)
+        start_new = _thread.start_new_thread
+
+        def started_new(*given: Any, **named: Any) -> int:
+            if self._depth and (place := self._own_place(sys._getframe(1))):
+                self._keep(Deed("thread", "_thread.start_new_thread", place))
+            return start_new(*given, **named)
+
+        _thread.start_new_thread = started_new
+
+    def _wrap_environment(self) -> None:
+        """See what a plugin asks of the environment and of the working folder; what libraries ask is their own."""
+        variables: Any = type(os.environ)
+        read, look, where = variables.__getitem__, os.stat, os.getcwd
+
+        def read_variable(all_of: Any, name: str) -> str:
+            self._ask(f"the environment variable {name}")
+            value: str = read(all_of, name)
+            return value
+
+        def look_at(path: Any, *given: Any, **named: Any) -> os.stat_result:
+            if self._depth and _is_relative(path):
+                self._ask(f"the file {os.fspath(path)!r} of the working folder")
+            return look(path, *given, **named)
+
+        def ask_where() -> str:
+            self._ask("the working folder")
+            return where()
+
+        for those in (os.supports_dir_fd, os.supports_fd, os.supports_follow_symlinks):
+            those.add(look_at)
+        variables.__getitem__, os.stat, os.getcwd = read_variable, look_at, ask_where
+
+    def _ask(self, what: str) -> None:
+        """Keep it if the plugin's own line asks."""
+        if not self._depth:
+            return
+        frame: FrameType | None = sys._getframe(2)
+        while frame is not None and frame.f_globals.get("__name__") in DOORS:
+            frame = frame.f_back
+        if frame is not None and self.is_own(str(frame.f_globals.get("__name__", ""))):
+            self._keep(Deed("environment", what, f"{PurePath(frame.f_code.co_filename).name}:{frame.f_lineno}"))
 
     def _wrap_exit(self) -> None:
         leave = os._exit
@@ -199,6 +248,13 @@ def _writes(given: tuple[Any, ...]) -> bool:
     if isinstance(mode, str):
         return any(letter in mode for letter in "wax+")
     return bool(isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+
+
+def _is_relative(path: Any) -> bool:
+    """Whether a path is found from the working folder."""
+    if not isinstance(path, (str, bytes, os.PathLike)):
+        return False
+    return not os.fsdecode(path).startswith("/")
 
 
 def _short(given: tuple[Any, ...]) -> str:

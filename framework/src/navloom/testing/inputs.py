@@ -29,6 +29,8 @@ STEPS = 40
 SIGMA = 0.01
 """Standard deviation of the ranges in scenes, m."""
 IMPOSSIBLE = "impossible"
+SLOW = builders.robot(max_linear=0.15, max_angular=0.4)
+"""A robot with other limits than most scenes have."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,15 @@ def _avoider(maker: _Maker) -> Iterator[PlayedScene]:
             for k, at in enumerate(poses)
         ]  # fmt: skip
         yield PlayedScene(world.name, "usual", maker.context(start), tuple(inputs), world, True)
+    world = scenes.box(1.6, 0.1)
+    inputs = [
+        builders.avoider_input(
+            *maker.scans(world, at, k * PERIOD), at=at, moving=(0.1, 0.0), target=(4.0, 0.5), desired=(0.1, 0.1),
+            remaining=1.0, stamp=k * PERIOD, **maker.more(k * PERIOD),
+        )
+        for k, at in enumerate(walk((0.0, 0.0), 0.1, 0.0))
+    ]  # fmt: skip
+    yield PlayedScene("a slow robot", "usual", maker.context(robot=SLOW), tuple(inputs), world, True)
     if not maker.takes_scans:
         return
     for name, topic, scans in _odd_scans():
@@ -191,9 +202,18 @@ def _controller(maker: _Maker) -> Iterator[PlayedScene]:
         followed = messages.trajectory(curvature=curvature)
         poses = walk((0.0, off, heading), 0.3, 0.3 * curvature, 60)
         yield PlayedScene(name, "usual", maker.context(), tuple(_followed(maker, followed, poses)), is_gentle=True)
+    slowly = messages.trajectory(curvature=0.5, speed=0.1)
+    given = tuple(_followed(maker, slowly, walk((0.0, 0.02, 0.0), 0.1, 0.05)))
+    yield PlayedScene("a slow robot", "usual", maker.context(robot=SLOW), given, is_gentle=True)
     followed = messages.trajectory(length=2.0, path_id=2)
     poses = walk((0.0, -0.8, 1.2), 0.3, -0.3, 60)
     yield PlayedScene("far beside a line", "usual", maker.context(), tuple(_followed(maker, followed, poses)))
+    turns = tuple(
+        builders.controller_input(at, trajectory=followed, progress=2.0, turn_to=0.15, stamp=k * PERIOD,
+                                  extra=maker.extra(k * PERIOD))
+        for k, at in enumerate(walk((2.0, 0.0, 0.0), 0.0, 0.1, 20))
+    )  # fmt: skip
+    yield PlayedScene("a small turn in place", "usual", maker.context(), turns, is_gentle=True)
     end = [(2.0, 0.0, 0.02 * k) for k in range(20)]
     inputs = tuple(
         builders.controller_input(at, trajectory=followed, progress=2.0, turn_to=1.0, stamp=k * PERIOD,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 import tempfile
 from typing import IO
@@ -32,6 +33,14 @@ class Printed:
         text = os.pread(self._file.fileno(), min(size - self._seen, 4096), self._seen).decode(errors="replace")
         self._seen = size
         return text
+
+    def errors(self) -> int:
+        """Lines on standard error so far, where it is a file, as in the process of `navloom check`."""
+        sys.stderr.flush()
+        if not stat.S_ISREG(os.fstat(2).st_mode):
+            return 0
+        with open("/proc/self/fd/2", "rb") as file:
+            return sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b""))
 
 
 PRINTED = Printed()

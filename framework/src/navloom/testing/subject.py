@@ -18,7 +18,7 @@ from navloom.plugins import Discovery, PluginError
 from navloom.plugins.registry import NODE, nearest
 from navloom.roles import ROLES, Role, verb_of
 
-__all__ = ["CHECKED", "CheckRequest", "Subject", "discovery_of", "find"]
+__all__ = ["CHECKED", "CheckRequest", "Subject", "discovery_of", "find", "schema_of"]
 
 CHECKED = (*ROLES, NODE, "metric", "panel", "world", "scheme", "message")
 """Kinds of plugin that there are checks for."""
@@ -144,7 +144,7 @@ def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
     if kind in ROLES or kind == NODE:
         return discovery.plugin(kind, name)
     if kind == "message":
-        return discovery.message(_schema_of(discovery, name))
+        return discovery.message(schema_of(discovery, name))
     if kind == "world" and ":" in name:
         scheme, _, argument = name.partition(":")
         load = _loaded(discovery, "scheme", scheme)
@@ -160,10 +160,14 @@ def _loaded(discovery: Discovery, kind: str, name: str) -> Any:
     return registered[name]
 
 
-def _schema_of(discovery: Discovery, name: str) -> str:
-    """A message's schema name, of `Tracks` or `navloom_people.Tracks`."""
+def schema_of(discovery: Discovery, name: str) -> str:
+    """A message's schema name, of `Tracks` or `navloom_people.Tracks`. Raises PluginError if several have that name."""
     known = discovery.names("message")
-    return name if name in known else next((one for one in known if one.rpartition(".")[2] == name), name)
+    fitting = [one for one in known if one.rpartition(".")[2] == name]
+    if len(fitting) > 1:
+        names = " and ".join(f"message.{one}" for one in fitting)
+        raise PluginError(f"message.{name}: there are {names}; name one of them in full")
+    return name if name in known or not fitting else fitting[0]
 
 
 def _params(cls: type, request: CheckRequest) -> Any:

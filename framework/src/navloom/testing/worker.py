@@ -33,6 +33,7 @@ from navloom.testing.inputs import made_scenes
 from navloom.testing.player import Fault
 from navloom.testing.printed import PRINTED
 from navloom.testing.process import MARK_SIZE
+from navloom.testing.process_state import PROCESS_STATE
 from navloom.testing.subject import CheckRequest, Subject, find
 from navloom.testing.tiers import find_check
 
@@ -77,7 +78,9 @@ def _loaded(request: CheckRequest, checks: Iterable[str], tell: Tell) -> Subject
     """The plugin; where it cannot be loaded, that is the finding of the check `registers`."""
     started = perf_counter()
     try:
+        PROCESS_STATE.note_before_import()
         subject = find(request)
+        PROCESS_STATE.note_import()
         GUARD.is_own = subject.is_own
         tell({"loaded": {"owner": subject.owner, "place": subject.place, "folder": subject.folder}})
         if hasattr(subject.thing, "warm_up"):

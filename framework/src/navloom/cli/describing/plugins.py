@@ -96,9 +96,13 @@ def _show(name: str, discovery: Discovery, as_json: bool) -> None:
     """The parameters of one plugin."""
     from navloom.cli.output import print_json, print_table
     from navloom.engine.parts import streams_of  # which imports numba: the list does without
-    from navloom.plugins.registry import NODE
+    from navloom.entry_kinds import OTHERS
+    from navloom.plugins.registry import NODE, PluginError
 
     role, _, own = name.partition(".")
+    if role in OTHERS and role != NODE:
+        hint = f"messages {own}` lists its fields" if role == "message" else f"check {name}` checks it"
+        raise PluginError(f"{name}: a {role} has no parameters; `navloom {hint}")
     cls = discovery.node(own) if role == NODE else discovery.role(role, own)
     schema = cls.Params.model_json_schema()
     kinds = kinds_of(cls)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,7 +55,7 @@ def check(
 
     Exit 0: no check failed; 1: a check failed.
     """
-    from navloom.cli.output import progress_line, say_so
+    from navloom.cli.output import paced, progress_line, say_so
     from navloom.config import ConfigError
     from navloom.testing.runner import check_plugin
     from navloom.testing.tiers import TIERS
@@ -76,6 +77,13 @@ def check(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     with progress_line(f"checking {name}") as update:
+        say = paced()
+
+        def progress(one: str, done: int, total: int) -> None:
+            update(description=one, completed=done, total=total)
+            if not sys.stderr.isatty():
+                say(f"checking {name}: {done} of {total} checks done, now {one}")
+
         report = check_plugin(
             name,
             params=set_ or (),
@@ -83,7 +91,7 @@ def check(
             tiers=tier or tuple(TIERS),
             only=only or (),
             out=out,
-            progress=lambda one, done, total: update(description=one, completed=done, total=total),
+            progress=progress,
         )
     _end(report, as_json, "" if out is not None else "; --out DIR draws the scenes")
 
@@ -159,7 +167,7 @@ def _refuse_missing(name: str) -> None:
     """Refuse a name that is not installed: that is not a fault of a plugin."""
     from navloom.plugins import PluginError
     from navloom.plugins.registry import nearest
-    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of
+    from navloom.testing.subject import CHECKED, CheckRequest, discovery_of, schema_of
 
     kind, _, plugin = name.partition(".")
     scheme, colon, _ = plugin.partition(":")
@@ -175,6 +183,6 @@ def _refuse_missing(name: str) -> None:
         raise PluginError(f"{name}: expected KIND.NAME, as avoider.vff{hint}")
     known = discovery_of(CheckRequest(name)).names(kind)
     if kind == "message":
-        known = [*known, *(one.rpartition(".")[2] for one in known)]
+        plugin = schema_of(discovery_of(CheckRequest(name)), plugin)
     if plugin not in known:
         raise PluginError(f"no plugin {name} is installed{discovery_of(CheckRequest(name)).instead_of(kind, plugin)}")

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["Variadic", "compare"]
 
 MANY = ("--worlds", "--vary", "--set")
-TOLD = 10.0
-"""Interval between lines of progress without a terminal, s."""
 
 
 class Variadic(SectionedCommand):
@@ -114,6 +112,8 @@ def compare(
         if places:
             belong = "belongs" if len(places) == 1 else "belong"
             LOG.info(f"{method}: {', '.join(places)} {belong} to the replaced plugin: dropped")
+    for reason in study.unusable:
+        LOG.warning(f"{reason}; the study goes on without this metric")
     if (where := view.asked()) is not None:
         _show(study, where, as_json)
         return
@@ -294,21 +294,10 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, float | None], None]]
         with progress_line("starting") as update:
             yield lambda done, total, left: update(description=_far(done, total, left), completed=done, total=total)
     else:
-        yield _lines()
+        from navloom.cli.output import paced
 
-
-def _lines() -> Callable[[int, int, float | None], None]:
-    from time import monotonic
-
-    said = monotonic()
-
-    def say(done: int, total: int, left: float | None) -> None:
-        nonlocal said
-        if monotonic() - said >= TOLD:
-            said = monotonic()
-            LOG.info(_far(done, total, left))
-
-    return say
+        say = paced()
+        yield lambda done, total, left: say(_far(done, total, left))
 
 
 def _far(done: int, total: int, left: float | None) -> str:

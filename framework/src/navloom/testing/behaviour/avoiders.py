@@ -20,12 +20,12 @@ from navloom.testing.behaviour.measured import (
     Maker,
     Measured,
     Unfit,
-    full_scan,
     robot_of,
+    scan_from,
 )
-from navloom.testing.behaviour.scene import Post, Scene, Wall
+from navloom.testing.behaviour.scene import TWO_LASERS, Post, Scene, Wall
 
-__all__ = ["AVOIDERS"]
+__all__ = ["AVOIDERS", "place_in_map"]
 
 NEAR = 0.3
 """How near to its target an avoider must come, m."""
@@ -44,9 +44,10 @@ MOST_STILL = 0.02
 def _given(make: Maker, scene: Scene, stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> AvoiderInput:
     wanted = towards(pose, scene.target)
     return AvoiderInput(
-        stamp_ns, (full_scan(scene, pose, stamp_ns),), estimate_at(stamp_ns, pose, twist),
+        stamp_ns, tuple(scan_from(scene, laser, pose, stamp_ns) for laser in scene.lasers),
+        estimate_at(stamp_ns, pose, twist),
         Point2D(*scene.target), 0.5 * scene.width + 0.1, Twist2D(wanted[0], 0.0, wanted[1]), 0.0,
-        sensors=("laser",), extra=make.extra,
+        sensors=tuple(laser.name for laser in scene.lasers), extra=make.extra,
     )  # fmt: skip
 
 
@@ -78,12 +79,15 @@ def _ended(done: FinishedDrive) -> str:
 def open_scene(seed: int) -> Scene:
     """Nothing but a target, 3 m away, in one direction after the other all round."""
     bearing = (0.0, 0.9, -0.9, 1.7, -1.7, 2.6, -2.6, 0.3)[seed % 8]
-    place = _place(seed)
+    place = place_in_map(seed)
     return Scene(Place(0.0, 0.0), (3.0 * math.cos(bearing), 3.0 * math.sin(bearing))).moved(place)
 
 
 def blocked_scene(seed: int) -> Scene:
-    """Something between the robot and its target: a wall, a post, posts, a corridor with an end, a slanted wall."""
+    """Something between the robot and its target: a wall, a post, posts, a corridor with an end, a wall beside it.
+
+    Every fourth robot points away from its target; from the seventh on, robots have two lasers, fore and aft.
+    """
     stream = np.random.default_rng([seed, 1])
     side, off = float(stream.choice([-1.0, 1.0])), float(stream.uniform(-0.25, 0.25))
     plain = Scene(Place(0.0, 0.0), (5.0, 0.0))
@@ -94,8 +98,12 @@ def blocked_scene(seed: int) -> Scene:
         replace(plain, posts=_posts(stream)),
         replace(plain, walls=(Wall(-0.5, 0.8, 3.5, 0.8), Wall(-0.5, -0.8, 3.5, -0.8), Wall(3.5, -0.8, 3.5, 0.8))),
         replace(plain, walls=(Wall(1.5, side * -0.3, 1.5, side * 3.0),), posts=(Post(3.0, side * -1.0, 0.3),)),
+        replace(plain, target=(3.0, side * 2.0), walls=(Wall(-1.0, side * 0.7, 6.0, side * 0.7),)),
     )
-    return kinds[seed % len(kinds)].moved(_place(seed))
+    scene = kinds[seed % len(kinds)]
+    if seed % 4 == 3:
+        scene = replace(scene, start=Place(0.0, 0.0, side * 2.7))
+    return (scene if seed < 6 else replace(scene, lasers=TWO_LASERS)).moved(place_in_map(seed))
 
 
 def tight_scene(seed: int) -> Scene:
@@ -106,7 +114,7 @@ def tight_scene(seed: int) -> Scene:
         return replace(blocked_scene(seed // 2), length=length, width=width)
     half = 0.5 * width + float(stream.choice([-0.15, -0.05]))
     walls = (Wall(1.8, half, 1.8, 3.0), Wall(1.8, -3.0, 1.8, -half))
-    return Scene(Place(0.0, 0.0), (4.0, 0.0), walls=walls, length=length, width=width).moved(_place(seed))
+    return Scene(Place(0.0, 0.0), (4.0, 0.0), walls=walls, length=length, width=width).moved(place_in_map(seed))
 
 
 def closed_scene(seed: int) -> Scene:
@@ -116,10 +124,10 @@ def closed_scene(seed: int) -> Scene:
     if seed % 2:
         box = (Wall(-reach, -reach, reach, -reach), Wall(reach, -reach, reach, reach),
                Wall(reach, reach, -reach, reach), Wall(-reach, reach, -reach, -reach))  # fmt: skip
-        return Scene(Place(0.0, 0.0), target, walls=box).moved(_place(seed))
+        return Scene(Place(0.0, 0.0), target, walls=box).moved(place_in_map(seed))
     ring = [(math.cos(math.tau * k / 24), math.sin(math.tau * k / 24)) for k in range(24)]
     posts = tuple(Post((reach + 0.1) * x, (reach + 0.1) * y, 0.1) for x, y in ring)
-    return Scene(Place(0.0, 0.0), target, posts).moved(_place(seed))
+    return Scene(Place(0.0, 0.0), target, posts).moved(place_in_map(seed))
 
 
 def look_scene(seed: int) -> Scene:
@@ -149,7 +157,7 @@ def _posts(stream: np.random.Generator, count: int = 5) -> tuple[Post, ...]:
     return tuple(found)
 
 
-def _place(seed: int) -> Place:
+def place_in_map(seed: int) -> Place:
     """Where a scene lies in the map: the first at the origin, the others anywhere."""
     stream = np.random.default_rng([seed, 4])
     x, y, heading = stream.uniform((-4.0, -4.0, -3.0), (4.0, 4.0, 3.0)).tolist()

@@ -28,10 +28,14 @@ OFF = 0.08
 """How far a robot may be beside its trajectory once it has settled, m."""
 SETTLED = 0.6
 """Share of the way after which it must have settled."""
+REPLANNED = 0.3
+"""Share of the way at which the trajectory is replaced by the same one from a new path."""
 END = 0.2
 """How near to the end of its trajectory it must come, m."""
 TURNED = 0.1
 """How far its heading may be from the one it is to turn to, rad."""
+SWINGS, SWINGING = 40, 0.2
+"""Ticks at the end of a drive, and the mean turn rate in them, rad/s, from which a robot swings."""
 SAME = 0.02
 """How far two commands may differ that should be alike, of the robot's limits."""
 
@@ -59,7 +63,7 @@ def way_scene(seed: int) -> Scene:
 
 
 class Referee:
-    """What the reference node would say of a robot on a trajectory.
+    """What the reference node would say of a robot on a trajectory, which comes anew from a planner on the way.
 
     Args:
         samples: (n, 6) of the trajectory.
@@ -69,15 +73,18 @@ class Referee:
 
     def __init__(self, samples: Floats, turn_to: float | None, extra: Extras) -> None:
         self.samples, self.turn_to, self.extra, self.progress = samples, turn_to, extra, 0.0
-        self.trajectory = Trajectory(1, samples)
+        self.trajectory, self.later = Trajectory(1, samples), Trajectory(2, samples)
         self.stops_here = False
 
     def given(self, stamp_ns: int, pose: Pose, twist: tuple[float, float]) -> ControllerInput:
         at = project(self.samples, *pose, self.progress, 1.0)
         self.progress = at.progress
         self.cross_track = at.cross_track
+        if at.progress > REPLANNED * float(self.samples[-1, 0]):
+            self.trajectory = self.later
         reference = Reference(
-            1, at.progress, float(self.samples[-1, 0]) - at.progress, Pose2D(at.x, at.y, at.heading), at.speed,
+            self.trajectory.path_id, at.progress, float(self.samples[-1, 0]) - at.progress,
+            Pose2D(at.x, at.y, at.heading), at.speed,
             at.turn_rate, at.cross_track, Point2D(at.target_x, at.target_y), way_ahead(self.samples, at.progress, 1.0),
             0.4, self.turn_to if self.stops_here else None,
         )  # fmt: skip
@@ -119,8 +126,11 @@ def settles(make: Maker, scene: Scene) -> Measured:
         return Measured(False, f"was {late:.3f} m beside its trajectory after {SETTLED:.0%} of the way", late, lines)
     assert referee.turn_to is not None
     off = abs(math.remainder(referee.turn_to - float(done.poses[-1, 2]), math.tau))
-    said = f"was {off:.3f} rad from the heading it was to turn to at the end"
-    return Measured(off <= TURNED, said, float(late), lines)
+    if off > TURNED:
+        return Measured(False, f"was {off:.3f} rad from the heading it was to turn to at the end", float(late), lines)
+    swings = float(np.abs(done.twists[-SWINGS:, 1]).mean())
+    said = f"swings to and fro at {swings:.2f} rad/s about the heading it was to turn to"
+    return Measured(done.ended == "turned" or swings < SWINGING, said, float(late), lines)
 
 
 def _answers(make: Maker, scene: Scene) -> tuple[float, float]:

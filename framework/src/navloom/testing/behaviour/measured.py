@@ -16,9 +16,10 @@ from navloom.messages import Message, OccupancyGrid, Pose2D, RangeScan
 from navloom.roles import Context, RobotSpec, Role, SensorSpec
 from navloom.roles.claims import Claim
 from navloom.roles.extra import Extras, extras_of
-from navloom.testing.behaviour.scene import Scene
+from navloom.testing.behaviour.scene import ALL_ROUND, Mount, Scene
 
-__all__ = ["PERIOD", "PERIOD_NS", "Behaviour", "Line", "Maker", "Measured", "Unfit", "full_scan", "robot_of", "shrunk"]
+__all__ = ["PERIOD", "PERIOD_NS", "Behaviour", "Line", "Maker", "Measured", "Unfit", "full_scan", "robot_of",
+           "scan_from", "shrunk"]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -150,10 +151,21 @@ def robot_of(scene: Scene) -> RobotSpec:
 
 def full_scan(scene: Scene, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS) -> RangeScan:
     """What a laser in the middle of the robot sees at a pose, x, y, m, heading, rad."""
-    bearings: Floats = (np.arange(beams, dtype=np.float64) + 0.5) * (math.tau / beams) - math.pi
-    ranges = scene.ranges(pose[:2], bearings + pose[2], REACH)
-    zeros = np.zeros(beams)
-    return RangeScan(stamp_ns, np.zeros((beams, 2)), bearings, zeros, zeros, ranges, 0.02, REACH)
+    return scan_from(scene, ALL_ROUND[0], pose, stamp_ns, beams)
+
+
+def scan_from(
+    scene: Scene, laser: Mount, pose: tuple[float, float, float], stamp_ns: int, beams: int = BEAMS
+) -> RangeScan:
+    """What a laser sees when the robot is at a pose, x, y, m, heading, rad."""
+    count = max(1, round(beams * laser.half_field / math.pi))
+    turns = (np.arange(count, dtype=np.float64) + 0.5) * (2.0 * laser.half_field / count) - laser.half_field
+    bearings: Floats = np.remainder(turns + laser.middle + math.pi, math.tau) - math.pi
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    place = (pose[0] + cos * laser.x - sin * laser.y, pose[1] + sin * laser.x + cos * laser.y)
+    ranges = scene.ranges(place, bearings + pose[2], REACH)
+    zeros, origins = np.zeros(count), np.tile((laser.x, laser.y), (count, 1))
+    return RangeScan(stamp_ns, origins, bearings, zeros, zeros, ranges, 0.02, REACH)
 
 
 def shrunk(behaviour: Behaviour, make: Maker, scene: Scene, seen: Measured) -> tuple[Scene, Measured]:

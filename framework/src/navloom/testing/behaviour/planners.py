@@ -43,18 +43,38 @@ def grid_of(scene: Scene, place: Place | None = None) -> OccupancyGrid:
 def ask(make: Maker, scene: Scene, grid: OccupancyGrid) -> Path | PlanFailure:
     """What a new planner answers for the start and target of a scene on a map."""
     start = Pose2D(scene.start.x, scene.start.y, scene.start.heading)
-    request = PlanRequest(1, start, Pose2D(*scene.target, 0.0))
-    answer: Path | PlanFailure = make(scene).plan(
-        PlannerInput(request, MapUpdate(0, grid, np.empty((0, 4)), ()), make.extra)
+    planner = make(scene)
+    if scene.has_earlier_map:
+        other, flipped = scene.mirrored(), _flipped(grid)
+        before = PlanRequest(1, Pose2D(other.start.x, other.start.y, 0.0), Pose2D(*other.target, 0.0))
+        planner.plan(PlannerInput(before, MapUpdate(0, flipped, np.empty((0, 4)), ()), make.extra))
+    request = PlanRequest(2, start, Pose2D(*scene.target, 0.0))
+    answer: Path | PlanFailure = planner.plan(
+        PlannerInput(request, MapUpdate(1, grid, np.empty((0, 4)), ()), make.extra)
     )
     return answer
+
+
+def _asked(make: Maker, scene: Scene) -> Path | PlanFailure:
+    """The same with all of the scene turned by the heading of its map: the raster lies askew to the axes."""
+    turned = Place(0.0, 0.0, scene.map_heading)
+    return ask(make, scene.moved(turned), grid_of(scene, turned))
+
+
+def _flipped(grid: OccupancyGrid) -> OccupancyGrid:
+    """The map of the mirrored scene, of a raster that is not turned."""
+    low = -(grid.origin.y + grid.cells.shape[0] * CELL)
+    return OccupancyGrid(np.ascontiguousarray(grid.cells[::-1]), CELL, Pose2D(grid.origin.x, low, 0.0))
 
 
 # --- scenes -----------------------------------------------------------------------------------------------------------
 
 
 def room(seed: int) -> Scene:
-    """A room of 8 m x 6 m with a wall that juts out and posts, so that the straight way is closed."""
+    """A room of 8 m x 6 m with a wall that juts out and posts, so that the straight way is closed.
+
+    Of three, one has a map whose raster is turned, and one is preceded by a request on another map.
+    """
     stream = np.random.default_rng([seed, 5])
     box = (
         Wall(-4.0, -3.0, 4.0, -3.0),
@@ -68,7 +88,8 @@ def room(seed: int) -> Scene:
         Post(x, side * y, r) for x, y, r in stream.uniform((-2.2, 0.2, 0.15), (-1.4, 1.8, 0.4), (1, 3)).tolist()
     )
     start, target = (-3.2, side * float(stream.uniform(0.5, 2.0))), (3.2, side * float(stream.uniform(0.5, 2.2)))
-    return Scene(Place(*start, float(stream.uniform(-3.0, 3.0))), target, posts, (*box, jut))
+    scene = Scene(Place(*start, float(stream.uniform(-3.0, 3.0))), target, posts, (*box, jut))
+    return replace(scene, map_heading=0.7 if seed % 3 == 1 else 0.0, has_earlier_map=seed % 3 == 2)
 
 
 def room_or_cell(seed: int) -> Scene:
@@ -125,7 +146,7 @@ def _lines(answer: Path | PlanFailure) -> tuple[Line, ...]:
 
 
 def reaches(make: Maker, scene: Scene) -> Measured:
-    answer = ask(make, scene, grid_of(scene))
+    answer = _asked(make, scene)
     if _roomy(scene) is not None:
         said = f"{_told(answer)} where the robot has room for one"
         return Measured(isinstance(answer, Path), said, 0.0, _lines(answer))
@@ -138,9 +159,10 @@ def reaches(make: Maker, scene: Scene) -> Measured:
 
 def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
     """Least distance of a path's points from the middle of an occupied cell, less what is demanded of it."""
-    answer = ask(make, scene, grid_of(scene))
+    answer = _asked(make, scene)
     if isinstance(answer, PlanFailure):
         return Measured(True, _told(answer), 0.0)
+    points = transform(np.array([0.0, 0.0, -scene.map_heading]), answer.points)
     occupied, (x, y) = scene.cells(CELL)
     rows, cols = np.nonzero(occupied)
     least = math.inf
@@ -148,9 +170,9 @@ def _least(make: Maker, scene: Scene, radius: float, what: str) -> Measured:
         from scipy.spatial import KDTree
 
         centres = np.stack([x + (cols + 0.5) * CELL, y + (rows + 0.5) * CELL], axis=1)
-        least = float(KDTree(centres).query(_dense(answer.points))[0].min())
+        least = float(KDTree(centres).query(_dense(points))[0].min())
     said = f"{_told(answer)} that comes within {least:.3f} m of the middle of an occupied cell, {what}"
-    return Measured(least >= radius, said, least, _lines(answer))
+    return Measured(least >= radius, said, least, (Line("path", points),))
 
 
 def _dense(points: np.ndarray) -> np.ndarray:
@@ -188,6 +210,7 @@ def optimal_any_angle(make: Maker, scene: Scene) -> Measured:
 
 
 def _alike(make: Maker, scene: Scene, other: Scene, grid: OccupancyGrid) -> Measured:
+    scene, other = (replace(one, has_earlier_map=False) for one in (scene, other))
     here, there = ask(make, scene, grid_of(scene)), ask(make, other, grid)
     if isinstance(here, PlanFailure) or isinstance(there, PlanFailure):
         alike = type(here) is type(there)
@@ -209,10 +232,7 @@ def rotation(make: Maker, scene: Scene) -> Measured:
 
 
 def mirror(make: Maker, scene: Scene) -> Measured:
-    grid = grid_of(scene)
-    low = -(grid.origin.y + grid.cells.shape[0] * CELL)
-    flipped = OccupancyGrid(np.ascontiguousarray(grid.cells[::-1]), CELL, Pose2D(grid.origin.x, low, 0.0))
-    return _alike(make, scene, scene.mirrored(), flipped)
+    return _alike(make, scene, scene.mirrored(), _flipped(grid_of(scene)))
 
 
 PLANNERS = (

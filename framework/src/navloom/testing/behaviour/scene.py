@@ -13,7 +13,7 @@ from navloom.geometry.footprints import rectangle
 from navloom.geometry.frames import transform
 from navloom.geometry.world import Place
 
-__all__ = ["Post", "Scene", "Wall"]
+__all__ = ["ALL_ROUND", "TWO_LASERS", "Mount", "Post", "Scene", "Wall"]
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +41,22 @@ class Wall:
 
 
 @dataclass(frozen=True)
+class Mount:
+    """Where a laser is on the robot: m, base frame, the bearing of its middle beam and half its field of view, rad."""
+
+    name: str
+    x: float
+    y: float
+    middle: float
+    half_field: float
+
+
+ALL_ROUND = (Mount("laser", 0.0, 0.0, 0.0, math.pi),)
+TWO_LASERS = (Mount("rear", -0.2, 0.0, math.pi, 2.0), Mount("front", 0.2, 0.0, 0.0, 2.0))
+"""Neither is in the middle of the robot, and neither sees all of what is there."""
+
+
+@dataclass(frozen=True)
 class Scene:
     """What stands where, map frame.
 
@@ -50,6 +66,10 @@ class Scene:
         posts, walls: What is in the way.
         length, width: Of the robot's footprint, m.
         way: Corners of a way to follow, m; empty where there is none.
+        lasers: On the robot.
+        map_heading: By which the raster of its map is turned in the map frame, rad.
+        has_earlier_map: A planner is asked on another map of the same size first.
+        came: How far straight ahead the robot has come, m, where that matters.
     """
 
     start: Place
@@ -59,6 +79,10 @@ class Scene:
     length: float = 0.5
     width: float = 0.4
     way: tuple[tuple[float, float], ...] = ()
+    lasers: tuple[Mount, ...] = ALL_ROUND
+    map_heading: float = 0.0
+    has_earlier_map: bool = False
+    came: float = 0.0
 
     @property
     def outline(self) -> Floats:
@@ -75,6 +99,14 @@ class Scene:
         told.append(f"way of {len(self.way)} corners" if self.way else f"target {_at(*self.target)}")
         told += [f"post of {p.radius:.2g} m at {_at(p.x, p.y)}" for p in self.posts[:FEW]]
         told += [f"wall from {_at(w.x1, w.y1)} to {_at(w.x2, w.y2)}" for w in self.walls[:FEW]]
+        if self.came:
+            told.append(f"having come {self.came:g} m")
+        if self.lasers is not ALL_ROUND:
+            told.append("lasers at " + " and ".join(f"({one.x:g}, {one.y:g})" for one in self.lasers))
+        if self.map_heading:
+            told.append(f"raster turned by {math.degrees(self.map_heading):.0f}°")
+        if self.has_earlier_map:
+            told.append("after a request on the mirrored map")
         more = max(0, len(self.posts) - FEW) + max(0, len(self.walls) - FEW)
         return ", ".join(told) + (f" and {more} more things" if more else "")
 

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from navloom.testing.contract import answers, conduct, declared, objects, parameters, repeats, sense, state
+from navloom.testing.contract import (
+    answers,
+    conduct,
+    declared,
+    lasting,
+    objects,
+    parameters,
+    platforms,
+    repeats,
+    sense,
+    state,
+    steering,
+    surroundings,
+)
 
 __all__ = ["CHECKS"]
 
@@ -10,10 +23,14 @@ CHECKS = (
     *declared.CHECKS,
     *answers.CHECKS,
     *sense.CHECKS,
+    *surroundings.CHECKS,
+    *platforms.CHECKS,
+    *steering.CHECKS,
     *repeats.CHECKS,
     *state.CHECKS,
     *parameters.CHECKS,
     *conduct.CHECKS,
+    *lasting.CHECKS,
     *objects.CHECKS,
 )
 """In the order they run: first what needs no object, then what says most of a broken plugin."""

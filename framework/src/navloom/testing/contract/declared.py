@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from pydantic import ValidationError
@@ -37,6 +37,12 @@ NO_UNIT = re.compile(
 def fields_of(model: type[Params]) -> list[tuple[str, FieldInfo]]:
     """The parameters of a model."""
     return list(model.model_fields.items())
+
+
+def _models_of(cls: Any) -> dict[str, type[Params]]:
+    """What tables of a config hold for a plugin: its parameters, and the settings of each kind of sensor."""
+    settings: Mapping[str, type[Params]] = getattr(cls, "sensor_settings", {})
+    return {"": cls.Params, **{f" of the sensor {kind!r}": model for kind, model in settings.items()}}
 
 
 @check("contract", EVERY, "It is found under its name, and the registry takes it.", is_static=True)
@@ -72,37 +78,44 @@ def signatures(bench: Bench) -> Iterator[Finding]:
 @check("contract", CLASSES, "Each default is within its parameter's own bounds.", is_static=True)
 def defaults_within_bounds(bench: Bench) -> Iterator[Finding]:
     """Pydantic does not check defaults by itself."""
-    model: type[Params] = bench.subject.thing.Params
-    values = {name: field.get_default(call_default_factory=True) for name, field in fields_of(model) if not
-              field.is_required()}  # fmt: skip
-    given = {**bench.subject.params.model_dump(), **values}
-    try:
-        model.model_validate(given)
-    except ValidationError as error:
-        for one in error.errors(include_url=False):
-            name = ".".join(map(str, one["loc"])) or "the defaults together"
-            yield Finding(
-                f"the default of {name} is {one['input']!r}", f"a default that its own bounds allow: {one['msg']}",
-                place_of(model),
-            )  # fmt: skip
+    for owner, model in _models_of(bench.subject.thing).items():
+        values = {name: field.get_default(call_default_factory=True) for name, field in fields_of(model) if not
+                  field.is_required()}  # fmt: skip
+        given = {**(bench.subject.params.model_dump() if not owner else {}), **values}
+        try:
+            model.model_validate(given)
+        except ValidationError as error:
+            for one in error.errors(include_url=False):
+                if owner and one["type"] == "missing":
+                    continue
+                name = ".".join(map(str, one["loc"])) or "the defaults together"
+                yield Finding(
+                    f"the default of {name}{owner} is {one['input']!r}",
+                    f"a default that its own bounds allow: {one['msg']}", place_of(model),
+                )  # fmt: skip
 
 
-@check("contract", CLASSES, "The description of each parameter gives its unit.", is_static=True)
+@check(
+    "contract",
+    CLASSES,
+    "The description of each parameter, and of each setting of a sensor, gives its unit.",
+    is_static=True,
+)
 def units(bench: Bench) -> Iterator[Finding]:
     """Of real numbers; whole numbers, switches and texts have none."""
-    model: type[Params] = bench.subject.thing.Params
-    for name, field in fields_of(model):
-        text = field.description or ""
-        if not text:
-            yield Finding(
-                f"the parameter {name} has no description", "what it is, and its unit: Field(…, description='…, m.')",
-                place_of(model),
-            )  # fmt: skip
-        elif _is_real(field.annotation) and not (UNIT.search(text) or NO_UNIT.search(text) or _is_angle(name)):
-            yield Finding(
-                f"the description of {name} gives no unit: {text!r}", "its unit, as in 'Look-ahead distance, m.'; or "
-                "'no unit'", place_of(model),
-            )  # fmt: skip
+    for owner, model in _models_of(bench.subject.thing).items():
+        for name, field in fields_of(model):
+            text = field.description or ""
+            if not text:
+                yield Finding(
+                    f"the parameter {name}{owner} has no description",
+                    "what it is, and its unit: Field(…, description='…, m.')", place_of(model),
+                )  # fmt: skip
+            elif _is_real(field.annotation) and not (UNIT.search(text) or NO_UNIT.search(text) or _is_angle(name)):
+                yield Finding(
+                    f"the description of {name}{owner} gives no unit: {text!r}", "its unit, as in 'Look-ahead "
+                    "distance, m.'; or 'no unit'", place_of(model),
+                )  # fmt: skip
 
 
 @check("contract", CLASSES, "Parameters that the plugin does not know are refused.", is_static=True)

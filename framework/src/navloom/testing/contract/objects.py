@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from navloom.geometry.collision import clearance
 from navloom.geometry.footprints import rectangle
 from navloom.geometry.world import World
-from navloom.messages import SCHEMAS, Message, Pose2D
+from navloom.messages import SCHEMAS, Message, Pose2D, RangeScan
 from navloom.messages.codec import decode, encode, schema_label
 from navloom.study.metrics import Metric, measure
 from navloom.study.trail import Trail
+from navloom.testing import messages
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
 from navloom.testing.findings import Finding, NotRun
@@ -98,6 +99,7 @@ def _trails() -> dict[str, Trail]:
         "an open floor": _trail(200, clearance=np.full(200, math.inf)),
         "one tick": _trail(1, outcome="timeout"),
         "no tick": _trail(0, outcome="error"),
+        "a robot that backs up": _trail(200, vx=np.full(200, -0.2), wz=np.full(200, -0.3)),
         "a robot that stands": _trail(200, x=np.zeros(200), y=np.zeros(200), heading=np.zeros(200), outcome="stuck"),
     }  # fmt: skip
 
@@ -204,6 +206,9 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
             with TemporaryDirectory() as folder, GUARD.within("the scheme"):
                 world = bench.subject.thing(text, Path(folder))
         except ValueError:
+            if GUARD.deeds:
+                yield _scheme_deed(text)
+                return
             continue
         except (Exception, SystemExit) as error:
             said = f"raises {type(error).__name__}: {error}"
@@ -211,8 +216,7 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
                           f"argument {text[:40]!r}")  # fmt: skip
             return
         if GUARD.deeds:
-            deed = GUARD.deeds[0]
-            yield Finding(f"does this: {deed.text}", "to read only", deed.place, f"argument {text[:40]!r}")
+            yield _scheme_deed(text)
             return
         if not isinstance(world, World):
             yield Finding(f"gives {type(world).__name__}", "a World or ValueError", given=f"argument {text[:40]!r}")
@@ -220,6 +224,15 @@ def scheme_refuses(bench: Bench) -> Iterator[Finding]:
         if wrong := _not_finite(world, "world"):
             yield Finding(f"gives a world with {wrong}", "ValueError", given=f"argument {text[:40]!r}")
             return
+
+
+def _scheme_deed(text: str) -> Finding:
+    """What to say of what a scheme did beside reading below its base folder."""
+    deed = GUARD.deeds[0]
+    expected = (
+        "paths from the folder that it is given: base / argument" if deed.kind == "environment" else "to read only"
+    )
+    return Finding(f"does this: {deed.text[:80]}", expected, deed.place, f"argument {text[:40]!r}")
 
 
 def _not_finite(value: Any, path: str) -> str:
@@ -257,16 +270,42 @@ def panel_draws(bench: Bench) -> Iterator[Finding]:
     for cls in known or [panel.message]:
         for pose, track in ((None, np.empty((0, 4))), (Pose2D(1.0, 2.0, 0.5), np.array([[0.0, 1.0, 2.0, 0.5]]))):
             seen = Seen(actor, robot, "robot", "main", "port", pose, track, True, 1.0)
-            given = sample(cls, rng)
-            when = f"{cls.__name__}, {'before the first pose' if pose is None else 'with a pose'}"
-            drawn, problem = _problem(bench, lambda given=given, seen=seen: list(panel.to_rerun(given, seen)))  # type: ignore[misc]
-            if problem is not None:
-                yield replace(problem, expected="pairs of entity path and archetype, or none", given=when)
-                return
-            for one in drawn:
-                if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and one[0]):
-                    yield Finding(f"gives {one!r}"[:120], "(entity path, archetype)", given=when)
+            for what, given in _messages(cls, rng):
+                when = f"{cls.__name__}{what}, {'before the first pose' if pose is None else 'with a pose'}"
+                draw: Callable[[], list[Any]] = lambda given=given, seen=seen: list(panel.to_rerun(given, seen))  # type: ignore[misc]  # noqa: E731
+                drawn, problem = _problem(bench, draw)
+                if problem is not None:
+                    yield replace(problem, expected="pairs of entity path and archetype, or none", given=when)
                     return
+                wrong = next((said for one in drawn if (said := _undrawable(one))), "")
+                if wrong:
+                    yield Finding(
+                        f"gives {wrong}", "(entity path, rerun archetype), without infinite numbers", given=when
+                    )
+                    return
+
+
+def _messages(cls: type[Message], rng: np.random.Generator) -> Iterator[tuple[str, Message]]:
+    """Messages of a class, and what is odd of each."""
+    yield "", sample(cls, rng)
+    if cls is RangeScan:
+        yield " without an echo", messages.scan(math.inf)
+        yield " without beams", messages.scan(np.empty(0))
+
+
+def _undrawable(one: Any) -> str:
+    """Why something cannot be logged, in words; empty where it can."""
+    if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and one[0]):
+        return repr(one)[:100]
+    if not hasattr(one[1], "as_component_batches"):
+        return f"{one[0]!r} with {one[1]!r}"[:100]
+    for batch in one[1].as_component_batches():
+        values = batch.as_arrow_array()
+        while hasattr(values, "flatten") and str(values.type).startswith(("fixed_size_list", "list")):
+            values = values.flatten()
+        if str(values.type) in ("float", "double") and np.isinf(values.to_numpy(zero_copy_only=False)).any():
+            return f"{one[0]!r} with infinite numbers"
+    return ""
 
 
 @check("contract", {"message"}, "Encoded and decoded it is the same.")

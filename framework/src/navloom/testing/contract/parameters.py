@@ -19,7 +19,7 @@ from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding, NotRun
 from navloom.testing.player import Fault
 
-__all__ = ["CHECKS"]
+__all__ = ["CHECKS", "values_of"]
 
 STEPS = 4
 """Steps that are played with each value."""
@@ -35,7 +35,7 @@ def extremes(bench: Bench) -> Iterator[Finding]:
     given = bench.subject.params.model_dump()
     begun = perf_counter()
     for name, field in model.model_fields.items():
-        for value in _values(field, given.get(name)):
+        for value in values_of(field, given.get(name)):
             if perf_counter() - begun > ENOUGH:
                 return
             try:
@@ -80,7 +80,7 @@ def _changed(bench: Bench) -> Any:
     model: type[Params] = bench.subject.thing.Params
     given = bench.subject.params.model_dump()
     for name, field in model.model_fields.items():
-        for value in _values(field, given.get(name)):
+        for value in values_of(field, given.get(name)):
             if value != given.get(name):
                 try:
                     params = model.model_validate({**given, name: value})
@@ -94,7 +94,7 @@ def _changed(bench: Bench) -> Any:
     return bench.subject.params
 
 
-def _values(field: FieldInfo, default: Any) -> Iterator[Any]:
+def values_of(field: FieldInfo, default: Any) -> Iterator[Any]:
     """The extremes of one parameter."""
     kinds = _kinds(field.annotation)
     for kind in kinds:

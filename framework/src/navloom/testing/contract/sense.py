@@ -1,35 +1,41 @@
-"""What answers say in numbers, and what a plugin leaves changed in its process."""
+"""What answers say in numbers."""
 
 from __future__ import annotations
 
-import decimal
-import gc
 import math
-import os
-import random
-import signal
-import socket
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from navloom.messages import Path, RangeScan
+from navloom.geometry.frames import inverse, transform
+from navloom.messages import Message, OccupancyGrid, Path, RangeScan
+from navloom.plugins.registry import NODE
 from navloom.testing.bench import Bench, alike
 from navloom.testing.checks import check
-from navloom.testing.contract.kinds import PLAYED
 from navloom.testing.findings import Finding
 
 __all__ = ["CHECKS"]
 
+Floats = NDArray[np.float64]
+
 SHORTER = 0.98
 """Least ratio of a path's length to that of its points: pruning makes points shorter, never longer."""
+OCCUPIED = 50
+"""Occupancy, percent, from which a cell is blocked."""
+BLOCKED = 0.05
+"""Share of a path that may touch blocked cells: a diagonal step touches their corners."""
+ENDS = 0.5
+"""Way at each end of a path that is not judged, m."""
+SECOND_NS = 1_000_000_000
+UNITS = 500
+"""How many times a stamp in another unit than ns is too small, at least."""
 FULL_TURN = math.tau + 1e-6
 
 
 def _answers(bench: Bench) -> Iterator[tuple[Any, Any, int, Any]]:
-    """Scene, input, step and answer of every sound scene."""
+    """PlayedScene, input, step and answer of every sound scene."""
     for scene in bench.sound():
         with alike():
             player = bench.player(scene)
@@ -53,6 +59,56 @@ def path_length(bench: Bench) -> Iterator[Finding]:
             return
 
 
+@check("contract", {"planner"}, "A path leads through free cells of its own traversable grid.")
+def traversable(bench: Bench) -> Iterator[Finding]:
+    """It is pruned and smoothed within that grid. Near its ends the robot may stand close to something."""
+    for scene, _, step, answer in _answers(bench):
+        if not isinstance(answer, Path) or answer.traversable is None:
+            continue
+        share = _blocked_share(answer.points, answer.traversable)
+        if share > BLOCKED:
+            yield Finding(
+                f"gives a path of which {share:.0%} leads through cells that its traversable grid says are occupied",
+                "a grid of the same rows, columns, origin and resolution as the path was searched in",
+                given=bench.at(scene, step), scene=scene.name,
+            )  # fmt: skip
+            return
+
+
+def _blocked_share(points: Floats, grid: OccupancyGrid) -> float:
+    """Share of a path, without what is near its ends, in occupied cells of a grid or beside it."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    at = np.arange(ENDS, along[-1] - ENDS, 0.25 * grid.resolution)
+    if not len(at):
+        return 0.0
+    dense = np.column_stack([np.interp(at, along, points[:, k]) for k in (0, 1)])
+    origin = grid.origin
+    to_grid = inverse(np.array([origin.x, origin.y, origin.heading]))
+    cells = np.floor(transform(to_grid, dense) / grid.resolution).astype(int)
+    rows, columns = grid.cells.shape
+    is_inside = (cells >= 0).all(axis=1) & (cells[:, 1] < rows) & (cells[:, 0] < columns)
+    is_free = np.zeros(len(cells), dtype=np.bool_)
+    is_free[is_inside] = grid.cells[cells[is_inside, 1], cells[is_inside, 0]] < OCCUPIED
+    return 1.0 - float(is_free.mean())
+
+
+@check("contract", {"localizer"}, "The covariance is symmetric, and no direction has a negative variance.")
+def covariance(bench: Bench) -> Iterator[Finding]:
+    """What filters and gates invert."""
+    for scene, _, step, answer in _answers(bench):
+        given = answer.covariance
+        scale = max(float(np.abs(given).max()), 1e-12)
+        least = float(np.linalg.eigvalsh(0.5 * (given + given.T)).min())
+        if float(np.abs(given - given.T).max()) > 1e-6 * scale:
+            said = f"gives a covariance that is not symmetric: {given.tolist()}"
+        elif least < -1e-6 * scale:
+            said = f"gives a covariance with the negative eigenvalue {least:.3g}: {given.tolist()}"
+        else:
+            continue
+        yield Finding(said, "0.5 * (C + C.T) of a matrix C = A @ A.T", given=bench.at(scene, step), scene=scene.name)
+        return
+
+
 @check("contract", {"platform"}, "Bearings and half angles of scans are in rad, and beams begin within 10 m of base.")
 def scan_geometry(bench: Bench) -> Iterator[Finding]:
     """What no sensor can have."""
@@ -72,36 +128,34 @@ def scan_geometry(bench: Bench) -> Iterator[Finding]:
             return
 
 
-_LOOKS: dict[str, Callable[[], Any]] = {
-    "random": lambda: hash(random.getstate()),
-    "numpy.random": lambda: hash(np.random.get_state()[1].tobytes()),  # type: ignore[index]  # noqa: NPY002
-    "numpy.errstate": lambda: tuple(sorted(np.geterr().items())),
-    "the working directory": os.getcwd,
-    "the environment": lambda: tuple(sorted(os.environ.items())),
-    "the recursion limit": sys.getrecursionlimit,
-    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
-    "the decimal context": lambda: decimal.getcontext().prec,
-    "the default timeout of sockets": socket.getdefaulttimeout,
-    "signal handlers": lambda: tuple(str(signal.getsignal(one)) for one in (signal.SIGINT, signal.SIGTERM)),
-}
-"""What a process has but one of, and how it is looked at."""
+@check("contract", {"mapper", NODE}, "Stamps are on the run clock, in ns.")
+def stamps(bench: Bench) -> Iterator[Finding]:
+    """In the scenes it soon is at 1 s and more: a stamp in s or ms is next to nothing then."""
+    for scene, given, step, answer in _answers(bench):
+        now_ns = given.tick.time_ns if bench.subject.kind == NODE else given.stamp_ns
+        for name, stamp_ns in _stamps_of(answer):
+            if stamp_ns > now_ns + SECOND_NS or (now_ns >= SECOND_NS and 0 < stamp_ns < now_ns / UNITS):
+                yield Finding(
+                    f"gives {name} = {stamp_ns} at {now_ns} ns of the run clock", "ns of the run clock, as the stamps "
+                    "of what it is given", given=bench.at(scene, step), scene=scene.name,
+                )  # fmt: skip
+                return
 
 
-@check("contract", PLAYED, "A step leaves what the process has but one of as it is: random seeds, environment, folder.")
-def global_state(bench: Bench) -> Iterator[Finding]:
-    """Other plugins of the process, and the framework, have the same."""
-    scene = bench.sound()[0]
-    with alike():
-        before = {name: look() for name, look in _LOOKS.items()}
-        player = bench.player(scene)
-        for given in scene.inputs:
-            player.step(given)
-        changed = [name for name, look in _LOOKS.items() if look() != before[name]]
-    if changed:
-        yield Finding(
-            f"changes {', '.join(changed)}", "context.stream(name) for random numbers, and nothing else that is global",
-            given=f"scene {scene.name!r}", scene=scene.name,
-        )  # fmt: skip
+def _stamps_of(answer: Any) -> Iterator[tuple[str, int]]:
+    """Name and value of each stamp in an answer."""
+    if isinstance(answer, Message):
+        for name, kind in answer.kinds.items():
+            value = getattr(answer, name)
+            if kind.rule == "stamp":
+                yield f"{type(answer).__name__}.{name}", value
+            else:
+                yield from _stamps_of(value)
+    elif isinstance(answer, (tuple, list)):
+        for one in answer:
+            yield from _stamps_of(one)
+    elif isinstance(answer, Mapping):
+        yield from _stamps_of(tuple(answer.values()))
 
 
-CHECKS = (path_length, scan_geometry, global_state)
+CHECKS = (path_length, traversable, covariance, scan_geometry, stamps)

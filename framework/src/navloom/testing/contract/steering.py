@@ -1,0 +1,57 @@
+"""To which side an avoider steers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from navloom.geometry.world import World
+from navloom.messages import RangeScan
+from navloom.testing import builders, messages, scenes
+from navloom.testing.bench import Bench, alike
+from navloom.testing.checks import check
+from navloom.testing.findings import Finding, NotRun
+from navloom.testing.inputs import PERIOD
+
+__all__ = ["CHECKS"]
+
+PLACES = ((0.9, 0.45), (1.1, 0.4), (1.3, 0.5))
+"""Of a box ahead of the robot and beside its way, m."""
+LOOKS = 15
+"""Steps for which a standing robot looks."""
+TOWARDS = 0.05
+"""Change of the turn rate towards the box that counts, as a share of the robot's limit."""
+
+
+@check("contract", {"avoider"}, "It does not turn towards what stands beside its way, whichever side that is on.")
+def turns_away(bench: Bench) -> Iterator[Finding]:
+    """Against its answer on an open floor. One that prefers a side turns towards things on one side only."""
+    if not any(issubclass(RangeScan, kind) for kind in bench.subject.thing.accepts):
+        raise NotRun("it reads no range sensor")
+    bench.steady()
+    free = _turn_rate(bench, scenes.open_floor())
+    least = TOWARDS * builders.robot().max_angular
+    for side in (1.0, -1.0):
+        changes = [side * (_turn_rate(bench, scenes.box(x, side * y)) - free) for x, y in PLACES]
+        if min(changes) <= least:
+            return
+    yield Finding(
+        f"turns towards a box to its left, and towards one to its right, by {min(changes):.2f} rad/s and more",
+        "bearings counter-clockwise, left positive", given=f"a standing robot and a box at {PLACES[0]} m, base frame",
+    )  # fmt: skip
+
+
+def _turn_rate(bench: Bench, world: World) -> float:
+    """Turn rate, rad/s, that a standing robot is told to have when it has looked for a while; its target is ahead."""
+    scene = replace(bench.sound()[0], context=builders.context(role="avoider", period=PERIOD))
+    turn = 0.0
+    with alike():
+        player = bench.player(scene)
+        for step in range(LOOKS):
+            stamp = step * PERIOD
+            seen = messages.scan(world, (0.0, 0.0, 0.0), stamp=stamp)
+            turn = player.step(builders.avoider_input(seen, target=(3.0, 0.0), stamp=stamp)).twist.wz
+    return turn
+
+
+CHECKS = (turns_away,)

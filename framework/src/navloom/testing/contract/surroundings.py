@@ -1,0 +1,54 @@
+"""What a plugin takes from its process beside its inputs, and what it leaves changed there."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from navloom.testing.bench import Bench, alike
+from navloom.testing.checks import check
+from navloom.testing.contract.kinds import PLAYED
+from navloom.testing.findings import Finding
+from navloom.testing.process_state import PROCESS_STATE
+
+__all__ = ["CHECKS"]
+
+_SEEDS: Mapping[str, Callable[[], Any]] = MappingProxyType({
+    "random": lambda: hash(random.getstate()),
+    "numpy.random": lambda: hash(np.random.get_state()[1].tobytes()),  # type: ignore[index]  # noqa: NPY002
+})  # fmt: skip
+
+
+@check("contract", PLAYED, "A step leaves what the process has but one of as it is: random seeds, environment, folder.")
+def global_state(bench: Bench) -> Iterator[Finding]:
+    """Other plugins of the process, and the framework, have the same. Its import leaves it as it is, too."""
+    scene = bench.sound()[0]
+    with alike():
+        before = {name: look() for name, look in _SEEDS.items()}
+        player = bench.player(scene)
+        for given in scene.inputs:
+            player.step(given)
+        seeds = [name for name, look in _SEEDS.items() if look() != before[name]]
+    by_import, by_calls = PROCESS_STATE.changed()
+    expected = "context.stream(name) for random numbers, and nothing else that is global"
+    if seeds or by_calls:
+        yield Finding(f"changes {', '.join(seeds + by_calls)}", expected, given=f"scene {scene.name!r}",
+                      scene=scene.name)  # fmt: skip
+    elif by_import:
+        yield Finding(f"changes {', '.join(by_import)} when it is imported", expected)
+
+
+@check("contract", PLAYED - {"platform"}, "A call reads no environment variable, and nothing of the working folder.")
+def environment(bench: Bench) -> Iterator[Finding]:
+    """They differ between the computers and the services that run a robot. A platform that is a driver may."""
+    if "environment" in bench.deeds:
+        deed, scene = bench.deeds["environment"]
+        yield Finding(f"reads {deed.text.removeprefix('open ')}", "a parameter: a field of its Params",
+                      deed.place, f"scene {scene.name!r}", scene.name)  # fmt: skip
+
+
+CHECKS = (global_state, environment)

@@ -1,0 +1,92 @@
+"""What a process has but one of: settings that all its plugins and the framework share."""
+
+from __future__ import annotations
+
+import decimal
+import gc
+import locale
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+__all__ = ["PROCESS_STATE", "ProcessState"]
+
+ENVIRONMENT = "the environment"
+
+
+def _signal_handlers() -> tuple[str, ...]:
+    return tuple(f"{one} {signal.getsignal(one)}" for one in sorted(signal.valid_signals()))
+
+
+def _root_logger() -> tuple[Any, ...]:
+    root = logging.getLogger()
+    return root.level, tuple(type(one).__name__ for one in root.handlers), root.manager.disable
+
+
+def _blanket_filters() -> tuple[str, ...]:
+    """Filters for every warning; libraries add filters of their own classes when they are imported."""
+    return tuple(action for action, text, kind, module, _ in warnings.filters if (text, kind, module) == (None, Warning,
+                 None))  # fmt: skip
+
+
+LOOKS: Mapping[str, Callable[[], Any]] = MappingProxyType({
+    "numpy.errstate": lambda: tuple(sorted(np.geterr().items())),
+    "numpy's print options": lambda: repr(np.get_printoptions()),
+    "the working directory": os.getcwd,
+    ENVIRONMENT: lambda: tuple(sorted(os.environ.items())),
+    "the recursion limit": sys.getrecursionlimit,
+    "the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
+    "the switch interval of threads": sys.getswitchinterval,
+    "the decimal context": lambda: decimal.getcontext().prec,
+    "the default timeout of sockets": socket.getdefaulttimeout,
+    "the locale": lambda: locale.setlocale(locale.LC_ALL),
+    "the root logger": _root_logger,
+    "the filters of warnings": _blanket_filters,
+    "the hooks for uncaught exceptions": lambda: (id(sys.excepthook), id(threading.excepthook)),
+    "sys.stdout or sys.stderr": lambda: (id(sys.stdout), id(sys.stderr)),
+    "the priority of the process": lambda: os.getpriority(os.PRIO_PROCESS, 0),
+    "signal handlers": _signal_handlers,
+    "timers of signals": lambda: signal.getitimer(signal.ITIMER_REAL)[1],
+})  # fmt: skip
+"""How each is looked at. Random seeds are looked at in a play: every play sets them."""
+
+
+class ProcessState:
+    """What was there before the plugin was imported, and what was changed since."""
+
+    def __init__(self) -> None:
+        self._before: dict[str, Any] = {}
+        self._imported: dict[str, Any] = {}
+
+    def note_before_import(self) -> None:
+        """The plugin is imported next."""
+        self._before = self._imported = _look()
+
+    def note_import(self) -> None:
+        """The plugin was imported, and no object of it was made. Libraries that it imports may set the environment."""
+        self._imported = _look()
+        self._before[ENVIRONMENT] = self._imported[ENVIRONMENT]
+
+    def changed(self) -> tuple[list[str], list[str]]:
+        """What the import changed, and what calls changed."""
+        now = _look()
+        by_import = [name for name, value in self._imported.items() if value != self._before[name]]
+        by_calls = [name for name, value in self._imported.items() if value != now[name]]
+        return by_import, by_calls
+
+
+def _look() -> dict[str, Any]:
+    return {name: look() for name, look in LOOKS.items()}
+
+
+PROCESS_STATE = ProcessState()
+"""Of this process."""

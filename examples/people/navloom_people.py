@@ -1,4 +1,4 @@
-"""People near the robot: a sensor finds their beacons, nodes track them, an avoider slows near them, a panel draws them."""
+"""People near the robot: a sensor finds their beacons, nodes track them, an avoider slows down, a panel shows them."""
 
 import math
 from dataclasses import replace

@@ -18,12 +18,12 @@ __all__ = ["AStar", "Dijkstra", "JumpPoint", "PlannerOnGrid"]
 
 
 class PlannerOnGrid(Planner[AstarParams]):
-    """A planner on the grid; which search it uses is all that one has of its own."""
+    """Base of the planners on a grid. Subclasses only choose the search."""
 
     claims = {Claim.OPTIMAL, Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
     search: ClassVar[type[Search]]
-    """Makes the search for grids of a shape (rows, columns)."""
+    """Class of the search; the planner creates one for each grid shape (rows, columns)."""
 
     def __init__(self, params: AstarParams, context: Context) -> None:
         super().__init__(params, context)

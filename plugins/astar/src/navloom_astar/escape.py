@@ -1,4 +1,4 @@
-"""Leaving the inflation: a robot that stands nearer to an obstacle than its inflation allows still wants to go."""
+"""Leave the inflation: plan for a robot that starts closer to an obstacle than the inflation allows."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ _STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
 
 
 def way_out(occupied: Bools, traversable: Bools, start: Cell, goal: Cell, within: float) -> list[Cell] | None:
-    """The shortest way from a cell to the nearest traversable one, if possible one connected with the goal.
+    """The shortest way from a cell to the nearest traversable cell that is connected with the goal.
 
-    It keeps out of obstacles and does not cut their corners (Dijkstra 1959).
+    If no such cell is within the distance, the way leads to the nearest traversable cell. The way keeps out of
+    obstacles and does not cut their corners (Dijkstra 1959).
 
     Args:
         occupied: (rows, columns) obstacles as they are.
-        traversable: (rows, columns) obstacles grown by the robot, inverted.
+        traversable: (rows, columns) cells outside the obstacles after these are grown by the robot.
         start, goal: Cells; the goal is traversable.
         within: Longest way out, cells.
 
     Returns:
-        Cells from the start to the first traversable one, or None where there is none within that distance.
+        Cells from the start to the first traversable one, or None if there is none within that distance.
     """
     parents = {start: start}
     nearest, is_connected = None, None
@@ -53,14 +54,15 @@ def way_out(occupied: Bools, traversable: Bools, start: Cell, goal: Cell, within
 
 
 def _connection(traversable: Bools, goal: Cell) -> Callable[[Cell], bool]:
-    """Whether a traversable cell is connected with the goal, as a function of it. Some cell is not traversable.
+    """A function that returns whether a traversable cell is connected with the goal. At least one cell must be blocked.
 
-    Outside of the box round what is blocked, all cells are connected over those next to the box, as far as they are
-    connected there at all. So the box with these is enough, and a cell outside counts as the one next to the box.
+    Only the box around the blocked cells is labelled, enlarged by one cell on each side. All cells outside the enlarged
+    box are free. So a way outside can be replaced by one along the edge of the box, and a cell outside is connected
+    with the nearest cell of that edge and shares its label.
     """
     rows, columns = (np.flatnonzero((~traversable).any(axis=axis)) for axis in (1, 0))
     low, left = max(int(rows[0]) - 1, 0), max(int(columns[0]) - 1, 0)
-    # No diagonal step without both straight ones: what is connected is so by straight steps.
+    # A diagonal step needs both cells beside it, so straight steps alone connect the same cells.
     parts, _ = ndimage.label(traversable[low : rows[-1] + 2, left : columns[-1] + 2])
     high, right = parts.shape[0] - 1, parts.shape[1] - 1
 
@@ -72,7 +74,7 @@ def _connection(traversable: Bools, goal: Cell) -> Callable[[Cell], bool]:
 
 
 def _explore(occupied: Bools, parents: dict[Cell, Cell], start: Cell, within: float) -> Iterator[Cell]:
-    """The cells within a distance, cells, the nearest first, of those as near by row and column; fills `parents`."""
+    """Yield the cells within a distance, cells, nearest first; ties go by row, then column. Fills `parents`."""
     rows, columns = occupied.shape
     distances, heap = {start: 0.0}, [(0.0, start)]
     while heap:

@@ -19,27 +19,31 @@ Spot = tuple[float, float]
 """x, y, m, map frame."""
 
 MAX_CELLS = 16_000_000
-"""Segments are not drawn on larger grids."""
+"""Largest number of cells of a grid that is drawn from segments or enlarged."""
 
 _EDGE = 1e-9
-"""Places on the outer edge belong to the map, in cells."""
+"""Tolerance at cell edges, cells: points on the outer edge belong to the map."""
 
 
 class _Lattice:
-    """Cells on the map: `resolution` is their edge, m; `origin` x, y, m, and heading, rad, of the corner of (0, 0)."""
+    """Square cells placed in the map frame.
+
+    `resolution` is the edge of a cell, m. `origin` is x, y, m, and heading, rad, of the lower left corner of cell
+    (0, 0).
+    """
 
     resolution: float
     origin: tuple[float, float, float]
 
     def place(self, spot: Spot) -> Spot:
-        """A place, m, map frame, as column and row with fractions: cell (r, c) is c..c+1, r..r+1."""
+        """Column and row, with fractions, of a point, m, map frame. Cell (r, c) spans c..c+1 by r..r+1."""
         x, y, heading = self.origin
         cos, sin = math.cos(heading), math.sin(heading)
         along, across = spot[0] - x, spot[1] - y
         return (cos * along + sin * across) / self.resolution, (cos * across - sin * along) / self.resolution
 
     def places(self, points: Floats) -> Floats:
-        """The same of points (n, 2)."""
+        """(n, 2) columns and rows, with fractions, of points (n, 2), m, map frame."""
         x, y, heading = self.origin
         cos, sin = math.cos(heading), math.sin(heading)
         moved = points - (x, y)
@@ -48,7 +52,7 @@ class _Lattice:
         )
 
     def corner(self, row: int, column: int) -> Spot:
-        """Lower left corner, m, map frame, of a cell, which may be outside."""
+        """Lower left corner of a cell, m, map frame. The cell may be outside the grid."""
         x, y, heading = self.origin
         along, across = column * self.resolution, row * self.resolution
         return (
@@ -57,7 +61,7 @@ class _Lattice:
         )
 
     def centres(self, cells: NDArray[np.int64]) -> Floats:
-        """(n, 2) centres, m, map frame, of cells (n, 2) by row and column."""
+        """(n, 2) centres of cells, m, map frame. `cells`: (n, 2) rows and columns."""
         x, y, heading = self.origin
         cos, sin = math.cos(heading), math.sin(heading)
         along, across = (cells[:, 1] + 0.5) * self.resolution, (cells[:, 0] + 0.5) * self.resolution
@@ -66,7 +70,7 @@ class _Lattice:
 
 @dataclass(frozen=True, eq=False)
 class RasterMap(_Lattice):
-    """A raster map as it comes in.
+    """A raster map as received.
 
     Attributes:
         cells: (rows, columns) int8: 0 free to 100 occupied, -1 unknown; row 0 has the lowest y.
@@ -81,10 +85,10 @@ class RasterMap(_Lattice):
 
 @dataclass(frozen=True, eq=False)
 class PlanningGrid(_Lattice):
-    """What is searched.
+    """The grid that is searched.
 
     Attributes:
-        occupied, unknown: (rows, columns); row 0 has the lowest y of the grid's frame.
+        occupied, unknown: (rows, columns); row 0 has the lowest y in the grid's own frame.
         resolution: Edge of a cell, m.
         origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0) in the map frame.
     """
@@ -95,7 +99,7 @@ class PlanningGrid(_Lattice):
     origin: tuple[float, float, float]
 
     def cell_at(self, spot: Spot) -> Cell | None:
-        """The cell that holds a place, or None outside."""
+        """The cell that contains a point, m, map frame, or None if the point is outside the grid."""
         inside = []
         for value, count in zip(self.place(spot), self.occupied.shape[::-1], strict=True):
             if not -_EDGE <= value <= count + _EDGE or count == 0:
@@ -105,14 +109,14 @@ class PlanningGrid(_Lattice):
 
 
 def grid_of_cells(given: RasterMap, occupied_from: int) -> PlanningGrid:
-    """A raster map's own cells, occupied from a value in percent."""
+    """The cells of a raster map as a planning grid; cells of at least `occupied_from` percent are occupied."""
     return PlanningGrid(given.cells >= occupied_from, given.cells < 0, given.resolution, given.origin)
 
 
 def enlarged(grid: PlanningGrid, include: tuple[Spot, ...], margin: float) -> PlanningGrid | None:
-    """A grid that also holds some places, m, and a margin, m, round all; what is new is unknown.
+    """The grid, enlarged to contain the points to include, m, map frame, and a margin around all, m.
 
-    None where that is more than `MAX_CELLS`.
+    New cells are unknown. Returns None if the result would have more than `MAX_CELLS` cells.
     """
     rows, columns = grid.occupied.shape
     places = np.array([grid.place(spot) for spot in include] + [(0.0, 0.0), (columns, rows)])
@@ -141,19 +145,21 @@ def grid_of_segments(
     method: RasterMethod = "distance",
     paper_t: float = 2.0,
 ) -> PlanningGrid | None:
-    """A grid drawn from outlines (Hoang et al. 2013, III.A). It holds them, the raster map and the places to include.
+    """A grid drawn from outlines (Hoang et al. 2013, III.A).
+
+    It contains the outlines, the raster map and the points to include.
 
     Args:
         segments: (n, 4) x1, y1, x2, y2, m, map frame.
-        given: The raster map. It tells what is unknown: cells whose centre is so there, or outside of it.
+        given: The raster map. A cell of the new grid is unknown if its centre is unknown on this map or outside it.
         cell: Edge of a cell, m.
-        anchor: A cell centre: the start S.
-        include: Further places it must hold: start and goal.
-        margin: Added on all sides, m.
-        method, paper_t: As of `raster.draw_segments`.
+        anchor: Point that is the centre of a cell, m, map frame: the start S.
+        include: Other points that the grid must contain, m, map frame: start and goal.
+        margin: Margin added on all sides, m.
+        method, paper_t: See `raster.draw_segments`.
 
     Returns:
-        The smallest such grid, or None where that is larger than `MAX_CELLS`.
+        The smallest such grid, or None if that has more than `MAX_CELLS` cells.
     """
     ends = np.concatenate(
         [segments.reshape(-1, 2), np.array(include, dtype=np.float64).reshape(-1, 2), _corners(given)]
@@ -172,7 +178,7 @@ def grid_of_segments(
 
 
 def _corners(given: RasterMap) -> Floats:
-    """(4, 2) m, map frame; (0, 2) of a map without cells."""
+    """(4, 2) corners of the map, m, map frame; (0, 2) for a map without cells."""
     if given.cells.size == 0:
         return np.empty((0, 2))
     x, y, heading = given.origin
@@ -185,7 +191,7 @@ def _corners(given: RasterMap) -> Floats:
 
 
 def _unknown_on(given: RasterMap, grid: PlanningGrid) -> Bools:
-    """(rows, columns) of the grid, True where its cell's centre is unknown on the map or outside of it."""
+    """(rows, columns) of the grid: True where the cell's centre is unknown on the map or outside it."""
     index = np.indices(grid.occupied.shape).reshape(2, -1).T
     places = np.floor(given.places(grid.centres(index)) + _EDGE).astype(np.int64)
     inside = ((places >= 0) & (places < given.cells.shape[::-1])).all(axis=1)

@@ -1,9 +1,10 @@
-"""Growing obstacles by the size of the robot, so that a point is planned for (configuration space of a disc or square).
+"""Grow obstacles by the size of the robot, so that the robot can be planned for as a point.
 
-Any shape works that is symmetric and narrows away from its middle row: it is given by how far it reaches to either side
-in the row itself, the next one, and so on. Two passes down and up find each cell's distance to the nearest obstacle in
-its column, two along the rows spread that by the reach at that distance: four steps a cell, whatever the size. They
-are taken in the box round all obstacles alone.
+The result is the configuration space of a disc or a square. Any shape works that is symmetric and narrows away from its
+middle row. Its *reach* lists its half width in the middle row, in the next row, and so on. Two passes, down and up,
+find each cell's distance to the nearest obstacle in its column. Two passes along the rows spread the obstacles by the
+reach at that distance. This costs four steps per cell, whatever the size of the shape. Only the box around all
+obstacles is processed.
 """
 
 from __future__ import annotations
@@ -21,25 +22,27 @@ Floats = NDArray[np.float64]
 Reach = NDArray[np.int32]
 
 _TOUCH = 1e-9
-"""A robot may come this much nearer than its radius, in cells: touching is not a collision, whatever the rounding."""
+"""How much closer than its radius the robot may come, cells: touching is not a collision, whatever the rounding."""
 
 
 def square_reach(cells: int) -> Reach:
-    """(cells + 1,) reach of a square of 2 cells + 1 to a side: the dilation of Hoang et al. 2013, III.A, by 2 cells."""
+    """(cells + 1,) reach of a square with sides of 2 * cells + 1; Hoang et al. 2013, III.A, dilate by 2 cells."""
     return np.full(cells + 1, cells, dtype=np.int32)
 
 
 def disc_reach(radius: float) -> Reach:
-    """Reach of a disc round a cell's centre that must not meet any point of an obstacle's cell.
+    """Reach of a disc around a cell's centre that must not meet any point of an obstacle's cell.
 
-    This is exact, as the distance of the centre from the cell's nearest edge or corner is compared, and on the safe
-    side for obstacles, which may lie anywhere in their cells. The centre of the robot is taken to be at cell centres.
+    The centre of the robot is assumed to be at a cell centre. Its distance from the nearest edge or corner of the
+    obstacle's cell is compared with the radius. This is exact for whole cells, and on the safe side for the obstacle
+    itself, which may lie anywhere in its cell.
 
     Args:
         radius: Cells, >= 0.
 
     Returns:
-        (n,) how many cells to either side are too near, by rows from the obstacle's; at least its own cell.
+        (n,) number of cells on either side that are too close; element i is i rows from the obstacle's row. Element 0
+        always exists, so an obstacle's own cell is always blocked.
     """
     reach = [0]
     if radius - _TOUCH > 0.5:
@@ -57,7 +60,7 @@ def grow(occupied: Bools, reach: Reach) -> Bools:
 
     Args:
         occupied: (rows, columns).
-        reach: (n,) half widths, not rising.
+        reach: (n,) half widths, which never increase.
     """
     if len(reach) == 1 and reach[0] == 0:
         return occupied.copy()
@@ -65,14 +68,18 @@ def grow(occupied: Bools, reach: Reach) -> Bools:
 
 
 def inscribed_radius(footprint: Floats) -> float:
-    """Largest disc round the origin within a convex outline. `footprint`: (n, 2) m, base frame, counter-clockwise."""
+    """Radius of the largest disc around the origin within a convex outline, m.
+
+    Args:
+        footprint: (n, 2) corners, m, base frame, counter-clockwise.
+    """
     edges = np.roll(footprint, -1, axis=0) - footprint
     across = footprint[:, 0] * edges[:, 1] - footprint[:, 1] * edges[:, 0]
     return float((across / np.hypot(edges[:, 0], edges[:, 1])).min())
 
 
 def circumscribed_radius(footprint: Floats) -> float:
-    """Smallest disc round the origin that covers an outline. `footprint`: (n, 2) m, base frame."""
+    """Radius of the smallest disc around the origin that covers an outline, m. `footprint`: (n, 2) m, base frame."""
     return float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
 
 
@@ -111,7 +118,7 @@ def _grow(occupied: Bools, reach: Reach) -> Bools:
 
 @njit(cache=True, nogil=True)
 def _box(cells: NDArray[np.uint8]) -> tuple[int, int, int, int]:
-    """First and last row, first and last column that hold a cell other than 0; of none, the last row is below."""
+    """First and last row, first and last column with a cell other than 0; if there is none, the last row is -1."""
     low, high, in_column = cells.shape[0], -1, np.zeros(cells.shape[1], np.uint8)
     for row in range(cells.shape[0]):
         in_row = np.uint8(0)

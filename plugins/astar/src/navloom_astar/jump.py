@@ -1,13 +1,15 @@
 """Jump point search without corner cutting (Harabor & Grastien 2011, 2012, 2014).
 
-The successors are those of `search`: coming straight, on, and to the side only where an obstacle beside the cell
-before ends; coming diagonally, on and both straight ways beside. Here they are followed at once to the next cell with
-a choice, so that only such **jump points** enter the open list:
+The successors are those of `search`. After a straight step, the search goes straight on; it also turns to a side if an
+obstacle beside the previous cell ends there. After a diagonal step, it goes on diagonally or along either of the two
+neighbouring straight directions. Jump point search follows each direction at once to the next cell with a choice. Only
+these **jump points** enter the open list:
 
-- Straight: the goal, or a cell beside which an obstacle has just ended. With corners cut that would be the cell before,
-  from which a diagonal step leads round the obstacle; without, one has to be past it (2012, "no corner cutting").
-- Diagonally: the goal, or a cell from which either of the straight ways beside meets a jump point. No obstacle forces a
-  choice there, since both cells beside a diagonal step must be free.
+- In a straight direction: the goal, or a cell beside which an obstacle has just ended. If corners could be cut, the
+  jump point would be the previous cell, from which a diagonal step leads around the obstacle. Without corner cutting,
+  the robot must first pass the corner (2012, "no corner cutting").
+- In a diagonal direction: the goal, or a cell from which either neighbouring straight direction leads to a jump point.
+  No obstacle forces a choice on the diagonal itself, since both cells beside a diagonal step must be free.
 
 Costs are the whole numbers of `search.step_costs`, so lengths are ranked exactly and equal those of A*.
 """
@@ -38,14 +40,14 @@ from navloom_astar.search import (
 __all__ = ["JumpPointSearch", "warm_up"]
 
 _NONE = 0
-"""No jump point: cell 0 is the border's corner."""
+"""Index that means "no jump point": cell 0 is a corner of the border."""
 
 
 class JumpPointSearch(GridSearch):
-    """As `GridSearch`, by jump points.
+    """Same as `GridSearch`, by jump points.
 
-    Jumping leaves out ways that are only *as* short as another, which holds on ground of one cost alone: with extra
-    costs, A* is used. So it is where there is no way, to tell the same place.
+    Jumping skips ways that are only *as* short as another. This is valid only if all ground costs the same, so with
+    extra costs A* is used. A* also runs if there is no way, so that both report the same nearest cell.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -55,7 +57,7 @@ class JumpPointSearch(GridSearch):
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
     ) -> Way | Closed:
-        """As `GridSearch.shortest`."""
+        """See `GridSearch.shortest`."""
         if extra is not None:
             return super().shortest(free, start, goal, extra)
         self._check(free, start, goal, None)
@@ -76,7 +78,7 @@ def _search(
     wall: Bools, cost: NDArray[np.int64], arrival: NDArray[np.uint8], parent: NDArray[np.int32], start: int, goal: int,
     base: int, top: int, q: int, p: int,
 ) -> bool:  # fmt: skip
-    """Fill `cost`, `arrival` and `parent` of jump points until the goal's are final. Whether it was reached."""
+    """Fill `cost`, `arrival` and `parent` of jump points until the goal's are final. Returns whether it was reached."""
     stride, walls = np.int64(wall.shape[1]), wall.reshape(-1)
     offsets = np.array((1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, 1 - stride))
     goal_row, goal_column = goal // stride, goal % stride
@@ -114,7 +116,7 @@ def _search(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _run(walls: Bools, cell: Index, k: Index, offsets: NDArray[np.int64], goal: int) -> Index:
-    """The next jump point straight on in direction k, or none."""
+    """The next jump point in the straight direction k, or `_NONE`."""
     ahead, left, right = offsets[k], offsets[(k + 2) & 7], offsets[(k - 2) & 7]
     was_left, was_right = walls[cell + left], walls[cell + right]
     while True:
@@ -129,7 +131,7 @@ def _run(walls: Bools, cell: Index, k: Index, offsets: NDArray[np.int64], goal: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _slide(walls: Bools, cell: Index, k: Index, offsets: NDArray[np.int64], goal: int) -> Index:
-    """The next jump point in the diagonal direction k, or none."""
+    """The next jump point in the diagonal direction k, or `_NONE`."""
     ahead, right, left = offsets[k], offsets[k - 1], offsets[(k + 1) & 7]
     while not (walls[cell + left] or walls[cell + right] or walls[cell + ahead]):
         cell += ahead
@@ -142,7 +144,7 @@ def _slide(walls: Bools, cell: Index, k: Index, offsets: NDArray[np.int64], goal
 def _trace(
     arrival: NDArray[np.uint8], parent: NDArray[np.int32], stride: int, start: int, goal: int
 ) -> tuple[NDArray[np.int64], int]:
-    """(n, 2) rows and columns of all cells of the way without the border, and its number of diagonal steps."""
+    """(n, 2) rows and columns of all cells of the way, not counting the border, and its number of diagonal steps."""
     count, diagonal, cell = 1, 0, goal
     while cell != start:
         before = int(parent[cell])

@@ -17,7 +17,7 @@ __all__ = ["AstarParams"]
 
 
 class AstarParams(Params):
-    """Lengths in m. The README tells where each default comes from."""
+    """Parameters of the three planners. Lengths in m. The README gives the source of each default."""
 
     source: Literal["auto", "segments", "cells"] = Field(
         "auto", description="plan on outlines or on the map's own cells; auto: outlines where there are any"
@@ -56,7 +56,7 @@ class AstarParams(Params):
     )
 
     def settings(self, footprint: NDArray[np.float64]) -> Settings:
-        """The same for the pure modules.
+        """Settings of the pure modules, with words such as "inscribed" resolved to lengths.
 
         Args:
             footprint: (n, 2) corners of the robot, m, base frame, convex, counter-clockwise.

@@ -1,4 +1,4 @@
-"""From a map, a start and a goal to a path, or the reason why there is none and where."""
+"""Plan a path from a map, a start and a goal. If there is none, report why and where."""
 
 from __future__ import annotations
 
@@ -22,33 +22,37 @@ __all__ = ["Failure", "Found", "GoalOccupied", "GridPlanner", "NoPath", "Outside
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 _OUT_OF_A_CORNER = 1.5
-"""The way out of the inflation of a corner is sqrt(2) times as long as out of that of a wall, and cells are coarse."""
+"""Longest way out of the inflation, in multiples of its reach plus one cell.
+
+The way out at a corner is up to sqrt(2) times as long as at a wall, and cells are coarse.
+"""
 _SQUEEZE_COST = 3
-"""A metre through a passage narrower than the inflation counts as this many more."""
+"""Extra cost of each metre through a passage narrower than the inflation, m per m."""
 _SMOOTHING_CELLS = 3
-"""How far beside its way through such a passage the robot may be, cells."""
+"""Half width of the corridor around the way through such a passage, cells. The framework smooths the path within it."""
 FailureKind = Literal["start_occupied", "goal_occupied", "outside_map", "no_path"]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How maps become grids, and grids are searched.
+    """How maps are turned into grids and how the grids are searched.
 
     Attributes:
-        source: What is planned on; "auto": segments where there are any, else the map's own cells.
+        source: Map content to plan on. "auto": segments if there are any, otherwise the map's own cells.
         cell: Edge of a cell of the grid that segments are drawn on, m.
-        raster, paper_t: As of `raster.draw_segments`.
-        margin: Round everything the grid must hold, m: that of segments, and one that is enlarged.
-        outside: Start and goal beyond the map's own cells are refused, or it is enlarged by what is unknown.
-        occupied_from: Cells of at least this value are obstacles, percent.
-        inflation: "auto": "cells" on segments, "metres" on the map's cells.
-        dilation_cells: Half width of the square of "cells".
-        radius: Of the disc of "metres", m.
-        unknown: What is not known is free, an obstacle, or costs `unknown_cost` times its length on top.
-        unknown_cost: No unit; rounded to eighths, up to 31.
-        squeeze: Smaller radius of "metres" for passages to be taken where there is no other way, m; None: never.
-        escape: Longest way out of the inflation from the start, m; None: 1.5 times the reach of the inflation and a
-            cell.
+        raster, paper_t: See `raster.draw_segments`.
+        margin: Margin around everything the grid must contain, m. Used for grids of segments and for enlarged grids.
+        outside: What happens if the start or goal is outside the map's own cells. "refused": planning fails.
+            "unknown": the grid is enlarged with unknown cells.
+        occupied_from: Lowest value of a cell that counts as an obstacle, percent.
+        inflation: How obstacles are grown. "cells": by a square. "metres": by a disc. "auto": "cells" on segments,
+            "metres" on the map's cells.
+        dilation_cells: Half width of the square of "cells", cells.
+        radius: Radius of the disc of "metres", m.
+        unknown: Unknown cells are free, are obstacles, or have an extra cost of `unknown_cost` times their length.
+        unknown_cost: Extra cost per length on unknown cells, no unit; rounded to eighths, up to 31.
+        squeeze: Smaller radius for "metres", m, used if there is no path with `radius`; None: never.
+        escape: Longest way out of the inflation from the start, m. None: 1.5 times the sum of its reach and one cell.
     """
 
     source: Literal["auto", "segments", "cells"] = "auto"
@@ -72,10 +76,10 @@ class Found:
     """A path.
 
     Attributes:
-        points: (n, 2) start, centres of the cells between or at its turns, goal; m, map frame; n >= 2.
-        length: Of that polyline, m.
-        traversable: (rows, columns) of the grid: where the centre of the robot may be.
-        grid: What was searched.
+        points: (n, 2) start, centres of the cells along the way or at its turns, goal; m, map frame; n >= 2.
+        length: Length of that polyline, m.
+        traversable: (rows, columns) of the grid: cells in which the centre of the robot may be.
+        grid: The grid that was searched.
     """
 
     points: Floats
@@ -86,7 +90,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no path: `place` is where, m, map frame; `detail` one sentence for people."""
+    """Why there is no path. `place` is the point it concerns, m, map frame; `detail` is one sentence for people."""
 
     kind: ClassVar[FailureKind]
     place: Spot
@@ -106,26 +110,26 @@ class GoalOccupied(Failure):
 
 
 class OutsideMap(Failure):
-    """Start or goal is not on the map, or too far away to make one."""
+    """The start or goal is outside the map, or too far away to create a grid that contains it."""
 
     kind = "outside_map"
 
 
 class NoPath(Failure):
-    """Start and goal are not connected; the place is where the search came nearest to the goal."""
+    """Start and goal are not connected; `place` is the reachable point that is nearest to the goal."""
 
     kind = "no_path"
 
 
 class WayOfCells(Protocol):
-    """What a search finds: `cells` (n, 2), rows and columns from start to goal, next to each other or in sight."""
+    """Result of a search: `cells` (n, 2), rows and columns from start to goal, each next to or in sight of the last."""
 
     @property
     def cells(self) -> NDArray[np.int64]: ...
 
 
 class Search(Protocol):
-    """Searches on grids of one shape; arguments and answers as of `GridSearch.shortest`."""
+    """Search on grids of one shape. For arguments and results, see `GridSearch.shortest`."""
 
     shape: tuple[int, int]
 
@@ -137,12 +141,12 @@ class Search(Protocol):
 
 
 class GridPlanner:
-    """Plans on any number of maps; keeps the work arrays of the last grid size.
+    """Planner for any number of maps. It keeps the work arrays of the last grid size.
 
     Args:
-        settings: See there.
-        anchor: Where a cell centre of the grid of segments lies.
-        search: Makes the search for grids of a shape (rows, columns).
+        settings: How maps become grids and how these are searched.
+        anchor: Point that is the centre of a cell of the grid of segments, m, map frame.
+        search: Class of the search, which is created with a grid's shape (rows, columns).
     """
 
     def __init__(self, settings: Settings, anchor: Spot, search: type[Search] = GridSearch) -> None:
@@ -198,7 +202,7 @@ class GridPlanner:
         ends: tuple[Spot, Spot],
         wide: Bools | None = None,
     ) -> Found | Failure:
-        """A path within one inflation; `wide` is where it should keep to if it can."""
+        """Plan with one inflation. Leaving the cells of `wide`, if given, has an extra cost."""
         start, goal = ends
         if not traversable[cells[1]]:
             return GoalOccupied(goal, f"the goal {_at(goal)} is {_where(occupied, cells[1])}")
@@ -231,7 +235,7 @@ class GridPlanner:
         ends: tuple[Spot, Spot],
         wide: Bools | None,
     ) -> Found | Failure:
-        """The search from the last cell of a way out of the inflation."""
+        """Search from the last cell of the way out of the inflation to the goal, and join both."""
         if self._search is None or self._search.shape != traversable.shape:
             self._search = self._make_search((traversable.shape[0], traversable.shape[1]))
         leave = ends[0] if len(way) == 1 else tuple(grid.centres(np.array(way[-1:]))[0].tolist())
@@ -251,7 +255,7 @@ class GridPlanner:
         return Found(points, float(np.hypot(*np.diff(points, axis=0).T).sum()), traversable, grid)
 
     def _extra(self, grid: PlanningGrid, wide: Bools | None) -> NDArray[np.uint8] | None:
-        """What the ground costs besides its length, in parts of `EXTRA_UNIT`; None where nothing does."""
+        """(rows, columns) extra cost per length, in units of 1 / `EXTRA_UNIT`; None if no cell has any."""
         if self.settings.unknown != "cost" and wide is None:
             return None
         extra = np.zeros(grid.occupied.shape, dtype=np.uint8)
@@ -263,7 +267,7 @@ class GridPlanner:
 
 
 def _near(cells: NDArray[np.int64], shape: tuple[int, ...]) -> Bools:
-    """The surroundings of a way, for the framework to smooth it in."""
+    """(rows, columns) corridor around a way, in which the framework may smooth it."""
     on_way = np.zeros(shape, dtype=np.bool_)
     on_way[cells[:, 0], cells[:, 1]] = True
     turns = cells[:, ::-1].astype(np.float64)
@@ -281,7 +285,7 @@ def _ends(grid: PlanningGrid, start: Spot, goal: Spot) -> tuple[Cell, Cell] | Fa
 
 
 def _open_way(traversable: Bools, way: list[Cell]) -> None:
-    """Mark a way out of the inflation as traversable, with the cells beside its diagonal steps, in place."""
+    """Mark a way out of the inflation, and the cells beside its diagonal steps, as traversable, in place."""
     for step in pairwise(way):
         (low, left), (high, right) = np.min(step, axis=0), np.max(step, axis=0)
         traversable[low : high + 1, left : right + 1] = True

@@ -1,6 +1,6 @@
-"""Line segments to the cells of the planning grid (Hoang et al. 2013, III.A).
+"""Draw line segments on the cells of the planning grid (Hoang et al. 2013, III.A).
 
-Places are in cells: the cell (row, column) is the unit square round the point x = column, y = row.
+Coordinates are in cells: the cell (row, column) is the unit square around the point x = column, y = row.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ Floats = NDArray[np.float64]
 RasterMethod = Literal["distance", "supercover", "paper"]
 
 _DRAWN_IN = 1e-6
-"""Segments are shortened by this at both ends, in cells: one that ends on a cell's edge does not fill the next cell."""
+"""Length cut off both ends of a segment, cells, so that one that ends on a cell's edge does not fill the next cell."""
 _TOUCH = 1e-9
-"""Cells this near to a segment are met by it, in cells: one that runs along an edge fills the cells on both sides."""
+"""Distance at which a segment still touches a cell, cells: one along an edge fills the cells on both sides."""
 
 
 def draw_segments(occupied: Bools, segments: Floats, method: RasterMethod = "distance", paper_t: float = 2.0) -> None:
-    """Mark the cells of segments, in place.
+    """Mark the cells of segments as occupied, in place.
 
     Args:
         occupied: (rows, columns).
-        segments: (n, 4) x1, y1, x2, y2, cells. A point has both ends alike.
-        method: "distance": the centre is at most half a cell from the segment, or the cell holds one of its ends. No
-            straight step between free cells then crosses it: of two neighbouring centres with the segment between
-            them, one is within half a cell. "supercover": the segment touches the cell. "paper": the printed test.
-        paper_t: T of the printed test, which the paper sets to the size of the robot.
+        segments: (n, 4) x1, y1, x2, y2, cells. A point has two equal ends.
+        method: Which cells a segment occupies. "distance": those whose centre is at most half a cell from the segment,
+            and those that hold one of its ends. No straight step between free cells then crosses the segment: of two
+            neighbouring centres on opposite sides of it, one is within half a cell. "supercover": those that the
+            segment touches. "paper": those of the printed test.
+        paper_t: T of the printed test, cells. The paper sets it to the size of the robot.
     """
     ends = segments.astype(np.float64)
     if method == "paper":
@@ -49,10 +50,11 @@ def draw_segments(occupied: Bools, segments: Floats, method: RasterMethod = "dis
 
 
 def _printed_test(shape: tuple[int, ...], segment: Floats, t: float) -> Bools:
-    """|(m - x1)/(n - y1) - (x2 - x1)/(y2 - y1)| <= T, or m - x1 <= T where x1 = x2 (III.A), over cells (m, n).
+    """The test of III.A: |(m - x1)/(n - y1) - (x2 - x1)/(y2 - y1)| <= T, or m - x1 <= T if x1 = x2, for cells (m, n).
 
-    It compares a slope with a length and does not end where the segment does. Repaired are divisions by zero only:
-    where y1 = y2, and in the row n = y1, the test is |n - y1| <= 1/2 and m between both ends; and |m - x1| for m - x1.
+    It compares a slope with a length, and it does not end where the segment ends. Only two things are corrected. Where
+    it divides by zero (y1 = y2, or the row n = y1), the test is |n - y1| <= 1/2 with m between both ends. For x1 = x2
+    it uses |m - x1| instead of m - x1.
     """
     x1, y1, x2, y2 = segment
     n, m = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
@@ -79,7 +81,7 @@ def _draw(occupied: Bools, segments: Floats, is_supercover: bool) -> None:
                 occupied[row, column] = True
         low, high = math.floor(min(y1, y2)), math.ceil(max(y1, y2))
         for row in range(max(0, low), min(rows - 1, high) + 1):
-            # What of the segment is within a row of this one, and the columns beside it.
+            # The part of the segment within one row of this row, and the columns around that part.
             enter, leave = 0.0, 1.0
             if abs(y2 - y1) > 1.0:
                 to_low, to_high = (row - 1.0 - y1) / (y2 - y1), (row + 1.0 - y1) / (y2 - y1)
@@ -97,7 +99,7 @@ def _draw(occupied: Bools, segments: Floats, is_supercover: bool) -> None:
 
 @njit(cache=True, nogil=True)
 def _is_near(x1: float, y1: float, x2: float, y2: float) -> bool:
-    """The segment comes within half a cell of the origin."""
+    """Whether the segment comes within half a cell of the origin."""
     dx, dy = x2 - x1, y2 - y1
     squared = dx * dx + dy * dy
     share = 0.0 if squared == 0.0 else min(1.0, max(0.0, -(x1 * dx + y1 * dy) / squared))
@@ -106,7 +108,7 @@ def _is_near(x1: float, y1: float, x2: float, y2: float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _touches_cell(x1: float, y1: float, x2: float, y2: float) -> bool:
-    """The segment meets the closed unit square round the origin (Liang & Barsky 1984)."""
+    """Whether the segment meets the closed unit square around the origin (Liang & Barsky 1984)."""
     half, enter, leave = 0.5 + _TOUCH, 0.0, 1.0
     for start, step in ((x1, x2 - x1), (y1, y2 - y1)):
         if step == 0.0:

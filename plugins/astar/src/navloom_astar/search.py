@@ -1,22 +1,24 @@
 """A* on an 8-connected grid without corner cutting (Hart, Nilsson & Raphael 1968), optimal in exact arithmetic.
 
-Without its heuristic the same search is that of Dijkstra (1959).
+Without the heuristic, the same search is Dijkstra's (1959).
 
-**Lengths** are a + b sqrt(2) cells, with a straight and b diagonal steps. They are compared as whole numbers q a + p b
-with p/q a convergent of sqrt(2). Two ways would be ranked wrongly, or different ones alike, only if the ratio of their
-differences in a and b lay at p/q or between p/q and sqrt(2). All fractions there have denominators of q or more, so
-their numbers of diagonal steps would differ by q or more. A shortest way enters no cell twice: its b is below the
-number of cells, and with q above that the ranking is exact. `step_costs` takes the smallest such convergent. (1393/985,
-which suits 32 bits, is exact where no way has 985 diagonal steps, hence for certain on grids of up to 985 cells.)
+**Lengths** are a + b sqrt(2) cells, with a straight and b diagonal steps. They are compared as whole numbers q a + p b,
+where p/q is a convergent of sqrt(2). Two ways of different length would be ranked wrongly, or as equal, only if the
+ratio of their differences in a and b were p/q or lay between p/q and sqrt(2). All fractions in that range have
+denominators of q or more, so the numbers of diagonal steps would differ by q or more. A shortest way enters no cell
+twice, so its b is below the number of cells. With q above that number the ranking is exact. `step_costs` returns the
+smallest such convergent. (1393/985, which fits 32 bits, is exact if no way has 985 diagonal steps. This is certain on
+grids of up to 985 cells.)
 
-**Successors.** Coming to a cell from its parent, steps are left out that are longer than another way from the parent
-round the cell, and diagonal steps for which there is one as long that ends in a straight step (the neighbour pruning of
-Harabor & Grastien 2011, without their jumps). Straight steps are left out only when strictly longer, so every cell
-keeps a shortest way of which no step is left out. Extra costs break this: with them all eight successors are tried.
+**Successors.** A step from a cell is pruned if another way from the cell's parent, around the cell, is shorter. A
+diagonal step is also pruned if another way is equally long and ends in a straight step. This is the neighbour pruning
+of Harabor & Grastien (2011) without their jumps. Straight steps are pruned only if they are strictly longer, so every
+cell keeps at least one shortest way without a pruned step. Extra costs break this argument: with them, all eight
+successors are tried.
 
-**The open list** is a ring of buckets over f, some 0.1 to 0.2 cells wide, each last in first out. Cells are reopened
-when a shorter way to them turns up. The heuristic is consistent, so f never falls below the current bucket's bottom,
-and once that bottom is not below the cost of the goal, nothing open can improve on it.
+**The open list** is a ring of buckets over f, about 0.1 to 0.2 cells wide, each last in, first out. A cell is reopened
+when a shorter way to it is found. The heuristic is consistent, so f never falls below the lower bound of the current
+bucket. Once that bound reaches the cost of the goal, no open cell can improve it.
 """
 
 from __future__ import annotations
@@ -35,17 +37,17 @@ Bools = NDArray[np.bool_]
 Cell = tuple[int, int]
 """Row and column."""
 Index = int | np.int64
-"""Of a cell or a direction, as kernels mix them."""
+"""Index of a cell or a direction: kernels mix both integer types."""
 Ends = tuple[tuple[float, float], tuple[float, float]]
-"""x, y of start and goal, cells: the cell (row, column) is column..column + 1, row..row + 1."""
+"""x, y of start and goal, cells: the cell (row, column) spans column..column + 1 by row..row + 1."""
 
 EXTRA_UNIT = 8
-"""Extra costs are whole eighths."""
+"""Parts per unit of extra cost: extra costs are whole eighths."""
 
 _LARGEST = 1 << 62
 _CLOSED = -1
 _START = 8
-"""Direction from which the start was come to."""
+"""Direction of arrival stored for the start, which has no parent."""
 _MOST_BUCKETS = 2048
 _ROW_STEP = np.array((0, 1, 1, 1, 0, -1, -1, -1))
 _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
@@ -53,10 +55,11 @@ _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 
 
 def _successors() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Directions worth a look, and how many.
+    """Directions that are not pruned, and how many there are.
 
     Returns:
-        (33, 8) and (33,), by 4 x (direction from the parent) + 1 if a wall is left of the parent + 2 if one is right.
+        (33, 8) and (33,), indexed by 4 x (direction from the parent) + 1 if a wall is left of the parent + 2 if a wall
+        is right of it.
     """
     table, counts = np.zeros((33, 8), dtype=np.int64), np.zeros(33, dtype=np.int64)
     for case in range(33):
@@ -81,7 +84,7 @@ class Way:
     Attributes:
         cells: (n, 2) rows and columns from start to goal, int64.
         straight, diagonal: Number of steps of each kind.
-        cost: Integral of 1 + extra along the way, cells; the length where nothing is extra.
+        cost: Integral of 1 + extra along the way, cells; equal to the length if there are no extra costs.
     """
 
     cells: NDArray[np.int64]
@@ -91,7 +94,7 @@ class Way:
 
     @property
     def length(self) -> float:
-        """Cells."""
+        """Length of the way, cells."""
         return self.straight + self.diagonal * math.sqrt(2.0)
 
 
@@ -100,8 +103,8 @@ class Closed:
     """There is no way.
 
     Attributes:
-        nearest: Of all cells the start is connected with, the nearest to the goal as the crow flies; of several, that
-            with the lowest cost, then row, then column.
+        nearest: The cell connected with the start that is nearest to the goal in a straight line. Ties go to the
+            lowest cost, then row, then column.
     """
 
     nearest: Cell
@@ -112,8 +115,8 @@ def step_costs(most: int) -> tuple[int, int]:
     """Costs q, p of a straight and a diagonal step that rank all lengths a + b sqrt(2) with b <= `most` exactly.
 
     Args:
-        most: Not below the number of diagonal steps of any way, >= 1. Exact up to 4e8; above, the costs are the
-            largest that cannot overflow.
+        most: Upper bound of the number of diagonal steps of any way, >= 1. The ranking is exact up to 4e8; above
+            that, the costs are the largest that cannot overflow.
     """
     straight, diagonal = 1, 1
     while straight <= most:
@@ -125,12 +128,13 @@ def step_costs(most: int) -> tuple[int, int]:
 
 
 class GridSearch:
-    """A* on grids of one size. Its work arrays are used again and again, and no query clears them.
+    """A* on grids of one size. It reuses its work arrays without clearing them between queries.
 
-    Costs of a query lie below all costs of earlier ones, so old values read as "not yet reached".
+    The costs of a query are below all costs of earlier queries, so old values read as "not yet reached".
 
     Attributes:
-        wall, extra: (rows + 2, columns + 2) of the last query, with a border of walls; extra of the last with any.
+        wall: (rows + 2, columns + 2) blocked cells of the last query, with a border of walls.
+        extra: (rows + 2, columns + 2) extra costs of the last query that had any.
     """
 
     _looks_ahead = True
@@ -143,7 +147,7 @@ class GridSearch:
         self.extra = np.zeros(padded, dtype=np.uint8)
         self._cost = np.zeros(size, dtype=np.int64)
         self._arrival = np.empty(size, dtype=np.uint8)
-        # Each bucket is a circular list through its cells and, as its head, an element past the last cell.
+        # Each bucket is a circular list of its cells; its head is an element past the last cell of the grid.
         self._before, self._after = np.empty((2, size + _MOST_BUCKETS), dtype=np.int32)
         self._base = self._top = 0
 
@@ -152,18 +156,18 @@ class GridSearch:
     ) -> Way | Closed:
         """The shortest way between two cells.
 
-        A step to a straight neighbour has length 1, to a diagonal one sqrt(2); the cell it leads to must be free, and
-        for a diagonal one both cells beside it.
+        A step to a straight neighbour has length 1, a step to a diagonal one sqrt(2). The cell it leads to must be
+        free; for a diagonal step, so must both cells beside it.
 
         Args:
             free: (rows, columns) of this search's shape.
             start, goal: Free cells.
-            extra: (rows, columns) cost of the ground besides its length, in `EXTRA_UNIT` parts of it. A step of length
-                s from a cell with extra e to one with f costs s (1 + (e + f) / 2).
+            extra: (rows, columns) extra cost per cell of length, in units of 1 / `EXTRA_UNIT`. A step of length s from
+                a cell with extra cost e to one with f costs s (1 + (e + f) / 2).
             ends: Not used: ways on cells lead from centre to centre, wherever in its cell the robot is.
 
         Raises:
-            ValueError: A grid of another shape, or a start or goal that is outside or not free.
+            ValueError: The grid has another shape, or the start or goal is outside or not free.
         """
         self._check(free, start, goal, extra)
         np.logical_not(free, out=self.wall[1:-1, 1:-1])
@@ -197,7 +201,7 @@ class GridSearch:
                 raise ValueError(f"{name}: got cell {(row, column)}, expected a free one within {self.shape}")
 
     def _renew(self, span: int) -> None:
-        """Move on to costs below all of earlier queries: from `base` up to less than `top`."""
+        """Reserve a range of costs below those of all earlier queries: from `base` up to, not including, `top`."""
         if self._base - span < -_LARGEST:
             self._cost.fill(0)
             self._base = 0
@@ -212,7 +216,7 @@ class GridSearch:
 
 
 class DijkstraSearch(GridSearch):
-    """The same search without a look towards the goal (Dijkstra 1959): the same costs, and many more cells."""
+    """The same search without the heuristic (Dijkstra 1959): same costs, but it expands many more cells."""
 
     _looks_ahead = False
 
@@ -229,13 +233,13 @@ def _search(
     before: NDArray[np.int32], after: NDArray[np.int32], buckets: int, start: Index, goal: int, base: int, top: int,
     straight: int, diagonal: int, q: int, p: int, ahead_long: int, ahead_short: int, shift: int,
 ) -> bool:  # fmt: skip
-    """Fill `cost` and `arrival` from the start until the goal's are final. Whether it was reached.
+    """Fill `cost` and `arrival` from the start until those of the goal are final. Returns whether it was reached.
 
-    The heuristic is `ahead_long` a cell of the longer side to the goal and `ahead_short` one of the shorter: octile
-    where these are q and p - q, none where they are 0.
+    The heuristic is `ahead_long` per cell along the longer side of the box from a cell to the goal, plus `ahead_short`
+    per cell along the shorter side. With q and p - q it is the octile distance; with 0 and 0 there is no heuristic.
 
-    `before` and `after` link the cells of a bucket, whose head is element `size + bucket`; a cell in none has -1 before
-    it. `held` is the top of the current bucket without the detour through its list.
+    `before` and `after` link the cells of a bucket, whose head is element `size + bucket`. A cell in no bucket has -1
+    in `before`. `held` is the next cell of the current bucket; it skips the list to save time.
     """
     mask, stride, size, walls = buckets - 1, wall.shape[1], wall.size, wall.reshape(-1)
     offsets = _ROW_STEP * stride + _COLUMN_STEP
@@ -297,7 +301,7 @@ def _search(
 
 @njit(cache=True, nogil=True)
 def _trace(arrival: NDArray[np.uint8], stride: int, start: int, goal: int) -> tuple[NDArray[np.int64], int]:
-    """(n, 2) rows and columns of the way without the border, from the start, and its number of diagonal steps."""
+    """(n, 2) rows and columns of the way from the start, not counting the border, and its number of diagonal steps."""
     count, diagonal, cell = 1, 0, goal
     while cell != start:
         k = arrival[cell]

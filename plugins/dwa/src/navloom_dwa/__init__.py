@@ -1,4 +1,4 @@
-"""Dynamic window approach on range sensors for navloom (Fox, Burgard & Thrun 1997), with today's critics."""
+"""Dynamic window approach on range sensors for navloom (Fox, Burgard & Thrun 1997), with the critics of Nav2's DWB."""
 
 from navloom import Registry, hookimpl
 

@@ -22,7 +22,7 @@ __all__ = ["Dwa", "split_scans"]
 
 
 class Dwa(Avoider[DwaParams]):
-    """The best velocity that can be reached and stopped in time (Fox, Burgard & Thrun 1997; critics of Nav2's DWB)."""
+    """Sends the best reachable velocity that can stop in time (Fox, Burgard & Thrun 1997; critics of Nav2's DWB)."""
 
     name = "dwa"
     claims = {Claim.FOOTPRINT, Claim.MIRROR}
@@ -50,7 +50,7 @@ class Dwa(Avoider[DwaParams]):
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision, now: Given) -> AvoiderDiagnostics:
-        """The costs by the direction their arcs lead in stand for the histogram; 1 is what cannot be driven."""
+        """Diagnostics: the histogram is the least cost by direction of the arcs; 1 is a direction that is not free."""
         method, cell = self._method, self.params.cell
         directions = now.pose[2] + arc_directions(method.arcs)
         slots = free_directions(directions, method.costs)
@@ -63,24 +63,24 @@ class Dwa(Avoider[DwaParams]):
 
 
 def is_laser(scan: RangeScan) -> bool:
-    """Whether all beams of a scan are lines."""
+    """Whether all beams of a scan are thin enough for a laser."""
     return bool((scan.half_angles < THIN_BEAM).all())
 
 
 def beams_of(scan: RangeScan, sensor: int) -> Beams:
-    """One scan as beams; `sensor` is its number."""
+    """Convert one scan to beams; `sensor` is its number."""
     limits, sensors = _fixed(scan.ranges.size, scan.range_min, scan.range_max, sensor)
     return Beams(scan.origins, scan.bearings, scan.half_angles, scan.ranges, limits, sensors)
 
 
 @lru_cache(maxsize=32)
 def _fixed(count: int, low: float, high: float, sensor: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """What does not change from scan to scan of a sensor: the limits of its beams, m, and its number for each."""
+    """Constant data of a sensor: (count, 2) limits of its beams, m, and (count,) its number for each beam."""
     return np.tile([low, high], (count, 1)), np.full(count, sensor)
 
 
 def split_scans(scans: Sequence[RangeScan]) -> tuple[list[Beams], Beams | None]:
-    """Lasers, and the sonars joined; scans without a beam are left out."""
+    """Split scans into lasers and one set of all sonar beams (None without sonars); ignore scans without a beam."""
     lasers: list[Beams] = []
     sonars: list[Beams] = []
     for number, scan in enumerate(scans):

@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-STANDING = (0.01, 0.02)  # m/s, rad/s: slower is to stand
-HELD = 0.5  # less of a command than this passes the gate: it holds the robot back
+STANDING = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
+HELD = 0.5  # the gate holds the robot back if it lets less than this share of a command through
 MOST_OBSTACLES, MOST_POINTS = 4096, 8192
 
 
 class Given(NamedTuple):
-    """What one tick is decided on, pose frame.
+    """Inputs to the decision of one tick, in the pose frame.
 
     Attributes:
         time: s. pose: x, y, m, heading, rad, of the base. twist: Forward speed, m/s, and turn rate, rad/s.
-        target: m. remaining: Way after it, m.
-        share: Of the last command that the gate let through.
+        target: m. remaining: Length of the path after the target, m.
+        share: Share of the last command that the gate let through.
     """
 
     time: float
@@ -58,9 +58,9 @@ class Decision(NamedTuple):
     """Answer of one tick.
 
     Attributes:
-        speed: m/s. turn: rad/s. status: As the Avoider role names it.
-        arc, pace: Indices of the arc chosen and of the speed on it, -1 where none is.
-        why: One phrase; empty where an arc was chosen, see DynamicWindow.why().
+        speed: m/s. turn: rad/s. status: As in the Avoider role.
+        arc, pace: Indices of the chosen arc and of the speed on it; -1 for none.
+        why: Reason, one phrase; empty if an arc was chosen, see DynamicWindow.why().
     """
 
     speed: float
@@ -72,18 +72,18 @@ class Decision(NamedTuple):
 
 
 def is_standing(v: float, w: float) -> bool:
-    """Whether a velocity, m/s and rad/s, is none to speak of."""
+    """Whether a velocity, m/s and rad/s, counts as stopped."""
     return abs(v) < STANDING[0] and abs(w) < STANDING[1]
 
 
 class DynamicWindow:
-    """The dynamic window of one robot: what it remembers of obstacles, targets and its own standing.
+    """The dynamic window for one robot, with its memory of obstacles, targets and blocked time.
 
     Attributes of the last tick:
         window: Lowest and highest v, m/s, and w, rad/s.
-        arcs: (m, 4) of window.sample_arcs(). contacts: (m,), m along u; +inf for none.
+        arcs: (m, 4), from window.sample_arcs(). contacts: (m,), m along u; +inf for none.
         costs: (m, n), by arc and speed, +inf where not admissible.
-        distance, origin: Of field.fill_field().
+        distance, origin: From field.fill_field().
     """
 
     def __init__(self, params: DwaParams, robot: Robot, period: float) -> None:
@@ -133,8 +133,8 @@ class DynamicWindow:
         """Decide for one tick.
 
         Args:
-            lasers: Readings of each laser in this tick. cones: Of all sonars; None where there are none.
-            given: Where the robot is and is to go.
+            lasers: Readings of each laser in this tick. cones: Readings of all sonars, or None.
+            given: The other inputs of the tick.
         """
         self.in_flight = self.motors.in_flight(given.twist, given.share)
         decision = self._decide(lasers, cones, given)
@@ -158,7 +158,11 @@ class DynamicWindow:
         return self._steer(given, obstacles, gaps)
 
     def sense(self, lasers: Sequence[Beams], cones: Beams | None, given: Given) -> tuple[Floats, Floats]:
-        """Enter the readings of one tick; (n, 3) obstacles, x, y and margin, m, base frame, and (n,) their gaps, m."""
+        """Enter the readings of one tick; return the obstacles near the robot.
+
+        Returns:
+            (n, 3) x, y and margin, m, base frame, and (n,) their gaps to the footprint, m, see obstacles_in_base().
+        """
         p, pose = self.params, given.pose
         for beams in lasers:
             farthest = float(beams.limits[0, 1])
@@ -187,7 +191,7 @@ class DynamicWindow:
         return self._obstacles[:n], self._gaps[:n]
 
     def _count_time(self, given: Given) -> None:
-        """Time without progress; a robot that was stopped, or is driven by another, does not do what it was told."""
+        """Count the time without progress, while the robot executes these commands and no other source's."""
         elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
         self.progress.stalled += elapsed
         is_there = math.dist(given.pose[:2], given.target) < self.params.progress_step
@@ -195,7 +199,7 @@ class DynamicWindow:
         self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
 
     def _steer(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
-        """Score the window, and send the best of it that stays free."""
+        """Score the window and send its best velocity that stays free."""
         p, r = self.params, self.robot
         self._look(given, obstacles, gaps)
         arc, speed, v, w = choose(
@@ -211,7 +215,7 @@ class DynamicWindow:
         if self.progress.blocked > p.blocked_patience and is_standing(v, w):
             return self._recover(given, obstacles, gaps)
         if arc < 0 or self.progress.stalled > p.patience:
-            # Braking on the arc that was found free a tick ago keeps it free, whatever the noise says now.
+            # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
             turn = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STANDING[0] else 0.0
             return self._send(0.0, turn, "nothing of the window is free: braking")
         self.trend.note(v, w, p.slow, given.pose)
@@ -219,7 +223,7 @@ class DynamicWindow:
         return Decision(v, w, "clear" if is_clear else "steering", arc, pace=speed)
 
     def _look(self, given: Given, obstacles: Floats, gaps: Floats) -> None:
-        """Fill window, arcs, contacts, field and costs."""
+        """Compute window, arcs, contacts, field and costs."""
         p, r, (v, w) = self.params, self.robot, self.in_flight[-1].tolist()
         low, high = reachable(v, 0.0, self.max_speed, r.max_acceleration, r.max_deceleration, p.window_time)
         turn = self.turn_acceleration
@@ -253,7 +257,7 @@ class DynamicWindow:
         )  # fmt: skip
 
     def _recover(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
-        """Stands blocked: back up, if that was not tried too often, or give up."""
+        """Handle a blocked robot: back up, or give up after too many attempts."""
         p = self.params
         if p.back_up == 0.0 or self._backed >= p.back_ups:
             return self._give_up(given, f"blocked after backing up {self._backed} times")
@@ -262,12 +266,13 @@ class DynamicWindow:
         return self._back_up(given, obstacles, gaps)
 
     def _back_up(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
-        """Straight back until far enough, or something is in the way."""
+        """Drive straight back until far enough or blocked."""
         p, r = self.params, self.robot
         assert self._backing is not None
         way = math.dist(given.pose[:2], self._backing[:2])
         command = (-min(p.back_speed, self.max_speed), 0.0)
-        # The gate lets no robot back into what no sensor sees and where it has not been; a recovery retraces its way.
+        # The gate does not let a robot back into space that no sensor sees and where it has not been. A recovery can
+        # still retrace the trail.
         is_held = self._sent == command and given.share < HELD
         if is_held and way < STANDING[0]:
             return self._give_up(given, "blocked, and the gate lets it not back up")
@@ -282,7 +287,7 @@ class DynamicWindow:
         return self._send(0.0, 0.0, f"backed up {way:.2f} m")
 
     def _send(self, v: float, w: float, why: str) -> Decision:
-        """Drive what is on no arc of the window."""
+        """Send a command that is not on an arc of the window."""
         self._sent = (v, w)
         return Decision(v, w, "steering", -1, why)
 
@@ -292,7 +297,7 @@ class DynamicWindow:
         return Decision(0.0, 0.0, "trapped", -1, "trapped: " + why)
 
     def why(self, decision: Decision) -> str:
-        """One phrase for the decision of the last tick: the window, how much of it may be driven, what was chosen."""
+        """Reason of the last decision, one phrase: the window, its number of admissible velocities, and the choice."""
         if decision.arc < 0:
             return decision.why
         arc, (low, high, right, left) = decision.arc, self.window

@@ -1,8 +1,8 @@
-"""When a footprint that drives an arc meets a point: exact, for a convex polygon and for a disc.
+"""Exact time at which a footprint on an arc meets a point, for a convex polygon and for a disc.
 
-Fox et al. 1997 take the distance along the arc for a round robot; for polygons see Arras, Persson, Tomatis, Siegwart,
-*Real-Time Obstacle Avoidance for Polygonal Robots with a Reduced Dynamic Window*, ICRA 2002. Seen from the robot, which
-turns about its centre of rotation (0, v / w), a point at rest turns about the same centre the other way.
+Fox et al. 1997 use the distance along the arc for a round robot; for polygons see Arras, Persson, Tomatis, Siegwart,
+*Real-Time Obstacle Avoidance for Polygonal Robots with a Reduced Dynamic Window*, ICRA 2002. The robot turns about its
+centre of rotation (0, v / w); in the robot's frame, a static point turns about the same centre the other way.
 """
 
 import math
@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 TURN = 2.0 * math.pi
-STRAIGHT = 1.0e-6  # rad/m: below it the arc is taken for a line
+STRAIGHT = 1.0e-6  # rad/m: an arc of less curvature is treated as a line
 
 
 @njit(cache=True, nogil=True)
@@ -41,10 +41,10 @@ def polygon_contact(
         edges: (k, 3), outward unit normal and offset of each side, m: clearance.footprint_edges().
         margin: Each side is moved out by this, m; corners stay sharp.
         v, w: Constant speed, m/s, and turn rate, rad/s; not both 0.
-        least_cosine: Of cosine_until(): later contacts may be left out, which spares most points the arc tangent.
+        least_cosine: From cosine_until(): later contacts may be ignored, which saves the arctangent for most points.
 
     Returns:
-        s; +inf where the circle never meets it.
+        Time, s; +inf where the point's circle never meets the footprint.
     """
     if abs(w) <= STRAIGHT * abs(v):
         return line_contact(x, y, edges, margin, v)
@@ -82,15 +82,16 @@ def polygon_contact(
 
 @njit(cache=True, nogil=True)
 def cosine_until(angle: float) -> float:
-    """Cosine below which a turn is certainly longer than an angle, rad, or ends before the start; -2: none is."""
+    """Cosine below which a turn is longer than an angle, rad, for sure; -2, below every cosine, from pi on."""
     return math.cos(angle) - 1.0e-9 if angle < math.pi else -2.0
 
 
 @njit(cache=True, nogil=True)
 def disc_contact(x: float, y: float, radius: float, v: float, w: float) -> float:
-    """Time until a point is as near to the base as `radius`, m, by the law of cosines; arguments as polygon_contact().
+    """Time, s, until a point is within `radius`, m, of the base; other arguments as for polygon_contact().
 
-    The base, at |v / w| from the centre of rotation, and the point, at rho, are `radius` apart at a known angle.
+    Law of cosines: the base, |v / w| from the centre of rotation, and the point, at rho, are `radius` apart at a known
+    angle.
     """
     if x * x + y * y <= radius * radius:
         return 0.0
@@ -111,7 +112,7 @@ def disc_contact(x: float, y: float, radius: float, v: float, w: float) -> float
 
 
 def enlarged_corners(edges: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
-    """(k, 2) corners, m, of a convex footprint (k, 3) whose sides were all moved out by the margin, m."""
+    """(k, 2) corners, m, of a convex footprint with edges (k, 3) after each side is moved out by the margin, m."""
     before = np.roll(edges, 1, axis=0)
     determinant = before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0]
     first, second = before[:, 2] + margin, edges[:, 2] + margin
@@ -124,10 +125,10 @@ def enlarged_corners(edges: NDArray[np.float64], margin: float) -> NDArray[np.fl
 def annulus(
     corners: NDArray[np.float64], edges: NDArray[np.float64], margin: float, centre: float
 ) -> tuple[float, float]:
-    """Squares of the least and greatest distance, m^2, from (0, centre) that a footprint with its margin covers.
+    """Squares of the least and greatest distance, m^2, of a footprint with its margin from (0, centre).
 
     Args:
-        corners: (k, 2) of enlarged_corners(), m. edges: (k, 3) without the margin. margin, centre: m.
+        corners: (k, 2), m, from enlarged_corners(). edges: (k, 3), m, without the margin. margin, centre: m.
     """
     far, near = 0.0, 0.0
     for k in range(corners.shape[0]):
@@ -149,17 +150,18 @@ def first_contacts(
     longest: float,
     times: NDArray[np.float64],
 ) -> None:
-    """First contact on each arc with any point, at the speeds given for the arc.
+    """Compute the first contact on each arc with any point, at the speeds given for the arc.
 
     Args:
-        points: (n, 3), x, y, m, base frame, and the margin of each, m; from the nearest on.
-        gaps: (n,), distance of each beyond a side of the footprint, m, rising.
-        corners: (k, 2) of enlarged_corners(), m. edges: (k, 3) of the footprint, m.
-        radius: Of the disc about the base that encloses the footprint, m. is_disc: Whether contact is with that disc.
-        margin: The greatest of all points, m.
+        points: (n, 3), x, y, m, base frame, and the margin of each, m; nearest first.
+        gaps: (n,), distance of each point beyond a side of the footprint, m, rising.
+        corners: (k, 2), m, from enlarged_corners(). edges: (k, 3) of the footprint, m.
+        radius: Radius of the disc about the base that encloses the footprint, m.
+        is_disc: Whether contact is with that disc.
+        margin: Greatest margin of all points, m.
         arcs: (m, >= 2), v, m/s, and w, rad/s.
         longest: Contacts later than this do not count, s.
-        times: (m,), filled, s; +inf where there is none.
+        times: (m,), filled in, s; +inf for no contact.
     """
     reach = 0.0
     for k in range(corners.shape[0]):

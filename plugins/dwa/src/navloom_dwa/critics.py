@@ -1,7 +1,7 @@
-"""Today's critics: those of Nav2's DWB controller, each a function, and their sum over the window.
+"""The critics of Nav2's DWB controller, one function each, and their sum over the window.
 
-Costs are in metres of way to the target, so that weights are plain factors. The distance critics take the mean over
-the horizon instead of DWB's last pose: of two arcs that end alike, the one that comes near sooner is better.
+Costs are in metres of path to the target, so that weights are plain factors. The distance critics use the mean over
+the horizon instead of DWB's last pose: of two arcs with the same end, the one that gets near sooner is better.
 """
 
 import math
@@ -16,20 +16,23 @@ from navloom_dwa.objective import arc_pose
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int32]
 Cells = NDArray[np.int64]
-SAMPLES = 24  # of the critics along an arc
-A_LITTLE_MORE = 1.0 + 1.0e-9  # so that rounding of squares decides nothing
+SAMPLES = 24  # number of samples along an arc at which the critics score
+A_LITTLE_MORE = 1.0 + 1.0e-9  # tolerance, so that rounding of squares decides nothing
 GOAL_DISTANCE, GOAL_ALIGN, PATH_DISTANCE, PATH_ALIGN, OBSTACLE, CONTACT, TURNING = range(7)
 
 
 @njit(cache=True, nogil=True)
 def goal_distance(cost_to_go: Counts, origin: Cells, cell: float, x: float, y: float) -> float:
-    """Way to the target round what is known, m, from a place, m, pose frame; at the nose it is goal align."""
+    """Cost, m, of the path around known obstacles from a place, m, pose frame, to the target.
+
+    At the nose it is the goal align critic.
+    """
     return field_value(cost_to_go, origin, cell, x, y) * cell / UNIT
 
 
 @njit(cache=True, nogil=True)
 def segments_of(path: Floats) -> Floats:
-    """(k - 1, 5) start x, y, and vector x, y, m, and its square, m², of the segments of a polyline (k, 2), m."""
+    """(k - 1, 5) segments of a polyline (k, 2), m: start x, y, vector x, y, m, and squared length, m²."""
     segments = np.empty((max(0, path.shape[0] - 1), 5))
     for k in range(segments.shape[0]):
         dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
@@ -40,9 +43,9 @@ def segments_of(path: Floats) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def path_distance(segments: Floats, x: float, y: float) -> float:
-    """Distance of a place from a polyline of segments_of(), m, one frame. At the nose it is the path align critic.
+    """Distance, m, of a place from a polyline of segments_of(), in the same frame. At the nose: the path align critic.
 
-    Squares tell the nearest segment. Of those whose squares rounding could confuse, the distances are compared.
+    Squared distances find the nearest segment. Where rounding could confuse two squares, distances are compared.
     """
     if segments.shape[0] == 0:
         return 0.0
@@ -64,31 +67,35 @@ def path_distance(segments: Floats, x: float, y: float) -> float:
 
 @njit(cache=True, nogil=True)
 def obstacle_nearness(clearance: float, inner: float, soft: float) -> float:
-    """1 where the disc within the footprint touches something, 0 from `soft` on: clearance of the base and radii, m."""
+    """Nearness of obstacles: 1 where the inscribed disc touches one, 0 from `soft` beyond the disc on.
+
+    Args:
+        clearance: Distance of the base to the nearest obstacle, m. inner: Radius of the inscribed disc, m. soft: m.
+    """
     return min(1.0, max(0.0, 1.0 - (clearance - inner) / soft))
 
 
 @njit(cache=True, nogil=True)
 def contact_nearness(contact: float, horizon: float) -> float:
-    """1 where contact is now, 0 where it is beyond the horizon; both s."""
+    """Nearness of a contact: 1 for a contact now, 0 for one beyond the horizon; both s."""
     return max(0.0, 1.0 - contact / horizon)
 
 
 @njit(cache=True, nogil=True)
 def is_oscillating(v: float, w: float, trend: int, slow: float) -> bool:
-    """Whether a turn in place goes back on the last one: v below `slow`, m/s, and w against the sign `trend`."""
+    """Whether a velocity reverses the last turn in place: v below `slow`, m/s, and w against the sign `trend`."""
     return v < slow and w * trend < 0.0
 
 
 @njit(cache=True, nogil=True)
 def must_rotate(distance: float, bearing: float, within: float, allowed: float) -> bool:
-    """Rotate to goal: so near to the target, m, it is turned to, rad, before it is driven to."""
+    """Rotate to goal: whether the robot, near the target, m, must turn to it, rad, before it drives on."""
     return distance < within and abs(bearing) > allowed
 
 
 @njit(cache=True, nogil=True)
 def beyond_target(way: float, remaining: float) -> float:
-    """Cost of having driven past a target that is not the goal: it falls by what was driven, m, up to what remains."""
+    """Cost, m, beyond a target that is not the goal: it falls with the way driven past it, m, up to `remaining`, m."""
     return -min(way, remaining)
 
 
@@ -113,15 +120,15 @@ def arc_profile(
     weights: Floats,
     sums: Floats,
 ) -> None:
-    """Running sum of the critics along an arc at u = 1; from the contact on they stay as they are there.
+    """Compute the running sum of the critics along an arc at u = 1; they keep their values from the contact on.
 
     Args:
-        v, w: For u = 1. contact: s at u = 1. step: Between samples, s.
-        pose: Of the base in the pose frame. target: m, base frame.
-        nose: The align critics score this far ahead of the base, m, or as far as the target where that is nearer.
-        remaining: Way after the target, m. capture: The target is passed when nearer than this, m.
-        segments: Of segments_of(), pose frame. cost_to_go, distance, origin, cell: Of field.fill_field().
-        inner, soft: As for obstacle_nearness(). weights: (7,). sums: (k,), filled: sums[i] over samples 0 .. i.
+        v, w: Velocity for u = 1, m/s and rad/s. contact: Time of contact at u = 1, s. step: Time between samples, s.
+        pose: Pose of the base in the pose frame. target: m, base frame.
+        nose: The align critics score this far ahead of the base, m, or at the distance of the target if that is less.
+        remaining: Length of the path after the target, m. capture: The target is passed when nearer than this, m.
+        segments: From segments_of(), pose frame. cost_to_go, distance, origin, cell: From field.fill_field().
+        inner, soft: As for obstacle_nearness(). weights: (7,). sums: (k,), filled in: sums[i] over samples 0 .. i.
     """
     heading = pose[2]
     c, s = math.cos(heading), math.sin(heading)
@@ -159,7 +166,7 @@ def arc_profile(
 
 @njit(cache=True, nogil=True)
 def mean_until(sums: Floats, last: float) -> float:
-    """Mean of the samples up to number `last`, not whole: the sums between two numbers are taken as straight."""
+    """Mean of the samples up to the fractional index `last`; sums are interpolated linearly between two samples."""
     i = min(sums.size - 1, int(last))
     total, count = sums[i], i + 1.0
     if i + 1 < sums.size:
@@ -192,13 +199,13 @@ def score_critics(
     rotation: tuple[float, float],
     costs: Floats,
 ) -> None:
-    """Cost of each velocity of the window.
+    """Compute the cost of each velocity of the window.
 
     Args:
         arcs, limits, contacts: As for objective.score_1997(). target: m, base frame. horizon: s.
-        trend: Sign of the last turn in place, 0 where it does not bind. slow: See is_oscillating().
+        trend: Sign of the last turn in place, 0 for no restriction. slow: See is_oscillating().
         path: (k, 2), pose frame, m. rotation: `within`, m, and `allowed`, rad, of must_rotate().
-        costs: (m, n), filled; +inf not admissible.
+        costs: (m, n), filled in; +inf where not admissible.
         The others: As for arc_profile().
     """
     count = costs.shape[1]
@@ -214,7 +221,7 @@ def score_critics(
         v, w, low, high = arcs[j, 0], arcs[j, 1], arcs[j, 2], arcs[j, 3]
         if low > high or low > limits[j]:
             continue
-        # No speed of the arc reads a sum beyond that of its highest.
+        # No speed of the arc needs a sum beyond that of its highest speed.
         read = min(sums.size, int(min(high, limits[j]) * horizon / step) + 2)
         arc_profile(
             v, w, contacts[j], step, pose, target, nose, remaining, capture, segments,

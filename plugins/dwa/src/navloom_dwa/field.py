@@ -1,9 +1,9 @@
-"""Cost to go round what is known near the robot: the wave of the goal distance critic.
+"""Cost to go around known obstacles near the robot: the wave of the goal distance critic.
 
 Brock & Khatib 1999 (*High-Speed Navigation Using the Global Dynamic Window Approach*) add such a field to the dynamic
-window, and the goal distance of Nav2's DWB is one on its local cost map. Here: a chamfer distance to what is occupied
-(Borgefors 1986), costs from it, and a shortest-path wave from the target, by sweeps over the rows until nothing
-changes (Zhao 2005, *A Fast Sweeping Method for Eikonal Equations*, on a graph).
+window; the goal distance of Nav2's DWB is one on its local cost map. The field is computed in three steps: a chamfer
+distance to occupied cells (Borgefors 1986), costs from that distance, and a shortest-path wave from the target by
+sweeps over the rows until nothing changes (Zhao 2005, *A Fast Sweeping Method for Eikonal Equations*, on a graph).
 """
 
 import math
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int32]
-CHAMFER = 3.0  # chamfer units a cell: 3 along, 4 across
-UNIT = 10  # wave units a cell at cost 1: 10 along, 14 across
+CHAMFER = 3.0  # chamfer units per cell: 3 straight, 4 diagonally
+UNIT = 10  # wave units per cell at cost 1: 10 straight, 14 diagonally
 COSTLIEST = 25.0
 FARTHEST = 2**30
 
 
 @njit(cache=True, nogil=True)
 def centre_field(origin: NDArray[np.int64], x: float, y: float, cell: float, size: int) -> None:
-    """Lay the field about the robot, m, pose frame: column and row of its first cell from the frame's origin."""
+    """Centre the field on the robot, m, pose frame: set column and row of its first cell from the frame's origin."""
     origin[0], origin[1] = math.floor(x / cell) - size // 2, math.floor(y / cell) - size // 2
 
 
@@ -30,12 +30,12 @@ def centre_field(origin: NDArray[np.int64], x: float, y: float, cell: float, siz
 def obstacle_distance(
     obstacles: Floats, pose: tuple[float, float, float], origin: NDArray[np.int64], cell: float, distance: Counts
 ) -> None:
-    """Chamfer distance of each cell to the nearest one that holds an obstacle.
+    """Compute the chamfer distance of each cell to the nearest one that holds an obstacle.
 
     Args:
         obstacles: (n, >= 2), x, y, m, base frame. pose: x, y, m, heading, rad, of the base in the pose frame.
-        origin, cell: Of the field, see centre_field(), m.
-        distance: (rows, cols), filled: 3 units a cell.
+        origin, cell: First cell of the field, see centre_field(), and side of a cell, m.
+        distance: (rows, cols), filled in: 3 units per cell.
     """
     rows, cols = distance.shape
     distance[:, :] = 30000
@@ -64,7 +64,7 @@ def obstacle_distance(
 
 @njit(cache=True, nogil=True)
 def spread_from(before: Counts, row: Counts) -> None:
-    """Chamfer steps from one row to the next, in place. No cell waits for its neighbour, so several go at once."""
+    """Chamfer steps from one row to the next, in place. Cells do not depend on their neighbours: this can vectorise."""
     last = row.size - 1
     row[0] = min(row[0], before[0] + 3, before[1] + 4)
     row[last] = min(row[last], before[last] + 3, before[last - 1] + 4)
@@ -75,11 +75,11 @@ def spread_from(before: Counts, row: Counts) -> None:
 
 @njit(cache=True, nogil=True)
 def cell_cost(clearance: float, inner: float, soft: float, weight: float) -> float:
-    """Cost of a metre at a clearance of the base, m.
+    """Cost per metre at a clearance of the base.
 
     Args:
-        clearance: To the nearest obstacle, m. inner: Radius of the disc within the footprint, m: nearer is contact.
-        soft: From inner on, m, costs fall to 1. weight: Added to 1 at inner.
+        clearance: Distance to the nearest obstacle, m. inner: Radius of the inscribed disc, m; nearer is contact.
+        soft: Width beyond `inner` over which costs fall to 1, m. weight: Added to 1 at `inner`.
     """
     if clearance < inner:
         return COSTLIEST
@@ -88,12 +88,13 @@ def cell_cost(clearance: float, inner: float, soft: float, weight: float) -> flo
 
 @njit(cache=True, nogil=True)
 def relax_from(before: Counts, row: Counts, along: Counts, across: Counts) -> bool:
-    """Steps of the wave from one row to the next, in place; whether a cell of it became cheaper.
+    """Steps of the wave from one row to the next, in place; return whether a cell became cheaper.
 
-    No cell waits for its neighbour, so several go at once, as long as sums stay 32 bits wide.
+    Cells do not depend on their neighbours, so the loop can vectorise as long as sums are 32 bits wide.
 
     Args:
-        before, row: (cols,), wave units. along, across: (cols,), cost of a step into each cell of `row`.
+        before, row: (cols,), wave units.
+        along, across: (cols,), cost of a straight and of a diagonal step into each cell of `row`.
     """
     last = row.size - 1
     cheaper = 0
@@ -125,15 +126,15 @@ def relax_along(row: Counts, along: Counts) -> None:
 
 @njit(cache=True, nogil=True)
 def spread(costs: NDArray[np.uint8], seeds: Counts, cost_to_go: Counts) -> None:
-    """Least cost from each cell to a seed over 8 neighbours.
+    """Compute the least cost from each cell to a seed over 8 neighbours.
 
-    Sweeps up and down the rows go on until no row has news for the next one. Least costs are unique, so the order in
+    Sweeps up and down the rows are repeated until no row changes the next one. Least costs are unique, so the order in
     which cells become cheaper does not matter; whole rows are several times as fast as a queue of cells.
 
     Args:
-        costs: (rows, cols), cost of a metre in each cell, in tenths, 10 .. 255.
-        seeds: (rows, cols), cost at which the wave starts in a cell, wave units; negative: it does not.
-        cost_to_go: (rows, cols), filled, wave units: 10 a cell along, 14 across, at cost 1.
+        costs: (rows, cols), cost per metre in each cell, in tenths, 10 .. 255.
+        seeds: (rows, cols), cost at which the wave starts in a cell, wave units; negative for cells without a seed.
+        cost_to_go: (rows, cols), filled in, wave units: 10 per straight, 14 per diagonal step, at cost 1.
     """
     rows, cols = costs.shape
     along, across = np.empty((rows, cols), np.int32), np.empty((rows, cols), np.int32)
@@ -167,19 +168,20 @@ def spread(costs: NDArray[np.uint8], seeds: Counts, cost_to_go: Counts) -> None:
 
 @njit(cache=True, nogil=True)
 def straight_cost(origin: NDArray[np.int64], cell: float, row: int, column: int, x: float, y: float) -> int:
-    """Wave units from a cell's centre straight to a place, m, pose frame, at cost 1."""
+    """Cost at 1 per metre, wave units, of the straight line from a cell's centre to a place, m, pose frame."""
     dx, dy = (origin[0] + column + 0.5) * cell - x, (origin[1] + row + 0.5) * cell - y
     return round(math.sqrt(dx * dx + dy * dy) / cell * UNIT)
 
 
 @njit(cache=True, nogil=True)
 def seed_field(seeds: Counts, origin: NDArray[np.int64], cell: float, x: float, y: float) -> None:
-    """Start the wave in the nine cells about the target, or in all border cells where it is outside of the field.
+    """Start the wave in the nine cells around the target, or in all border cells if it is outside the field.
 
-    Each starts at its distance to the target, so that the least value is there and not in the middle of its cell.
+    Each starts at its distance to the target, so that the minimum is at the target and not at the centre of its cell.
 
     Args:
-        seeds: (rows, cols), filled, wave units. origin, cell: Of the field, m. x, y: Target, m, pose frame.
+        seeds: (rows, cols), filled in, wave units. origin, cell: As for obstacle_distance().
+        x, y: Target, m, pose frame.
     """
     rows, cols = seeds.shape
     seeds[:, :] = -1
@@ -207,11 +209,11 @@ def fill_field(
     distance: Counts,
     cost_to_go: Counts,
 ) -> None:
-    """From obstacles and target to the two fields; arguments as for the functions above."""
+    """Compute both fields from obstacles and target; arguments as for the functions above."""
     rows, cols = distance.shape
     centre_field(origin, pose[0], pose[1], cell, cols)
     obstacle_distance(obstacles, pose, origin, cell, distance)
-    table = np.empty(math.ceil((inner + soft) * CHAMFER / cell) + 2, np.uint8)  # what is farther costs no more
+    table = np.empty(math.ceil((inner + soft) * CHAMFER / cell) + 2, np.uint8)  # cells farther away cost no more
     for k in range(table.size):
         table[k] = min(255, int(10.0 * cell_cost(k * cell / CHAMFER, inner, soft, weight)))
     costs, seeds = np.empty((rows, cols), np.uint8), np.empty((rows, cols), np.int32)
@@ -224,7 +226,7 @@ def fill_field(
 
 @njit(cache=True, nogil=True)
 def field_value(field: Counts, origin: NDArray[np.int64], cell: float, x: float, y: float) -> float:
-    """A field's value between cell centres, bilinear, at a place, m, pose frame; outside, that of the border."""
+    """Value of a field at a place, m, pose frame, bilinear between cell centres; outside, the value at the border."""
     rows, cols = field.shape
     u = min(cols - 1.001, max(0.0, x / cell - origin[0] - 0.5))
     t = min(rows - 1.001, max(0.0, y / cell - origin[1] - 0.5))

@@ -1,4 +1,4 @@
-"""What the velocities of the window are worth: the objective of Fox, Burgard & Thrun 1997."""
+"""Objective over the velocities of the window: Fox, Burgard & Thrun 1997."""
 
 import math
 
@@ -19,13 +19,13 @@ def arc_pose(v: float, w: float, time: float) -> tuple[float, float, float]:
 
 @njit(cache=True, nogil=True)
 def heading_term(v: float, w: float, time: float, v_brake: float, w_brake: float, x: float, y: float) -> float:
-    """heading(v, w): 1 where the robot will look at the target, 0 where away from it.
+    """heading(v, w): 1 where the robot will face the target, 0 where it will face away from it.
 
-    Where it will be is the place it comes to when it keeps the velocity for one interval and then brakes, as in the
-    paper: v / (2 b) s more at v for the way, and likewise for the turn.
+    The pose is predicted as in the paper: the robot keeps the velocity for one interval and then brakes, which adds
+    v / (2 b) s at v to the way, and likewise to the turn.
 
     Args:
-        v, w: m/s, rad/s. time: Of the interval, s. v_brake, w_brake: Decelerations, m/s^2, rad/s^2.
+        v, w: m/s, rad/s. time: Length of the interval, s. v_brake, w_brake: Decelerations, m/s^2, rad/s^2.
         x, y: Target, m, base frame.
     """
     way, turn = v * time + 0.5 * v * abs(v) / v_brake, w * time + 0.5 * w * abs(w) / w_brake
@@ -37,9 +37,9 @@ def heading_term(v: float, w: float, time: float, v_brake: float, w_brake: float
 
 @njit(cache=True, nogil=True)
 def distance_term(distance: float, farthest: float) -> float:
-    """dist(v, w): the way along the arc to the next obstacle, m, over the farthest that counts, m; at most 1.
+    """dist(v, w): distance along the arc to the next obstacle, m, over the farthest that counts, m; at most 1.
 
-    The way is that of u = hypot(v, lever w), see window.sample_arcs(), so that turns in place have one too.
+    The distance is measured with u = hypot(v, lever w), see window.sample_arcs(), so that turns in place have one too.
     """
     return min(1.0, distance / farthest)
 
@@ -52,10 +52,10 @@ def velocity_term(v: float, v_max: float) -> float:
 
 @njit(cache=True, nogil=True)
 def smooth(values: Floats, smoothed: Floats) -> None:
-    """sigma(): mean of each value and its neighbours in the window that are admissible.
+    """sigma(): mean of each value and its admissible neighbours in the window.
 
     Args:
-        values: (m, n), by arc and speed; -inf is not admissible, and stays so. smoothed: (m, n), filled.
+        values: (m, n), by arc and speed; -inf is not admissible and stays -inf. smoothed: (m, n), filled in.
     """
     arcs, speeds = values.shape
     for j in range(arcs):
@@ -83,12 +83,12 @@ def score_1997(
     weights: tuple[float, float, float],
     costs: Floats,
 ) -> None:
-    """G(v, w) = sigma(alpha heading + beta dist + gamma velocity), as a cost: its negative.
+    """Compute costs as the negative of G(v, w) = sigma(alpha heading + beta dist + gamma velocity).
 
     Args:
-        arcs: (m, 4) of window.sample_arcs(). limits: (m,), highest admissible u of each arc.
+        arcs: (m, 4), from window.sample_arcs(). limits: (m,), highest admissible u of each arc.
         contacts: (m,), first contact at u = 1, s. target: m, base frame. farthest: m, see distance_term().
-        weights: alpha, beta, gamma. costs: (m, n), filled; +inf where not admissible.
+        weights: alpha, beta, gamma. costs: (m, n), filled in; +inf where not admissible.
     """
     count = costs.shape[1]
     values = np.full(costs.shape, -np.inf)

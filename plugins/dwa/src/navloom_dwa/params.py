@@ -1,4 +1,4 @@
-"""Parameters of the dynamic window. Each default is the engineering choice; `fox_1997()` lists those of the paper."""
+"""Parameters of the dynamic window. Defaults are engineering choices; `fox_1997()` lists the paper's values."""
 
 from typing import Any, Literal
 
@@ -9,13 +9,17 @@ from pydantic import Field
 class DwaParams(Params):
     """Fox, Burgard & Thrun 1997, and the critics of Nav2's DWB."""
 
-    objective: Literal["critics", "1997"] = Field("critics", description="Today's critics, or the paper's objective.")
+    objective: Literal["critics", "1997"] = Field(
+        "critics", description="Critics of Nav2's DWB, or the paper's objective."
+    )
     arcs: int = Field(41, ge=3, le=201, description="Arcs on which the window is sampled.")
     speeds: int = Field(20, ge=2, le=100, description="Speeds on each arc.")
-    window_time: float = Field(0.25, gt=0.0, le=5.0, description="The window is what can be reached within this, s.")
-    max_speed: float = Field(5.0, gt=0.0, le=20.0, description="Forward speed, m/s; the robot's own limit holds too.")
+    window_time: float = Field(0.25, gt=0.0, le=5.0, description="Time in which the window can be reached, s.")
+    max_speed: float = Field(
+        5.0, gt=0.0, le=20.0, description="Forward speed, m/s; the robot's own limit also applies."
+    )
     max_turn_deg: float = Field(
-        180.0, gt=0.0, le=720.0, description="Turn rate, degrees per second; the robot's own limit holds too."
+        180.0, gt=0.0, le=720.0, description="Turn rate, degrees per second; the robot's own limit also applies."
     )
     turn_acceleration_deg: float = Field(
         180.0, gt=0.0, le=3600.0, description="Change of the turn rate, degrees per s^2: window, ramp and braking."
@@ -27,11 +31,11 @@ class DwaParams(Params):
         "polygon", description="Contact on arcs is that of the footprint, or of the disc that encloses it (paper)."
     )
     farthest: float = Field(4.0, gt=0.0, le=20.0, description="Obstacles farther along an arc do not count, m.")
-    laser_margin: float = Field(0.05, ge=0.0, le=1.0, description="Kept between footprint and what a laser saw, m.")
-    sonar_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and sonar cell centres, m.")
-    reacts: bool = Field(True, description="Braking begins one tick later. Paper: false.")
+    laser_margin: float = Field(0.05, ge=0.0, le=1.0, description="Margin between footprint and laser points, m.")
+    sonar_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and sonar cell centres, m.")
+    reacts: bool = Field(True, description="Assume braking one tick later. Paper: false.")
     roll_check: bool = Field(True, description="Roll the chosen command forward with its ramps. Paper: false.")
-    memory: float = Field(20.0, ge=0.0, le=3600.0, description="What a laser no longer sees counts this long, s.")
+    memory: float = Field(20.0, ge=0.0, le=3600.0, description="How long points out of a laser's sight count, s.")
     reach: float = Field(4.0, ge=0.5, le=20.0, description="Laser points farther away than this are dropped, m.")
     spacing: float = Field(0.03, ge=0.005, le=0.2, description="One remembered point is kept in a square of this, m.")
     agreement: float = Field(
@@ -47,14 +51,14 @@ class DwaParams(Params):
     )
     cell: float = Field(0.1, ge=0.02, le=0.5, description="Side of a cell of the cost field, m.")
     field: int = Field(81, ge=21, le=301, description="Cells along a side of the cost field.")
-    soft: float = Field(
-        0.3, gt=0.0, le=3.0, description="From the disc within the footprint on costs fall over this, m."
-    )
-    soft_weight: float = Field(3.0, ge=0.0, le=20.0, description="Added to the cost of a metre at that disc.")
+    soft: float = Field(0.3, gt=0.0, le=3.0, description="Width beyond the inscribed disc over which costs fall, m.")
+    soft_weight: float = Field(3.0, ge=0.0, le=20.0, description="Added to the cost per metre at that disc.")
     horizon: float = Field(2.0, gt=0.0, le=10.0, description="Critics look this far along an arc, s.")
     nose: float = Field(0.3, ge=0.0, le=2.0, description="The align critics score this far ahead of the base, m.")
-    capture: float = Field(0.3, gt=0.0, le=5.0, description="Nearer to a target that is not the goal it is passed, m.")
-    goal_distance: float = Field(1.0, ge=0.0, le=100.0, description="Weight of the way to the target round obstacles.")
+    capture: float = Field(0.3, gt=0.0, le=5.0, description="Distance at which a target before the goal is passed, m.")
+    goal_distance: float = Field(
+        1.0, ge=0.0, le=100.0, description="Weight of the cost to the target around obstacles."
+    )
     goal_align: float = Field(1.0, ge=0.0, le=100.0, description="The same at the nose, no unit.")
     path_distance: float = Field(0.1, ge=0.0, le=100.0, description="Weight of the distance from the targets' trail.")
     path_align: float = Field(0.1, ge=0.0, le=100.0, description="The same at the nose, no unit.")
@@ -62,27 +66,35 @@ class DwaParams(Params):
     contact: float = Field(0.5, ge=0.0, le=100.0, description="Weight of a contact within the horizon, m.")
     turning: float = Field(0.02, ge=0.0, le=100.0, description="Weight of the turn rate, m per rad/s.")
     slow: float = Field(0.05, ge=0.0, le=1.0, description="Below this a turn counts as in place, m/s.")
-    oscillation_distance: float = Field(0.1, ge=0.0, le=5.0, description="Driven this far it may turn back again, m.")
-    oscillation_deg: float = Field(60.0, ge=0.0, le=360.0, description="Turned this far too, degrees.")
-    rotate_within: float = Field(0.5, ge=0.0, le=5.0, description="Nearer to the target it turns to it first, m.")
-    rotate_deg: float = Field(60.0, gt=0.0, le=180.0, description="Where the target is farther off, degrees.")
+    oscillation_distance: float = Field(
+        0.1, ge=0.0, le=5.0, description="Distance after which a turn may be reversed, m."
+    )
+    oscillation_deg: float = Field(
+        60.0, ge=0.0, le=360.0, description="Turn after which it may be reversed too, degrees."
+    )
+    rotate_within: float = Field(
+        0.5, ge=0.0, le=5.0, description="Distance to the target below which to turn first, m."
+    )
+    rotate_deg: float = Field(60.0, gt=0.0, le=180.0, description="Heading error above which to do so, degrees.")
     alpha: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the heading.")
     beta: float = Field(1.0, ge=0.0, le=100.0, description="1997: weight of the distance to the next obstacle.")
     gamma: float = Field(0.2, ge=0.0, le=100.0, description="1997: weight of the speed.")
-    back_up: float = Field(0.4, ge=0.0, le=3.0, description="Backed up where it stands blocked, m; 0 is never.")
-    back_speed: float = Field(0.15, gt=0.0, le=1.0, description="m/s.")
-    back_ups: int = Field(4, ge=0, le=50, description="Times it backs up without progress.")
-    blocked_patience: float = Field(1.5, gt=0.0, le=60.0, description="Standing blocked before it backs up, s.")
-    patience: float = Field(60.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
-    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
-    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
-    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
-    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turned by more, it is no longer trapped, degrees.")
+    back_up: float = Field(0.4, ge=0.0, le=3.0, description="Distance to back up when blocked, m; 0: never.")
+    back_speed: float = Field(0.15, gt=0.0, le=1.0, description="Speed of backing up, m/s.")
+    back_ups: int = Field(4, ge=0, le=50, description="How often it backs up without progress.")
+    blocked_patience: float = Field(1.5, gt=0.0, le=60.0, description="Time blocked before the robot backs up, s.")
+    patience: float = Field(
+        60.0, gt=0.0, le=3600.0, description="Time without progress before the robot counts as trapped, s."
+    )
+    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Approach to the target that counts as progress, m.")
+    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="Movement beyond which a target counts as new, m.")
+    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Movement after which the trap is left, m.")
+    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turn after which the trap is left, degrees.")
     sectors: int = Field(72, ge=8, le=360, description="Directions of the costs in the diagnostics.")
 
 
 def fox_1997() -> dict[str, Any]:
-    """The parameters with which the plugin follows the paper, to be compared with the defaults."""
+    """Parameters with which the plugin follows the paper, for comparison with the defaults."""
     return {
         "objective": "1997",
         "shape": "disc",

@@ -1,4 +1,4 @@
-"""What a laser saw, kept as points at its own resolution in the pose frame, and forgotten when it sees past them."""
+"""Memory of laser echoes: points in the pose frame at the laser's resolution, forgotten when the laser sees past."""
 
 import math
 
@@ -7,14 +7,14 @@ from navloom.avoidance.clearance import outside_distance
 from numba import njit
 from numpy.typing import NDArray
 
-BESIDE = 0.05  # m: a beam that passes a remembered point at a greater distance says nothing of it
-TOUCH = 1.0e-6  # m: what is nearer than its margin is this much outside of it
-BEHIND = 0.1  # m: a beam that ends this far before a remembered point is stopped by something else
+BESIDE = 0.05  # m: a beam that passes a remembered point at a greater distance gives no information on it
+TOUCH = 1.0e-6  # m: a point within its margin is treated as this far outside of it
+BEHIND = 0.1  # m: a beam that ends this far before a remembered point hit something else
 
 
 @njit(cache=True, nogil=True)
 def nearest_beam(bearings: NDArray[np.float64], bearing: float) -> int:
-    """Index of the beam whose bearing, rad, rising, is nearest; of the same turn."""
+    """Index of the beam with the nearest bearing, rad; `bearings` rise, and both are within the same turn."""
     low, high = 0, bearings.size - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -35,7 +35,7 @@ def is_superseded(
     ranges: NDArray[np.float64],
     range_max: float,
 ) -> bool:
-    """Whether a remembered point is seen again, or seen past, by a scan.
+    """Whether a scan sees a remembered point again, or sees past it.
 
     Args:
         x, y: m, base frame. origins: (n, 2), m; bearings: (n,), rad, rising; axes: (n, 2), cosine and sine of each.
@@ -66,15 +66,15 @@ def remember(
     spacing: float,
     edges: NDArray[np.float64],
 ) -> int:
-    """Enter one scan: all its points, and of the older ones those that are out of its sight and not too old.
+    """Enter all points of one scan, and keep the older points that it does not see and that are not too old.
 
     Args:
-        points: (N, 3), x, y, m, pose frame, and when seen, s; changed in place, full ones lose the oldest.
+        points: (N, 3), x, y, m, pose frame, and the time seen, s; changed in place. When full, the oldest are lost.
         count: Rows in use.
         pose: x, y, m, heading, rad, of the base.
-        origins, bearings, ranges, range_max: As for is_superseded(); none superseded where bearings do not rise.
-        time: Now, s. memory: s. reach: Farther from the base nothing is kept, m.
-        spacing: Of older points one is kept in a square of this side, m.
+        origins, bearings, ranges, range_max: As for is_superseded(). If bearings do not rise, no point is superseded.
+        time: Current time, s. memory: Greatest age of a point, s. reach: Greatest distance of a point from the base, m.
+        spacing: One older point is kept per square of this side, m.
         edges: Footprint: clearance.footprint_edges(). Older points deep inside it are forgotten.
 
     Returns:
@@ -129,15 +129,17 @@ def obstacles_in_base(
     obstacles: NDArray[np.float64],
     gaps: NDArray[np.float64],
 ) -> int:
-    """Everything near, from the nearest on, with the margin to keep to it.
+    """Collect the obstacles near the footprint, nearest first, with the margin to keep to each.
 
-    What is nearer than its margin has its distance as margin: the robot may leave but not come nearer.
+    An obstacle nearer than its margin has its distance as margin: the robot may move away but not come nearer.
 
     Args:
-        points: (n, 3), m, pose frame, as of remember(). cells: (k, 3), m, base frame, and certainty.
+        points: (n, 3), m, pose frame, from remember(). cells: (k, 3), m, base frame, and certainty.
         arc_reach: Cells of sonar arcs, certainty 2, count up to this distance from the base, m.
-        pose, edges: As for remember(). margins: For points and for cells, m. reach: Beyond a side, m.
-        obstacles: (N, 3), filled: x, y, margin, m, base frame. gaps: (N,), filled: distance beyond a side, m, rising.
+        pose, edges: As for remember(). margins: Margins for points and for cells, m.
+        reach: Greatest distance beyond a side of the footprint, m.
+        obstacles: (N, 3), filled in: x, y, margin, m, base frame.
+        gaps: (N,), filled in: distance beyond a side, m, rising.
 
     Returns:
         Rows filled.

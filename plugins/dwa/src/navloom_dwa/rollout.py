@@ -1,4 +1,4 @@
-"""The command that is sent: the best of the window that stays free with the ramps of the gate, and braking after it."""
+"""Choice of the command: the best velocity that stays free with the gate's ramps and with braking after it."""
 
 import math
 
@@ -12,19 +12,19 @@ Floats = NDArray[np.float64]
 LONGEST = 200  # steps of one roll-forward
 TRIES = 24
 STOPPED = 0.01  # m/s: a lagging robot that is this slow stops within a millimetre or two
-TAIL = 6.0  # time constants until then
+TAIL = 6.0  # time constants until a lagging robot is that slow
 
 
 @njit(cache=True, nogil=True)
 def ramp(now: float, wanted: float, up: float, down: float, time: float) -> float:
-    """Speed after a time, s, on the way to the wanted one: `up` away from 0, `down` towards it, as the gate does it."""
+    """Speed after a time, s, on the ramp to the wanted one: rate `up` away from 0, `down` towards 0, as in the gate."""
     rate = up if abs(wanted) > abs(now) and wanted * now >= 0.0 else down
     return min(max(wanted, now - rate * time), now + rate * time)
 
 
 @njit(cache=True, nogil=True)
 def is_nearer(edges: Floats, x: float, y: float, distance: float) -> bool:
-    """Whether clearance.outside_distance() of a point is less than a distance, m: most are told by one side or two."""
+    """Whether clearance.outside_distance() of a point is less than a distance, m. Few sides decide most points."""
     is_beyond = False
     for k in range(edges.shape[0]):
         is_beyond = edges[k, 0] * x + edges[k, 1] * y - edges[k, 2] >= distance
@@ -35,7 +35,7 @@ def is_nearer(edges: Floats, x: float, y: float, distance: float) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def reach_of(edges: Floats, margin: float) -> float:
-    """Distance from the base, m, of the farthest corner of a footprint whose sides are moved out by a margin, m."""
+    """Distance from the base, m, of the farthest corner of a footprint after its sides are moved out by a margin, m."""
     reach = 0.0
     for k in range(edges.shape[0]):
         nx, ny, offset = edges[k - 1, 0], edges[k - 1, 1], edges[k - 1, 2] + margin
@@ -64,10 +64,10 @@ def stays_free(
     """Whether one period of a command, and braking along the same arc, keeps every obstacle's margin.
 
     Args:
-        obstacles, gaps: Of points.obstacles_in_base(). edges: clearance.footprint_edges().
-        twist: Present speed, m/s, and turn rate, rad/s. command: m/s and rad/s.
-        period: s. up, down: Of the gate, m/s^2. turn_down: rad/s^2. margin: The greatest of all obstacles, m.
-        in_flight, lag, dead_time: Of motors.Motors; without lag and dead time the robot turns as commanded at once.
+        obstacles, gaps: From points.obstacles_in_base(). edges: clearance.footprint_edges().
+        twist: Current speed, m/s, and turn rate, rad/s. command: m/s and rad/s.
+        period: s. up, down: Ramps of the gate, m/s^2. turn_down: rad/s^2. margin: Greatest of all obstacles, m.
+        in_flight, lag, dead_time: As in motors.Motors. Without lag and dead time the robot turns as commanded at once.
     """
     (speed, turning), (v, w) = twist, command
     commanded, delay = in_flight[-1, 0], lag + dead_time
@@ -99,7 +99,7 @@ def stays_free(
         speed = faster
         elapsed += step
         c, s = math.cos(heading), math.sin(heading)
-        # No point of the footprint has moved by more: what is farther from where it was is not met yet.
+        # No point of the footprint has moved farther than this, so obstacles with a larger gap cannot be met yet.
         met = margin + math.hypot(x, y) + abs(heading) * rim + 1.0e-6
         for i in range(count):
             if gaps[i] > met:
@@ -116,11 +116,11 @@ def stays_free(
 def highest_speeds(
     arcs: Floats, contacts: Floats, v_brake: float, w_brake: float, reaction: float, limits: Floats
 ) -> None:
-    """V_a on each arc: the highest u from which way and turn both end before the contact.
+    """Compute V_a on each arc: the highest u from which translation and rotation both stop before the contact.
 
     Args:
-        arcs: (m, 4) of window.sample_arcs(). contacts: (m,), of contact.first_contacts(), s at u = 1.
-        v_brake, w_brake, reaction: As for window.stoppable_speed(). limits: (m,), filled.
+        arcs: (m, 4), from window.sample_arcs(). contacts: (m,), from contact.first_contacts(), s at u = 1.
+        v_brake, w_brake, reaction: As for window.stoppable_speed(). limits: (m,), filled in.
     """
     for j in range(arcs.shape[0]):
         v, w = abs(arcs[j, 0]), abs(arcs[j, 1])
@@ -149,16 +149,17 @@ def choose(
     lag: float,
     dead_time: float,
 ) -> tuple[int, int, float, float]:
-    """The cheapest velocity that stays free.
+    """Choose the cheapest velocity that stays free.
 
     Args:
-        costs: (m, n), +inf where not admissible. twist: Present speed, m/s, and turn rate, rad/s.
+        costs: (m, n), +inf where not admissible. twist: Current speed, m/s, and turn rate, rad/s.
         turn: Greatest change of the turn rate, rad/s^2, from the newest command in flight.
-        is_checked: Whether stays_free() is asked.
+        is_checked: Whether the velocity must pass stays_free().
         The others: As for window.sample_arcs() and stays_free().
 
     Returns:
-        Arc and speed chosen, -1 where none; forward speed, m/s, and turn rate, rad/s, the turn ramped for one period.
+        Indices of the chosen arc and speed, -1 for none; forward speed, m/s, and turn rate, rad/s, ramped for one
+        period.
     """
     left = costs.copy()
     for _ in range(TRIES):
@@ -172,5 +173,5 @@ def choose(
             obstacles, gaps, edges, twist, (v, w), period, up, down, turn, margin, in_flight, lag, dead_time
         ):
             return j, i, v, w
-        left[j, i:] = np.inf  # what is faster on the same arc is not free either
+        left[j, i:] = np.inf  # faster speeds on the same arc are not free either
     return -1, -1, 0.0, 0.0

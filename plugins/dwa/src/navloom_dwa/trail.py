@@ -1,4 +1,4 @@
-"""The path of the path critics, from the targets given so far; and which way it turned on the spot last."""
+"""The path for the path critics, made of past targets, and the direction of the last turn in place."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from navloom.avoidance.steering import wrap
 from numpy.typing import NDArray
 
 Point = tuple[float, float]
-LEAST = 0.05  # m: nearer to the last one a target is not a new point of the trail
+LEAST = 0.05  # m: a target nearer to the last point of the trail is not added
 
 
 def trail_ahead(trail: list[Point], place: Point, target: Point, jump: float) -> NDArray[np.float64]:
-    """The way still to drive: from the robot to the nearest target it was given, and on to the present one.
+    """Path still to drive: from the robot to the nearest target so far, and on to the current one.
 
-    A look-ahead point moves along the planned trajectory, so what it leaves behind is the trajectory.
+    The target is a look-ahead point that moves along the planned trajectory, so past targets trace the trajectory.
 
     Args:
-        trail: Targets so far, m, oldest first; the new one is added, those passed are taken off; one that is farther
-            than `jump`, m, from the last begins a new trail.
-        place: Of the robot, m. target: m.
+        trail: Targets so far, m, oldest first. The new one is added and passed ones are removed; a target farther than
+            `jump`, m, from the last one starts a new trail.
+        place: Position of the robot, m. target: m.
 
     Returns:
         (k, 2), m, k >= 2.
@@ -37,10 +37,11 @@ def trail_ahead(trail: list[Point], place: Point, target: Point, jump: float) ->
 
 @dataclass
 class TurnTrend:
-    """The oscillation critic's memory: the sign of the last turn in place, until the robot moved on.
+    """Memory of the oscillation critic: the sign of the last turn in place, until the robot has moved on.
 
     Attributes:
-        distance: m. angle: rad. sign: +1 left, -1 right, 0 where nothing binds.
+        distance, angle: Motion after which the sign is forgotten, m and rad.
+        sign: +1 left, -1 right, 0 for no restriction.
     """
 
     distance: float
@@ -49,13 +50,13 @@ class TurnTrend:
     _place: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def note(self, v: float, w: float, slow: float, pose: tuple[float, float, float]) -> None:
-        """Take in what is sent, m/s and rad/s; below `slow`, m/s, a turn is one in place."""
+        """Note the command sent, m/s and rad/s; a turn below the speed `slow`, m/s, is one in place."""
         if v < slow and w != 0.0 and self.sign == 0:
             self.sign = 1 if w > 0.0 else -1
             self._place = pose
 
     def follow(self, pose: tuple[float, float, float]) -> None:
-        """Free again after having driven or turned far enough; pose: x, y, m, heading, rad."""
+        """Lift the restriction once the robot has driven or turned far enough; pose: x, y, m, heading, rad."""
         turned = abs(wrap(pose[2] - self._place[2]))
         if math.dist(pose[:2], self._place[:2]) > self.distance or turned > self.angle:
             self.sign = 0

@@ -1,4 +1,4 @@
-"""The scores of one tick as people look at them: by direction."""
+"""The scores of one tick by direction, for the diagnostics."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ TURN = 2.0 * np.pi
 
 
 def arc_directions(arcs: Floats) -> Floats:
-    """(m,) bearing, rad, base frame, of the place on each arc after 1 m of u: half of what was turned until there."""
+    """(m,) bearing, rad, base frame, of the point on each arc after 1 m of u: half the turn up to that point."""
     return np.clip(0.5 * arcs[:, 1], -np.pi, np.pi)
 
 
 def cost_by_direction(directions: Floats, costs: Floats, sectors: int) -> Floats:
-    """Least cost among the arcs that lead into each sector: 0 the best of all, 1 the worst, none free, or no arc.
+    """Least cost of the arcs that lead into each sector, scaled: 0 for the best, 1 for the worst or for no free arc.
 
     Args:
-        directions: (m,), rad, map frame. costs: (m, n), +inf where not admissible. sectors: Of a full turn.
+        directions: (m,), rad, map frame. costs: (m, n), +inf where not admissible. sectors: Number in a full turn.
 
     Returns:
         (sectors,), 0 .. 1.

@@ -1,4 +1,4 @@
-"""Compiles every kernel before the first tick."""
+"""Compilation of every kernel before the first tick."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from navloom_dwa.params import DwaParams, fox_1997
 
 
 def warm_up() -> None:
-    """One tick of each objective with a laser and sonars, for arrays that may be written and those that may not.
+    """Run ticks of each objective with a laser and sonars, on writeable and on read-only arrays.
 
-    A wall all round is too near to drive on: so backing up is compiled too.
+    The echoes ahead are too near to drive on, so backing up is compiled too.
     """
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0, half_track=0.3)

@@ -1,4 +1,4 @@
-"""The dynamic window and what of it can be stopped in time: Fox, Burgard & Thrun 1997, V_d and V_a."""
+"""The dynamic window V_d and the velocities that can be stopped in time, V_a: Fox, Burgard & Thrun 1997."""
 
 import math
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 @njit(cache=True, nogil=True)
 def reachable(now: float, least: float, greatest: float, up: float, down: float, time: float) -> tuple[float, float]:
-    """V_d in one dimension: what can be reached within a time, and is allowed.
+    """V_d in one dimension: the allowed speeds that can be reached within a time.
 
     Args:
-        now: Present speed, m/s (rad/s). least, greatest: Allowed, same unit.
-        up, down: Change towards higher and lower speeds, per s. time: s.
+        now: Current speed, m/s (rad/s). least, greatest: Bounds of the allowed speeds, same unit.
+        up, down: Rates of change towards higher and lower speeds, per s. time: s.
 
     Returns:
-        Lowest and highest speed; where nothing allowed can be reached, the nearest that is allowed, twice.
+        Lowest and highest speed; if no allowed speed can be reached, the nearest allowed speed twice.
     """
     low = min(greatest, max(least, now - down * time))
     return low, max(low, min(greatest, now + up * time))
@@ -29,7 +29,7 @@ def stoppable_speed(distance: float, deceleration: float, reaction: float) -> fl
     v t + v^2 / (2 b) = d gives v = sqrt(b^2 t^2 + 2 b d) - b t; the paper has t = 0, v = sqrt(2 d b).
 
     Args:
-        distance: d, m (rad). deceleration: b, m/s^2 (rad/s^2). reaction: t, s, before it brakes.
+        distance: d, m (rad). deceleration: b, m/s^2 (rad/s^2). reaction: t, time before it brakes, s.
     """
     if math.isinf(distance):
         return np.inf
@@ -54,16 +54,16 @@ def sample_arcs(
     rim_speed: float,
     arcs: NDArray[np.float64],
 ) -> None:
-    """Fill the window with arcs: rays through (0, 0) of the (v, w) plane, evenly spread over the angles it is seen in.
+    """Sample the window with arcs: rays from (0, 0) of the (v, w) plane, evenly spread over the window's angles.
 
-    All velocities of one ray drive the same arc, at other speeds: what is in the way is found once for all of them.
+    All velocities on one ray drive the same arc at different speeds, so contacts are computed once per ray.
 
     Args:
         window: Lowest and highest v, m/s, >= 0, and w, rad/s.
-        lever: m; u = hypot(v, lever w) is the speed that counts along a ray.
+        lever: m; u = hypot(v, lever w) is the speed along a ray.
         half_track: m. rim_speed: Highest speed of a wheel, m/s: |v| + half_track |w|.
-        arcs: (m, 4), filled: v and w for u = 1, lowest and highest u; the lowest is above the highest where a ray
-            does not meet the window. The ray nearest to straight ahead, if it is among them, is straight ahead.
+        arcs: (m, 4), filled in: v and w for u = 1, lowest and highest u; the lowest is above the highest where a ray
+            misses the window. If straight ahead is within the window's angles, the ray nearest to it is moved onto it.
     """
     v_low, v_high, w_low, w_high = window
     least, most = np.inf, -np.inf

@@ -20,7 +20,7 @@ __all__ = ["ImprovedVfh"]
 
 
 class ImprovedVfh(Avoider[ImprovedVfhParams]):
-    """Steers round what range sensors see, towards the target (Hoang et al. 2013, III.C)."""
+    """Steers around the obstacles that range sensors see, towards the target (Hoang et al. 2013, III.C)."""
 
     name = "improved_vfh"
     claims = {Claim.FOOTPRINT, Claim.MIRROR}

@@ -30,14 +30,14 @@ Point = tuple[float, float]
 
 
 class View(NamedTuple):
-    """What one tick is decided on, pose frame but for the cells.
+    """Inputs to the decision of one tick, in the pose frame except for the cells.
 
     Attributes:
         pose: x, y, m, heading, rad. twist: Present speed, m/s, and turn rate, rad/s. target: m.
-        distance: To the target, m. bearing: theta_t, rad.
-        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
-        directions: Candidates of the slots, rad.
-        d30, run: m, see clearance.nearest_ahead().
+        distance: Distance to the target, m. bearing: Direction of the target, theta_t, rad.
+        cells: (n, 3), occupied cells: x, y, m, base frame, and certainty.
+        directions: Candidate directions of the slots, rad.
+        d30, run: Nearest distance ahead and free run straight ahead, m, see clearance.nearest_ahead().
     """
 
     pose: Pose
@@ -74,20 +74,22 @@ def survey(
     slots: NDArray[np.int64],
     directions: Floats,
 ) -> tuple[int, int, int, float, float]:
-    """From the window to cells, density, slots, candidate directions and what is ahead, in one call.
+    """Compute occupied cells, density, slots, candidate directions and the clearance ahead, in one call.
 
     Args:
         grid, origin, cell, pose: As for certainty.insert_beams().
         edges: clearance.footprint_edges(). clears_footprint: Whether cells under the robot are set free.
-        reach: m. horizon: Cells farther than this do not enter the histogram, m.
-        radius: Of the enlargement, m; negative is none: density summed and smoothed over 2 half_width + 1 sectors.
+        reach: Distance at which a cell's magnitude falls to 0, m.
+        horizon: Cells farther than this do not enter the histogram, m.
+        radius: Enlargement radius, m. If negative, cells are not enlarged: the density is summed and smoothed over
+            2 half_width + 1 sectors.
         per_arc_cell, threshold, widest, inset, target: As for the functions of histogram.py.
-        ahead: Half sector of d30, rad; front, half width of the footprint and margin, m.
-        cells: (size * size, 3), density: (sectors,), slots: (sectors // 2 + 1, 2),
-            directions: (3 * (sectors // 2 + 1),): filled.
+        ahead: Half sector of d30, rad; front of the footprint, its half width, and the margin, m.
+        cells, density, slots, directions: Outputs, filled in: (size * size, 3), (sectors,), (sectors // 2 + 1, 2),
+            (3 * (sectors // 2 + 1),).
 
     Returns:
-        Number of cells, slots and directions; d30 and free run, m.
+        Numbers of cells, slots and directions; d30 and free run, m.
     """
     heading = pose[2]
     count = occupied_cells(grid, origin, cell, pose, edges if clears_footprint else edges[:0], cells)
@@ -113,12 +115,12 @@ def survey(
 
 
 class Avoidance(Method):
-    """The improved VFH of one robot: its certainty window and what it remembers of its search.
+    """The improved VFH for one robot: its certainty window and the state of its search.
 
     Attributes:
-        cell: Side of a cell of the window, m. radius: Of the enlargement, m; negative is none.
-        arc_margin: Kept between footprint and cell centres, m.
-        arc_floor: What of it is kept where a cell is within it already, m.
+        cell: Side of a cell of the window, m. radius: Enlargement radius, m; negative for no enlargement.
+        arc_margin: Margin between footprint and cell centres, m.
+        arc_floor: Smaller margin that is kept where a cell is already within arc_margin, m.
     """
 
     def __init__(self, params: ImprovedVfhParams, robot: Robot, period: float) -> None:
@@ -172,9 +174,9 @@ class Avoidance(Method):
         return self._send(view, 0.0, self.search.sign * self.max_turn, None, why)
 
     def _open_window(self) -> None:
-        """Begin an empty window with the resolution and the margins that the sensors allow.
+        """Start an empty window with the resolution and margins that the sensors allow.
 
-        A laser says where an obstacle is, a cone only how far.
+        A laser measures where an obstacle is; a cone measures only its distance.
         """
         p, is_laser = self.params, self._is_laser
         self.cell = p.laser_cell if is_laser else p.cell
@@ -190,7 +192,7 @@ class Avoidance(Method):
     def sense(self, beams: Beams, pose: Pose) -> None:
         """Enter the readings of one tick into the window."""
         p = self.params
-        if beams is not self._beams:  # else only the ranges are others
+        if beams is not self._beams:  # for the same object, only the ranges have changed
             is_laser = bool((beams.half_angles < THIN_BEAM).all())
             if is_laser != self._is_laser:
                 self._is_laser = is_laser
@@ -205,7 +207,7 @@ class Avoidance(Method):
         )  # fmt: skip
 
     def look(self, pose: Pose, twist: tuple[float, float], target: Point) -> View:
-        """Histogram, slots and clearances of the present window."""
+        """Compute histogram, slots and clearances from the current window."""
         p = self.params
         distance = math.dist(target, pose[:2])
         bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
@@ -219,7 +221,7 @@ class Avoidance(Method):
         return View(pose, twist, target, distance, bearing, self._cells[:count], directions, d30, run)
 
     def _choose(self, view: View) -> float | None:
-        """Direction of a slot, or None while a rotation is under way or has to begin."""
+        """Direction of a slot, rad, or None while a rotation is running or starts now."""
         heading = view.pose[2]
         if self.search.follow(heading):
             return None
@@ -235,7 +237,7 @@ class Avoidance(Method):
         return direction
 
     def _steer(self, view: View, direction: float) -> Decision:
-        """Turn to the direction and drive as fast as what is ahead allows."""
+        """Turn to the direction and drive as fast as the clearance ahead allows."""
         p, heading = self.params, view.pose[2]
         turn = turn_rate(direction, heading, p.turn_gain, self.max_turn)
         run = view.run if p.brakes else math.inf
@@ -251,7 +253,7 @@ class Avoidance(Method):
         return self._send(view, speed, turn, direction, why)
 
     def _send(self, view: View, speed: float, turn: float, direction: float | None, why: str) -> Decision:
-        """Reduce the command to what is free, and watch whether the robot gets anywhere with it."""
+        """Reduce the command to a collision-free one, and check the robot's progress."""
         p, r = self.params, self.robot
         sent = (speed, turn)
         if p.arc_check:
@@ -284,7 +286,7 @@ class Avoidance(Method):
 
 
 def warm_up(*choices: ImprovedVfhParams) -> None:
-    """Compile every kernel for the types one tick uses, by making one for each of the parameters given."""
+    """Compile every kernel for the types of one tick, by running one tick for each parameter set."""
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
     ones, none = np.ones(2), np.zeros((2, 2))

@@ -1,4 +1,4 @@
-"""Parameters of the improved VFH. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+"""Parameters of the improved VFH. Defaults are engineering choices; `paper_literal()` lists the paper's values."""
 
 from typing import Any, Literal
 
@@ -8,7 +8,7 @@ from pydantic import Field
 
 
 class ImprovedVfhParams(Params):
-    """Hoang et al. 2013, III.C. Where the paper prints a value it is the default, or named in the description."""
+    """Hoang et al. 2013, III.C. A value that the paper prints is the default, or the description names it."""
 
     cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in VFH).")
@@ -51,18 +51,16 @@ class ImprovedVfhParams(Params):
         0.05, ge=0.0, le=2.0, description="d_s: added to the footprint's half width for the enlargement, m."
     )
     smoothing: int = Field(
-        5, ge=0, le=12, description="l, sectors; used where enlargement is none, which it stands for."
+        5, ge=0, le=12, description="l, half width of the smoothing, sectors; used where enlargement is none."
     )
     normalisation: Literal["arc", "none"] = Field(
         "arc", description="Divide by the cells an arc has in a sector, or not (paper); where enlargement is none."
     )
     stops_at_target: bool = Field(True, description="Cells farther than the target and the radius do not count.")
     widest_slot: int = Field(
-        18, ge=2, le=72, description="s_max, sectors: a slot up to this is steered through midway."
+        18, ge=2, le=72, description="s_max, sectors: slots up to this width are driven in the middle."
     )
-    inset: float = Field(
-        9.0, ge=0.0, le=36.0, description="Steered this far inside a wide slot's edge, sectors (s_max / 2)."
-    )
+    inset: float = Field(9.0, ge=0.0, le=36.0, description="Offset inside a wide slot's edge, sectors (s_max / 2).")
     slot_window_deg: float = Field(
         100.0, gt=0.0, le=180.0, description="Slots within this of the heading count, degrees."
     )
@@ -75,16 +73,20 @@ class ImprovedVfhParams(Params):
     loyalty_deg: float = Field(
         20.0, ge=0.0, le=90.0, description="Preference for the direction chosen last, degrees. Paper: 0."
     )
-    rotation_deg: float = Field(100.0, gt=0.0, le=360.0, description="One rotation where there is no slot, degrees.")
-    attempts: int = Field(4, ge=1, le=100, description="Rotations without progress before it is called trapped.")
-    patience: float = Field(30.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
-    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
-    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
-    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
-    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turned by more, it is no longer trapped, degrees.")
+    rotation_deg: float = Field(
+        100.0, gt=0.0, le=360.0, description="Size of one rotation when there is no slot, degrees."
+    )
+    attempts: int = Field(4, ge=1, le=100, description="Rotations without progress before the robot counts as trapped.")
+    patience: float = Field(
+        30.0, gt=0.0, le=3600.0, description="Time without progress before the robot counts as trapped, s."
+    )
+    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Approach to the target that counts as progress, m.")
+    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="Movement beyond which a target counts as new, m.")
+    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Movement after which the trap is left, m.")
+    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turn after which the trap is left, degrees.")
     turn_gain: float = Field(10.0, gt=0.0, le=50.0, description="omega per heading error, 1/s; period * gain < 2.")
     max_turn_deg: float = Field(25.0, gt=0.0, le=180.0, description="Limit of omega, degrees per second.")
-    max_speed: float = Field(0.5, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit holds besides.")
+    max_speed: float = Field(0.5, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit also applies.")
     speed_gain: float = Field(5.0, gt=0.0, le=50.0, description="V per metre of d30 beyond the standoff, 1/s.")
     standoff: float = Field(0.4, ge=0.0, le=3.0, description="d30 at which V is 0, m.")
     front_sector_deg: float = Field(30.0, gt=0.0, le=90.0, description="Half the sector of d30, degrees.")
@@ -93,7 +95,7 @@ class ImprovedVfhParams(Params):
     )
     brakes: bool = Field(True, description="Cap V so that the robot can stop in the free run. Paper: false.")
     slow_factor: float = Field(2.5, ge=1.0, le=20.0, description="V is divided by this while turning.")
-    slow_on_deg: float = Field(10.0, gt=0.0, le=180.0, description="Turning from this omega on, degrees per second.")
+    slow_on_deg: float = Field(10.0, gt=0.0, le=180.0, description="Turning starts at this omega, degrees per second.")
     slow_off_deg: float = Field(
         8.0, gt=0.0, le=180.0, description="Turning ends below this omega, degrees per second. Paper: 10."
     )
@@ -104,27 +106,25 @@ class ImprovedVfhParams(Params):
         description="No forward speed while theta_d is farther off the heading, degrees. Paper: 180.",
     )
     arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
-    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and cell centres, m.")
+    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and cell centres, m.")
     laser_cell: float = Field(
         0.05, gt=0.0, le=0.5, description="cell of a robot whose range sensors are lasers, m; the window stays as wide."
     )
     laser_safety_distance: float = Field(0.03, ge=0.0, le=2.0, description="safety_distance of such a robot, m.")
     laser_margin: float = Field(0.06, ge=0.0, le=1.0, description="arc_margin of such a robot, m.")
     laser_floor: float = Field(
-        0.02, ge=0.0, le=1.0, description="Of that margin, what is kept where the robot is within it already, m."
+        0.02, ge=0.0, le=1.0, description="Smaller margin kept where the robot is already within laser_margin, m."
     )
     turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
-    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave where a corner has no room to turn, m/s.")
-    blocked_patience: float = Field(
-        1.0, gt=0.0, le=60.0, description="Standing blocked before turning the other way, s."
-    )
+    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave a corner without room to turn, m/s.")
+    blocked_patience: float = Field(1.0, gt=0.0, le=60.0, description="Time blocked before turning the other way, s.")
 
 
 def paper_literal() -> dict[str, Any]:
-    """The parameters with which the plugin follows the printed text, to be compared with the defaults.
+    """Parameters with which the plugin follows the printed text, for comparison with the defaults.
 
-    The reach is VFH's d_max of a 33 x 33 window, sqrt(2) * 16 cells. The threshold of 59 for (2, 3, 2) is
-    59 / (9 * 22.6) here, times 11 / 36 because VFH divides the smoothed sum by 2 l + 1 and we by the weights' sum.
+    The reach is VFH's d_max for a 33 x 33 window, sqrt(2) * 16 cells. The threshold of 59 for (2, 3, 2) is
+    59 / (9 * 22.6) here, times 11 / 36: VFH divides the smoothed sum by 2 l + 1, this plugin by the weights' sum.
     """
     return {
         "reset_scope": "window",

@@ -1,4 +1,4 @@
-"""The map one has, as a navloom mapper."""
+"""A given map as a navloom mapper."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["KnownMap"]
 
 
 class KnownMap(Mapper[Params]):
-    """Publishes the map of its context: once, and again after a clear request or a reset. It takes no sensor."""
+    """Publishes the map of its context once, and again after a clear request or a reset. It uses no sensor."""
 
     name = "known_map"
     accepts = ()

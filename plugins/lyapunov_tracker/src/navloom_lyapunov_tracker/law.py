@@ -1,7 +1,7 @@
 """Tracking error and control law of Hoang et al. 2013, equations (4), (6) and (7).
 
-It is Samson's law with a lateral gain of 1. The paper calls the robot's parameters "partially unknown"; the law does
-not estimate any: what it has is robustness, which the tests show for wrong wheel radii and tracks.
+It is Samson's law with a lateral gain of 1. The paper calls the robot's parameters "partially unknown", but the law
+does not estimate any of them. It is only robust to wrong values: the tests show this for wheel radii and track widths.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = [
 
 
 class TrackingError(NamedTuple):
-    """The reference seen from the robot: e1 ahead and e2 to the left, m, e3 heading, rad in [-π, π); base frame."""
+    """The reference seen from the robot, base frame: e1 ahead, m; e2 to the left, m; e3 heading, rad in [-π, π)."""
 
     e1: float
     e2: float
@@ -36,7 +36,7 @@ def wrap(angle: float) -> float:
 
 
 def sinc(angle: float) -> float:
-    """sin(angle) / angle, with 1 at 0: its series below 1e-4 rad, where that is exact to the last digit."""
+    """sin(angle) / angle, and 1 at 0. Below 1e-4 rad it uses the series, which is exact to the last digit there."""
     if abs(angle) < 1e-4:
         return 1.0 - angle * angle / 6.0
     return math.sin(angle) / angle
@@ -75,16 +75,16 @@ def energy(error: TrackingError) -> float:
 
 
 def turn_direction(e3: float, turning: int, above: float, until: float) -> int:
-    """Which way to turn in place before law (6) takes over (not the paper's).
+    """Direction of a turn in place before law (6) takes over (not in the paper).
 
-    Law (6) drives backwards where |e3| > 90°, and far from the path where it is not much smaller. Turning starts above
-    one heading error and ends below a smaller one. Near ±180°, where noise flips the sign of e3, the direction of a
-    turn that is under way is kept.
+    Law (6) drives backwards if |e3| > 90°, and far from the path if |e3| is not much smaller. The turn starts above one
+    heading error and ends below a smaller one. Near ±180°, noise flips the sign of e3, so a turn that has started keeps
+    its direction.
 
     Args:
         e3: Heading error, rad in [-π, π).
-        turning: The last answer; 0 at first.
-        above, until: Heading errors, rad >= 0, at which turning starts and ends; above >= π: never.
+        turning: The previous result; 0 at first.
+        above, until: Heading errors at which the turn starts and ends, rad >= 0; above >= π: never.
 
     Returns:
         1 to turn left, -1 right, 0 to follow the law.
@@ -97,10 +97,10 @@ def turn_direction(e3: float, turning: int, above: float, until: float) -> int:
 
 
 def final_turn(e3: float, w_max: float) -> float:
-    """Turn rate, rad/s, onto the heading asked for at the goal, where law (6) has no reference (not the paper's).
+    """Turn rate to the requested heading at the goal, rad/s, where law (6) has no reference (not in the paper).
 
     Args:
         e3: Heading error, rad in [-π, π).
-        w_max: Largest turn rate, rad/s. Within half a second's worth of it the turn slows down in proportion.
+        w_max: Largest turn rate, rad/s. Once |e3| is below w_max * 0.5 s, the rate falls in proportion to it.
     """
     return max(-w_max, min(w_max, 2.0 * e3))

@@ -11,7 +11,7 @@ __all__ = ["LyapunovTrackerParams"]
 
 
 class LyapunovTrackerParams(Params):
-    """Gains of law (6), and when to turn in place before it."""
+    """Gains of law (6), and the heading errors at which a turn in place starts and ends."""
 
     k1: float = Field(1.0, gt=0.0, le=20.0, description="gain of the longitudinal error, 1/s")
     k3: float = Field(0.6, gt=0.0, le=20.0, description="gain of the heading error, 1/s; critical at 2 v_r")

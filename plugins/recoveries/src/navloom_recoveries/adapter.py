@@ -16,13 +16,13 @@ __all__ = ["Retrace"]
 THIN = 0.02
 """Half angle below which a beam is a laser's, rad."""
 BESIDE = 2
-"""Readings to each side of a laser's that are averaged with it."""
+"""Number of neighbours on each side that a laser reading is averaged with."""
 AGREEMENT = 0.1
-"""Readings that differ by no more are of one surface, m."""
+"""Largest difference of two readings of the same surface, m."""
 
 
 class Retrace(Recovery[RetraceParams]):
-    """Back along the way the robot came, a turn in place, and a cleared map; each as far as the scans allow."""
+    """Backs up along the robot's trail, turns in place, and clears the map; moves only as far as the scans allow."""
 
     name = "retrace"
     accepts = (RangeScan,)
@@ -55,22 +55,22 @@ class Retrace(Recovery[RetraceParams]):
 
 
 def echoes(scan: RangeScan) -> NDArray[np.float64]:
-    """(k, 2) places of a scan's echoes, on the axes of its beams, m, base frame."""
+    """(k, 2) points of a scan's echoes, on the axes of its beams, m, base frame."""
     heard = scan.ranges < scan.range_max
     ranges, bearings = less_noisy(scan)[heard], scan.bearings[heard]
     return scan.origins[heard] + np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)
 
 
 def less_noisy(scan: RangeScan) -> NDArray[np.float64]:
-    """(n,) m: readings of a laser, each the mean of it and those beside it that agree; a sonar's as they are.
+    """(n,) ranges, m: each laser reading averaged with the neighbours that agree with it; sonar readings unchanged.
 
-    The nearest of many noisy readings is some standard deviations too near, and would forbid a way that is free.
+    The nearest of many noisy readings is several standard deviations too near, and would block a free way.
     """
     if not len(scan.ranges) or (scan.half_angles >= THIN).any():
         return scan.ranges
     beside = np.arange(-BESIDE, BESIDE + 1)[:, None] + np.arange(len(scan.ranges))
     readings = scan.ranges[np.clip(beside, 0, len(scan.ranges) - 1)]
-    with np.errstate(invalid="ignore"):  # no echo is infinite
+    with np.errstate(invalid="ignore"):  # a reading without an echo is infinite
         agree = np.abs(readings - scan.ranges) <= AGREEMENT
     count = agree.sum(axis=0)
     return np.where(count > 0, np.where(agree, readings, 0.0).sum(axis=0) / np.maximum(count, 1), scan.ranges)

@@ -1,4 +1,4 @@
-"""Whether a robot can drive an arc without touching what it senses, and which arc leads back. Pure; SI, base frame."""
+"""Collision check of an arc against sensed points, and the arc that leads back. Pure; SI, base frame."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ Floats = NDArray[np.float64]
 
 _STEPS = 8
 _CLOSER = 0.005
-"""m: by this much a robot that begins nearer than its margin may come nearer still."""
+"""How much closer a robot that starts within its margin may still come, m."""
 _LEAST = 0.005
-"""m: nearer than this to an echo without noise nothing moves."""
+"""Least margin to an echo without noise, m."""
 
 
 def edges_of(footprint: Floats) -> Floats:
-    """(n, 3) outward normal and distance of each edge of a footprint (n, 2), convex, counter-clockwise, m."""
+    """(n, 3) outward normal and distance, m, of each edge of a footprint (n, 2), m, convex, counter-clockwise."""
     along = np.roll(footprint, -1, axis=0) - footprint
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
     return np.column_stack([normals, (normals * footprint).sum(axis=1)])
 
 
 def gap(points: Floats, edges: Floats) -> float:
-    """Least distance, m, of points (k, 2) from the footprint; never more than the true one; negative inside."""
+    """Lower bound of the least distance, m, of points (k, 2) from the footprint; negative inside."""
     if not len(points):
         return math.inf
     outside = edges[:, :2] @ points.T - edges[:, 2:]
@@ -34,15 +34,15 @@ def gap(points: Floats, edges: Floats) -> float:
 
 
 def margin_of(points: Floats, edges: Floats, wished: float, noise: float) -> float:
-    """The margin, m, to keep to points (k, 2): the one wished for, less where the robot is nearer than it already.
+    """Margin, m, to keep to points (k, 2): the wished one, or less where the robot is already closer.
 
-    The least of many noisy distances varies from scan to scan; `noise`, m, is what it may be too short by.
+    The least of many noisy distances varies from scan to scan; it may be too short by up to `noise`, m.
     """
     return max(_LEAST - noise, min(wished, gap(points, edges) - _CLOSER - 0.5 * noise))
 
 
 def is_free(points: Floats, edges: Floats, v: float, w: float, horizon: float, margin: float) -> bool:
-    """Whether the footprint keeps a margin, m, to points (k, 2) on an arc at v, m/s, and w, rad/s, for a time, s."""
+    """Whether the footprint keeps a margin, m, to points (k, 2) on an arc at v, m/s, and w, rad/s, up to a time, s."""
     return all(gap_after(points, edges, v, w, horizon * step / _STEPS) >= margin for step in range(1, _STEPS + 1))
 
 
@@ -59,21 +59,21 @@ def gap_after(points: Floats, edges: Floats, v: float, w: float, time: float) ->
 
 
 def turn_back(trail: Floats, pose: tuple[float, float, float], speed: float, look: float) -> float | None:
-    """Turn rate, rad/s, of the arc that leads backwards to the place of the trail that is `look`, m, away.
+    """Turn rate, rad/s, of the arc that leads backwards to the latest trail point at least `look`, m, away.
 
-    None where the trail ends before, or leads forward.
+    None where the trail has no such point, or the point is ahead of the robot.
 
     Args:
-        trail: (k, 3) x, y, m, heading, rad: where the robot has been, oldest first.
+        trail: (k, 3) x, y, m, heading, rad: past poses of the robot, oldest first.
         pose: x, y, m, heading, rad, in the frame of the trail.
-        speed: Backwards, m/s, > 0.
-        look: m.
+        speed: Backward speed, m/s, > 0.
+        look: Look-back distance, m.
     """
     x, y, heading = pose
     gaps = np.hypot(trail[:, 0] - x, trail[:, 1] - y)
     if not len(gaps):
         return None
-    far = np.flatnonzero(gaps[: int(np.argmin(gaps)) + 1] >= look)  # what came after the nearest place is ahead
+    far = np.flatnonzero(gaps[: int(np.argmin(gaps)) + 1] >= look)  # points after the nearest one are ahead
     if not len(far):
         return None
     dx, dy = trail[far[-1], 0] - x, trail[far[-1], 1] - y

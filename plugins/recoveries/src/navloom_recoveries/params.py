@@ -9,20 +9,24 @@ __all__ = ["RetraceParams"]
 
 
 class RetraceParams(Params):
-    """How far to go back and to turn. The README tells where each default comes from."""
+    """How far to go back and to turn. The README gives the source of each default."""
 
-    distance: float = Field(0.4, ge=0.0, le=10.0, description="Way back in the first attempt, m; twice in the second …")
-    speed: float = Field(0.15, gt=0.0, le=5.0, description="Backwards, m/s.")
-    turn_deg: float = Field(90.0, ge=0.0, le=360.0, description="Turn after the way back, from attempt two on.")
-    turn_rate_deg: float = Field(45.0, gt=0.0, le=360.0, description="Of that turn, degrees per second.")
+    distance: float = Field(
+        0.4, ge=0.0, le=10.0, description="Distance back in the first attempt, m; n times in the n-th."
+    )
+    speed: float = Field(0.15, gt=0.0, le=5.0, description="Backward speed, m/s.")
+    turn_deg: float = Field(
+        90.0, ge=0.0, le=360.0, description="Turn after going back, from the second attempt on, degrees."
+    )
+    turn_rate_deg: float = Field(45.0, gt=0.0, le=360.0, description="Rate of that turn, degrees per second.")
     margin: float = Field(0.03, ge=0.0, le=1.0, description="Gap to keep to what is sensed, m.")
     noise: float = Field(
         0.04,
         ge=0.0,
         le=0.5,
-        description="What the nearest of many echoes may be too near by, m: the gate looks besides.",
+        description="Largest error by which the nearest of many echoes is too near, m; the gate checks too.",
     )
     memory: float = Field(1.0, ge=0.0, le=60.0, description="How long an echo counts, s.")
     patience: float = Field(15.0, gt=0.0, le=600.0, description="Longest time of an attempt, s.")
-    wait: float = Field(0.5, ge=0.0, le=600.0, description="Stands so long before it ends, s.")
+    wait: float = Field(0.5, ge=0.0, le=600.0, description="Time stopped before an attempt ends, s.")
     clear_map: bool = Field(True, description="Ask the mapper to forget, so that phantoms do not block the next plan.")

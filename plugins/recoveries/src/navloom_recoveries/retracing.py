@@ -1,4 +1,4 @@
-"""One attempt to free a robot: away from what it is close to, else back along the way it came; then a turn. Pure."""
+"""One attempt to free a robot: leave a close obstacle, else go back along the trail; then turn. Pure."""
 
 from __future__ import annotations
 
@@ -20,33 +20,35 @@ Pose = tuple[float, float, float]
 Phase = Literal["leave", "back", "turn", "rest"]
 
 _LOOK = 0.25
-"""m: the place of the trail that it steers backwards to."""
+"""Distance of the trail point that the robot steers backwards to, m."""
 _REACTION = 0.2
-"""s added to the time it needs to brake."""
+"""Reaction time that is added to the braking time, s."""
 _CLOSE = 0.1
-"""Gap below which a robot leaves what it is close to before it goes back, m."""
+"""Gap below which the robot first moves away from the obstacle, m."""
 _STUCK = 0.1
-"""A robot that left by less than this goes back, m."""
+"""Least distance moved away after which the robot does not go back as well, m."""
 _HELD, _STEP = 0.5, 0.02
-"""A robot that moves by less than the second, m, within the first, s, is held."""
+"""Time, s, and distance, m: a robot that moves less than the distance within the time counts as held."""
 _ROUNDING = 1e-6
-"""A gap that shrinks by less stays as it is, m."""
+"""Decrease of a gap that still counts as unchanged, m."""
 _GAIN = 0.005
-"""What the gap must grow by in one step of leaving, m."""
+"""Least growth of the gap over one braking horizon for a command that moves away, m."""
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What an attempt may do.
+    """Limits of an attempt.
 
     Attributes:
-        distance: m back in the first attempt; n times in the n-th.
+        distance: Distance to go back in the first attempt, m; n times as far in the n-th.
         speed, deceleration: m/s and m/s².
         turn, turn_rate: rad and rad/s.
-        margin: m.
-        memory, patience, rest: s.
+        margin: Gap to keep to sensed points, m.
+        memory: How long an echo counts, s.
+        patience: Longest time of an attempt, s.
+        rest: Time stopped before the attempt ends, s.
         delay: Lag and dead time of the motors, s.
-        noise: What the nearest of many echoes may be too near by, m.
+        noise: Largest error by which the nearest of many echoes is too near, m.
     """
 
     distance: float
@@ -66,7 +68,7 @@ class Retracing:
     """Backs up, turns and rests.
 
     Args:
-        rules: See there.
+        rules: Limits of each attempt.
         footprint: (n, 2) m, base frame, convex, counter-clockwise.
     """
 
@@ -84,7 +86,7 @@ class Retracing:
         self._trail: Floats = np.empty((0, 3))
 
     def start(self, time: float, attempt: int, pose: Pose, trail: Floats) -> None:
-        """Begin an attempt, numbered from 1, at a run time, s; `trail` is (k, 3), oldest first."""
+        """Start an attempt, numbered from 1, at a run time, s; `trail` is (k, 3), oldest pose first."""
         self.phase = "leave"
         self._began, self._last, self._trail = time, pose, trail
         self._left = self._asked = self._moved_left = self.rules.distance * attempt
@@ -96,11 +98,11 @@ class Retracing:
         self._echoes.clear()
 
     def step(self, time: float, pose: Pose, points: Iterable[Floats]) -> tuple[float, float, bool]:
-        """Speed, m/s, turn rate, rad/s, and whether the attempt is over.
+        """Compute speed, m/s, turn rate, rad/s, and whether the attempt is over.
 
         Args:
             time: Run time, s.
-            pose: Map frame.
+            pose: x, y, m, heading, rad, map frame.
             points: (k, 2) echoes of each scan of this tick, m, base frame.
         """
         seen = self._remember(time, pose, points)
@@ -128,13 +130,16 @@ class Retracing:
         return 0.0, 0.0, time - self._rested >= self.rules.rest
 
     def _is_held(self, time: float) -> bool:
-        """The robot has not moved for a while although it was asked to: the gate sees more than this does."""
+        """Whether the robot has not moved although it was commanded to: the gate may block what is free here."""
         if self._left < self._moved_left - _STEP:
             self._moved_left, self._moved_at = self._left, time
         return time - self._moved_at > _HELD + self.rules.delay
 
     def _leave(self, seen: Floats) -> tuple[float, float] | None:
-        """Speed, m/s, and turn rate, rad/s, that widen the gap most, and on with them; None where there is room."""
+        """Speed, m/s, and turn rate, rad/s, that widen the gap most; None if it is wide enough or cannot be widened.
+
+        A command stays in use as long as it is free.
+        """
         now = gap(seen, self._edges)
         if now >= _CLOSE:
             return None
@@ -148,7 +153,10 @@ class Retracing:
         return self._leaving
 
     def _turn(self, seen: Floats) -> float:
-        """To the side with more room, and on to that side as long as it is free; 0 where none is."""
+        """Turn rate, rad/s, towards the side with more room, or the other if that is blocked; 0 if the turn is blocked.
+
+        The side is chosen once per attempt.
+        """
         if self._turn_left <= 0.0:
             return 0.0
         if self._side == 0:
@@ -161,7 +169,10 @@ class Retracing:
         return rate if self._may(seen, 0.0, rate) else 0.0
 
     def _may(self, seen: Floats, v: float, w: float) -> bool:
-        """It keeps the margin, or comes no nearer to what is within it: the noise of one set of echoes is the same."""
+        """Whether a command keeps the margin, or brings points within the margin no nearer.
+
+        All gaps are compared on one set of echoes, so its noise does not matter.
+        """
         assert self._margin is not None
         margin = min(self._margin, gap(seen, self._edges) - _ROUNDING)
         return is_free(seen, self._edges, v, w, self._horizon(v), margin)
@@ -171,7 +182,7 @@ class Retracing:
         return abs(v) / self.rules.deceleration + _REACTION + self.rules.delay
 
     def _count(self, pose: Pose) -> None:
-        """Take what was driven since the last step off what is left."""
+        """Subtract the motion since the last step from the remaining distance or turn."""
         x, y, heading = self._last
         if self.phase in ("back", "leave"):
             self._left -= math.dist(pose[:2], (x, y))
@@ -180,7 +191,7 @@ class Retracing:
         self._last = pose
 
     def _remember(self, time: float, pose: Pose, points: Iterable[Floats]) -> Floats:
-        """(k, 2) echoes of the last moments, m, base frame of now."""
+        """(k, 2) echoes of the last `memory` seconds, m, in the current base frame."""
         x, y, heading = pose
         cos, sin = math.cos(heading), math.sin(heading)
         for found in points:

@@ -25,7 +25,7 @@ class ThetaStar(PlannerOnGrid):
 
 
 class LazyThetaStar(ThetaStar):
-    """The same with a line of sight for a cell instead of for each of its neighbours (Nash, Koenig & Tovey 2010)."""
+    """Any-angle paths with one line-of-sight check per expanded cell (Nash, Koenig & Tovey 2010)."""
 
     name = "lazy_theta_star"
     search = LazyThetaSearch

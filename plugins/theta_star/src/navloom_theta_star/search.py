@@ -1,17 +1,20 @@
 """Theta* and Lazy Theta* on the cells of a grid.
 
-Both are A* on an 8-connected grid without corner cutting, in which a cell's parent need not be its neighbour: a cell is
-offered the parent of the neighbour that is expanded, from which the way is never longer. **Theta*** (Nash, Daniel,
-Koenig & Felner 2007) makes sure at once that the parent is in sight. **Lazy Theta*** (Nash, Koenig & Tovey 2010) takes
-it for granted until the cell is to be expanded; if it turns out not to be, the best neighbour is the parent.
+Both are A* on an 8-connected grid without corner cutting, but a cell's parent need not be its neighbour. When a cell is
+expanded, each neighbour is offered that cell's parent as its own parent: the way from there is never longer.
+**Theta*** (Nash, Daniel, Koenig & Felner 2007) checks at once that this parent is in sight. **Lazy Theta*** (Nash,
+Koenig & Tovey 2010) assumes it until the neighbour is expanded itself. If the parent is then not in sight, the best
+adjacent cell becomes the parent.
 
-**Never longer than A*.** Cells are opened again when a shorter way to them turns up, and in Lazy Theta* a cell whose
-cost had to be corrected goes back to the open list. Hence each cell on a shortest way over neighbouring cells is open,
-or was expanded, with no more than its cost on that way, and the answer is no longer than it. (The papers close cells
-for good; straight-line distance is consistent for neighbours only, and there are grids on which A* is then shorter.)
-Lazy Theta* checks the sight at once where the cell's present cost is known to be good: so that cost is never lost.
+**Never longer than A*.** A cell is reopened when a shorter way to it is found. In Lazy Theta*, a cell whose cost had to
+be corrected goes back to the open list. Every cell on a shortest way over neighbouring cells is therefore open or was
+expanded, with at most its cost on that way, and the result is no longer than that way. (The papers never reopen a
+cell. The straight-line distance is consistent only between neighbours, so on some grids A* then finds a shorter way.)
+Lazy Theta* checks the sight at once if the cell's current cost is sure, so a sure cost is never replaced by an assumed
+one.
 
-On ground of unequal cost a segment costs its integral, and a cell is offered both ways: straight on may be dearer.
+On ground of varying cost, the cost of a segment is the integral along it. A cell is then offered both the expanded cell
+and that cell's parent, since the straight segment may cost more.
 """
 
 from __future__ import annotations
@@ -37,11 +40,11 @@ _ROW_STEP = np.array((0, 1, 1, 1, 0, -1, -1, -1))
 _COLUMN_STEP = np.array((1, 1, 0, -1, -1, -1, 0, 1))
 """Directions: even ones are straight, odd ones diagonal."""
 _SAME = 1e-9
-"""Costs are different from this on, cells: equal ways must not reopen each other by their rounding."""
+"""Smallest improvement of a cost that counts, cells, so that rounding does not make equal ways reopen each other."""
 _NOT_ABOVE = 1.0 - 1e-14
-"""Scales a root so that it is not above `math.hypot`, however both round; the difference is far below `_SAME`."""
+"""Factor that keeps a square root at or below `math.hypot`, however both round. The loss is far below `_SAME`."""
 _NEW, _ASSUMED, _SURE = 0, 1, 2
-"""A cell that was not reached, one whose parent is taken to be in sight, and one whose parent is so or a neighbour."""
+"""States of a cell: not reached; its parent is assumed to be in sight; its parent is in sight or is a neighbour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +53,9 @@ class Taut:
 
     Attributes:
         cells: (n, 2) rows and columns of its ends and turns, int64.
-        length: Between the ends that were asked for, over the centres of the turns' cells, cells.
-        cost: Integral of 1 + extra along it, cells; the length where nothing is extra.
-        expanded: How many cells were expanded, each as often as it was.
+        length: Length from the requested start through the centres of the turns' cells to the requested goal, cells.
+        cost: Integral of 1 + extra along it, cells; equal to the length if there are no extra costs.
+        expanded: Number of expansions; a cell that was reopened counts each time.
     """
 
     cells: NDArray[np.int64]
@@ -62,7 +65,7 @@ class Taut:
 
 
 class ThetaSearch:
-    """Theta* on grids of one size. Its work arrays are used again and again; each query clears what it touched."""
+    """Theta* on grids of one size. It reuses its work arrays; each query clears the cells it reached."""
 
     _is_lazy = False
 
@@ -77,18 +80,18 @@ class ThetaSearch:
     def shortest(
         self, free: Bools, start: Cell, goal: Cell, extra: NDArray[np.uint8] | None = None, ends: Ends | None = None
     ) -> Taut | Closed:
-        """A short way between two cells, by straight segments that touch free cells only.
+        """A short way between two cells, made of straight segments that touch only free cells.
 
-        A* is asked first whether there is a way at all: where there is none, it knows so far sooner.
+        A* runs first, because it finds out much sooner if there is no way at all.
 
         Args:
             free: (rows, columns) of this search's shape.
             start, goal: Free cells.
-            extra: (rows, columns) cost of the ground besides its length, in `EXTRA_UNIT` parts of it.
-            ends: x, y of the ends in their cells, cells; default: the centres.
+            extra: (rows, columns) extra cost per length, in units of 1 / `EXTRA_UNIT`.
+            ends: x, y of start and goal within their cells, cells; default: the centres.
 
         Raises:
-            ValueError: A grid of another shape, or a start or goal that is outside or not free.
+            ValueError: The grid has another shape, or the start or goal is outside or not free.
         """
         on_cells = self._on_cells.shortest(free, start, goal, extra)
         if isinstance(on_cells, Closed):
@@ -116,7 +119,7 @@ class LazyThetaSearch(ThetaSearch):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _place(cell: Index, stride: Index, start: Index, goal: Index, places: Floats) -> tuple[float, float]:
-    """x, y of a cell: its centre, or the end that lies in it."""
+    """x, y of a cell, cells: its centre, or the start or goal that lies in it."""
     if cell == start:
         return places[0, 0], places[0, 1]
     if cell == goal:
@@ -135,7 +138,7 @@ def _along(extra: NDArray[np.uint8] | None, x0: float, y0: float, x1: float, y1:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _at_least(x0: float, y0: float, x1: float, y1: float) -> float:
-    """What `_along` is not below on any ground. `math.hypot` takes five times as long, and most offers are poor."""
+    """Lower bound of `_along` on any ground, cells. It rejects most offers, in a fifth of the time of `math.hypot`."""
     return _NOT_ABOVE * math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
 
 
@@ -144,7 +147,7 @@ def _take_neighbour(
     cell: Index, walls: Bools, extra: NDArray[np.uint8] | None, cost: Floats, parent: NDArray[np.int32],
     state: NDArray[np.uint8], stride: Index, start: Index, goal: Index, places: Floats,
 ) -> None:  # fmt: skip
-    """Make the best neighbour whose cost is sure the parent of a cell, and the cell's own cost sure."""
+    """Set a cell's parent to the best neighbour whose cost is sure. The cell's cost is then sure too."""
     x, y = _place(cell, stride, start, goal, places)
     cost[cell], state[cell] = np.inf, _SURE
     for k in range(8):
@@ -162,10 +165,10 @@ def _search(
     wall: Bools, extra: NDArray[np.uint8] | None, cost: Floats, parent: NDArray[np.int32], state: NDArray[np.uint8],
     reached_cells: NDArray[np.int32], start: int, goal: int, places: Floats, is_lazy: bool,
 ) -> tuple[NDArray[np.int64], int]:  # fmt: skip
-    """(n, 2) rows and columns of the way, without the border, to a goal that can be reached; number of cells expanded.
+    """(n, 2) rows and columns of the way, not counting the border, and the number of expansions.
 
-    `state` is `_NEW` everywhere, before and after; `cost` and `parent` count where it is not. `reached_cells` lists
-    those cells.
+    The goal must be reachable. `state` is `_NEW` everywhere before and after; `cost` and `parent` are valid only where
+    it is not. `reached_cells` lists those cells.
     """
     stride, walls, count = np.int64(wall.shape[1]), wall.reshape(-1), 1
     goal_x, goal_y = places[1, 0], places[1, 1]
@@ -226,7 +229,7 @@ def _search(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _trace(parent: NDArray[np.int32], stride: Index, start: Index, goal: Index) -> NDArray[np.int64]:
-    """(n, 2) rows and columns of the turns of the way without the border, with its ends."""
+    """(n, 2) rows and columns of the ends and turns of the way, not counting the border."""
     count, cell = 1, goal
     while cell != start:
         count, cell = count + 1, np.int64(parent[cell])

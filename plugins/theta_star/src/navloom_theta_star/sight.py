@@ -1,6 +1,6 @@
-"""Line of sight on a grid, and what the ground costs along it.
+"""Line of sight on a grid, and the cost of the ground along it.
 
-Places are x, y in cells: the cell (row, column) is column..column + 1, row..row + 1.
+Points are x, y in cells: the cell (row, column) spans column..column + 1 by row..row + 1.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ __all__ = ["ground_cost", "is_in_sight"]
 Bools = NDArray[np.bool_]
 
 _TOUCH = 1e-6
-"""A segment this near to a cell touches it, in cells: the answer must not hang on rounding."""
+"""Distance at which a segment still touches a cell, cells, so that the result does not depend on rounding."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def is_in_sight(wall: Bools, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether a segment touches no wall, be it at a corner only (closed supercover).
+    """Whether a segment touches no wall, not even at a corner (closed supercover).
 
-    A segment through the shared corner of four cells touches all four, so corners are not cut, and between obstacles
-    that touch at a corner there is no way. The framework prunes paths by the same rule.
+    A segment through the shared corner of four cells touches all four. Corners are therefore not cut, and no way leads
+    between obstacles that touch at a corner. The framework prunes paths by the same rule.
 
     Args:
-        wall: (rows, columns) bool with a border of walls, row by row in memory.
-        x0, y0, x1, y1: Places within the border.
+        wall: (rows, columns) bool with a border of walls, C-contiguous.
+        x0, y0, x1, y1: Ends of the segment, within the border, cells.
     """
     walls, stride = wall.reshape(-1), wall.shape[1]
     if abs(x1 - x0) < abs(y1 - y0):
@@ -38,12 +38,14 @@ def is_in_sight(wall: Bools, x0: float, y0: float, x1: float, y1: float) -> bool
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _is_free(walls: Bools, lane: int, step: int, u0: float, v0: float, u1: float, v1: float) -> bool:
-    """The same lane by lane. Lanes are rows or columns, whichever are fewer: the cells touched are the same.
+    """Check the line of sight lane by lane. Lanes are rows or columns, whichever the segment crosses fewer of.
+
+    The cells that the segment touches are the same either way.
 
     Args:
-        walls: (n,) the grid's cells.
-        lane, step: From a cell to the one beside it in the next lane, and to the next one in its own.
-        u0, v0, u1, v1: Ends, along and across the lanes.
+        walls: (n,) cells of the grid, flattened.
+        lane, step: Index offsets from a cell to the one beside it in the next lane, and to the next one in its lane.
+        u0, v0, u1, v1: Ends of the segment, along (u) and across (v) the lanes, cells.
     """
     if v0 > v1:
         u0, v0, u1, v1 = u1, v1, u0, v0
@@ -67,12 +69,12 @@ def _is_free(walls: Bools, lane: int, step: int, u0: float, v0: float, u1: float
 def ground_cost(extra: NDArray[np.uint8], unit: int, x0: float, y0: float, x1: float, y1: float) -> float:
     """Integral of 1 + extra / unit along a segment, cells.
 
-    Between the centres of neighbouring cells that is the cost of a step of A*.
+    Between the centres of neighbouring cells, this equals the cost of a step of A*.
 
     Args:
-        extra: (rows, columns) of the ground besides its length.
-        unit: Parts of `extra` that count as the length once more.
-        x0, y0, x1, y1: Places within the grid.
+        extra: (rows, columns) extra cost per length, in units of 1 / `unit`.
+        unit: Value of `extra` that doubles the cost of a cell.
+        x0, y0, x1, y1: Ends of the segment, within the grid, cells.
     """
     length = math.hypot(x1 - x0, y1 - y0)
     if y0 > y1:

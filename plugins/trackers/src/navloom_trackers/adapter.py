@@ -26,7 +26,7 @@ P = TypeVar("P", bound=TrackerParams)
 
 
 class _Tracker(Controller[P]):
-    """Turns in place where it must, follows its law else, and stays within the limits of the drive."""
+    """Controller that turns in place where needed, else follows its tracking law, within the limits of the drive."""
 
     claims = {Claim.TRANSLATION, Claim.ROTATION, Claim.MIRROR}
 
@@ -61,11 +61,11 @@ class _Tracker(Controller[P]):
 
     @abstractmethod
     def _follow(self, given: ControllerInput, error: TrackingError) -> tuple[float, tuple[float, float]]:
-        """Which way to face, rad from the heading in [-π, π), and the law's velocity, m/s and rad/s."""
+        """Compute the direction to face, rad from the heading in [-π, π), and the law's velocity, m/s and rad/s."""
 
 
 class Kanayama(_Tracker[KanayamaParams]):
-    """Eq. (8) of Kanayama et al. 1990."""
+    """Tracking law of Kanayama et al. 1990, eq. (8)."""
 
     name = "kanayama"
 
@@ -79,7 +79,7 @@ class Kanayama(_Tracker[KanayamaParams]):
 
 
 class FierroLewis(_Tracker[FierroLewisParams]):
-    """The kinematic law of Fierro & Lewis 1997, followed with the lag of their velocity loop."""
+    """Kinematic law of Fierro & Lewis 1997, with the lag of their velocity loop."""
 
     name = "fierro_lewis"
 

@@ -1,8 +1,8 @@
 """Fierro, Lewis, *Control of a Nonholonomic Mobile Robot: Backstepping Kinematics into Dynamics*, Journal of Robotic
-Systems 14 (3), 1997: a kinematic law, and the acceleration that leads the robot's real velocity onto it.
+Systems 14 (3), 1997: a kinematic law, and the acceleration that brings the robot's actual velocity to it.
 
-The paper turns that acceleration into wheel torques by the robot's masses. A navloom platform takes velocities, so here
-it is integrated over a tick. The kinematic law is eq. (8) of Kanayama et al. 1990 with other gains.
+The paper converts that acceleration into wheel torques with the robot's masses. A navloom platform takes velocities, so
+here it is integrated over a tick. The kinematic law is eq. (8) of Kanayama et al. 1990 with other gains.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = [
 def kinematic_command(
     error: TrackingError, v_ref: float, w_ref: float, k1: float, k2: float, k3: float
 ) -> tuple[float, float]:
-    """The velocity v_c a perfect robot would take: v_r cos e3 + k1 e1 and w_r + k2 v_r e2 + k3 v_r sin e3.
+    """Velocity v_c of a robot without lag: v_r cos e3 + k1 e1 and w_r + k2 v_r e2 + k3 v_r sin e3.
 
     Args:
         error: m and rad, base frame.
@@ -40,10 +40,10 @@ def kinematic_command(
 def command_rates(
     error: TrackingError, rates: TrackingError, v_ref: float, k1: float, k2: float, k3: float
 ) -> tuple[float, float]:
-    """Time derivative of `kinematic_command`, m/s² and rad/s², with reference speed and turn rate taken as constant.
+    """Time derivative of `kinematic_command`, m/s² and rad/s², for a constant reference speed and turn rate.
 
     Args:
-        error, rates: Error, m and rad, and its rates, m/s and rad/s, as `kanayama.error_rates` gives them.
+        error, rates: Error, m and rad, and its rates, m/s and rad/s, from `kanayama.error_rates`.
         v_ref: Reference speed, m/s.
         k1, k2, k3: 1/s, 1/m² and 1/m.
     """
@@ -52,32 +52,34 @@ def command_rates(
 
 
 def acceleration(actual: float, command: float, command_rate: float, k4: float) -> float:
-    """The control u of one velocity, per second: the rate of v_c + k4 (v_c - v).
+    """Control u of one velocity, m/s² or rad/s²: the rate of v_c, plus k4 (v_c - v).
 
     Args:
         actual, command: v and v_c, m/s or rad/s.
-        command_rate: The rate of v_c, m/s² or rad/s².
+        command_rate: Rate of v_c, m/s² or rad/s².
         k4: 1/s, > 0.
     """
     return command_rate + k4 * (command - actual)
 
 
 def velocity_after(actual: float, command: float, command_rate: float, k4: float, period: float) -> float:
-    """The velocity after a period, s, of `acceleration` with v_c changing at its rate: exact, so that any k4 is stable.
+    """Velocity after a period, s, of `acceleration`, while v_c changes at its rate.
 
-    Arguments are those of `acceleration`.
+    The solution is exact, so any k4 is stable. The other arguments are those of `acceleration`.
     """
     return command + command_rate * period + (actual - command) * math.exp(-k4 * period)
 
 
 def projected_speed(v: float, e3: float, curvature: float, cross_track: float) -> float:
-    """Speed of the foot of a robot on its path, m/s: v cos e3 / (1 - κ n). Ours: the paper's reference has a clock.
+    """Speed of the robot's foot point on its path, m/s: v cos e3 / (1 - κ n).
+
+    Not from the paper, whose reference moves with time.
 
     Args:
         v: Speed of the robot, m/s.
         e3: Heading error, rad.
-        curvature: κ of the path at the foot, 1/m, positive to the left.
-        cross_track: n, distance of the robot to the left of the path, m; beyond 0.8 / κ the foot moves as there.
+        curvature: κ of the path at the foot point, 1/m, positive to the left.
+        cross_track: n, distance of the robot to the left of the path, m; n is limited to 0.8 / κ where κ n > 0.8.
     """
     return v * math.cos(e3) / max(1.0 - curvature * cross_track, 0.2)
 
@@ -89,7 +91,7 @@ def energy(
 
     Args:
         error: e1, e2, m, and e3, rad.
-        lags: e4, m/s, and e5, rad/s: the robot's velocity less `kinematic_command`.
+        lags: e4, m/s, and e5, rad/s: the robot's velocity minus `kinematic_command`.
         v_ref: Reference speed, m/s, constant and > 0.
         gains: k1, k2, k3, k4.
     """
@@ -101,7 +103,7 @@ def energy(
 def energy_rate(
     error: TrackingError, lags: tuple[float, float], v_ref: float, gains: tuple[float, float, float, float]
 ) -> float:
-    """How fast `energy` falls under `acceleration`, m²/s²; arguments are those of `energy`.
+    """Rate of `energy` under `acceleration`, m²/s², never positive; arguments are those of `energy`.
 
     -k1² e1² - (k1 e1 + e4)² - k1 k3 v_r / k2 sin² e3 - k1 / (k2 k3 v_r) (k3 v_r sin e3 + e5)².
     """

@@ -1,7 +1,7 @@
 """Kanayama, Kimura, Miyazaki, Noguchi, *A Stable Tracking Control Method for an Autonomous Mobile Robot*, ICRA 1990.
 
-Errors are those of `navloom_lyapunov_tracker.law.tracking_error`, which is the paper's eq. (4) too. The turn rate is in
-proportion to the reference speed, so that the shape of the way back does not depend on it.
+Errors are those of `navloom_lyapunov_tracker.law.tracking_error`, which is also the paper's eq. (4). The turn rate is
+proportional to the reference speed, so the shape of the way back to the path does not depend on that speed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ __all__ = ["control_rule", "critical_gain", "energy", "energy_rate", "error_rate
 
 
 def error_rates(error: TrackingError, v: float, w: float, v_ref: float, w_ref: float) -> TrackingError:
-    """How fast the error changes, m/s and rad/s: eq. (7).
+    """Time derivative of the error, m/s and rad/s: eq. (7).
 
     Args:
         error: m and rad, base frame.
@@ -49,15 +49,15 @@ def control_rule(
 
 
 def critical_gain(k_y: float) -> float:
-    """k_theta, 1/m, that damps critically at k_y, 1/m²: eq. (20), k_theta² = 4 k_y."""
+    """k_theta, 1/m, for critical damping at k_y, 1/m²: eq. (20), k_theta² = 4 k_y."""
     return 2.0 * math.sqrt(k_y)
 
 
 def reach(k_y: float, k_theta: float, approach: float) -> float:
-    """Lateral error, m, at which eq. (8) settles on a heading error of `approach`, rad (0..π/2), where w_r is 0. Ours.
+    """Lateral error, m, at which eq. (8) settles at a heading error of `approach`, rad (0..π/2), for w_r = 0.
 
-    Farther off, eq. (8) alone heads back ever more squarely, and a robot that turns in place above an angle does so
-    again and again.
+    Not from the paper. Farther from the path, eq. (8) alone heads back at ever steeper angles, and a robot that turns
+    in place above some angle does so repeatedly.
     """
     return k_theta * math.sin(approach) / k_y
 
@@ -68,5 +68,5 @@ def energy(error: TrackingError, k_y: float) -> float:
 
 
 def energy_rate(error: TrackingError, v_ref: float, k_x: float, k_y: float, k_theta: float) -> float:
-    """How fast eq. (10) falls under eq. (8), m²/s: proof of proposition 1, -k_x e1² - v_ref k_theta sin² e3 / k_y."""
+    """Rate of eq. (10) under eq. (8), m²/s: -k_x e1² - v_ref k_theta sin² e3 / k_y, from the proof of proposition 1."""
     return -k_x * error.e1**2 - v_ref * k_theta * math.sin(error.e3) ** 2 / k_y

@@ -1,4 +1,4 @@
-"""What a differential drive can do, and a velocity brought within it on the same arc; how far a law may look aside."""
+"""Limits of a differential drive, scaling of a velocity to them on the same arc, and a bound on the tracking error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class DriveLimits(NamedTuple):
         linear, angular: Largest |v|, m/s, and |w|, rad/s.
         wheel: Largest speed of a wheel, rad/s.
         wheel_radius, half_track: m.
-        may_reverse: It may drive backwards.
+        may_reverse: Whether the robot may drive backwards.
     """
 
     linear: float
@@ -28,10 +28,10 @@ class DriveLimits(NamedTuple):
 
 
 def within_limits(v: float, w: float, limits: DriveLimits) -> tuple[float, float]:
-    """A velocity within all limits: v and w scaled alike, which keeps the curvature of the way.
+    """Scale a velocity to meet all limits: v and w by the same factor, which keeps the curvature of the arc.
 
-    The faster wheel turns at (|v| + half_track |w|) / wheel_radius: eq. (2) of Hoang et al. 2013. Where the drive may
-    not reverse, a negative speed becomes 0 and the turn rate stays.
+    The faster wheel turns at (|v| + half_track |w|) / wheel_radius: eq. (2) of Hoang et al. 2013. If the drive may not
+    reverse, a negative speed becomes 0 and the turn rate is kept.
 
     Args:
         v, w: m/s and rad/s.
@@ -44,6 +44,6 @@ def within_limits(v: float, w: float, limits: DriveLimits) -> tuple[float, float
 
 
 def within_reach(error: TrackingError, reach: float) -> TrackingError:
-    """The error with neither part of its position, m, larger than `reach`, m."""
+    """Limit e1 and e2, m, of an error to ± `reach`, m."""
     e1, e2, e3 = error
     return TrackingError(min(max(e1, -reach), reach), min(max(e2, -reach), reach), e3)

@@ -11,14 +11,14 @@ __all__ = ["FierroLewisParams", "KanayamaParams", "PurePursuitParams", "RamseteP
 
 
 class TrackerParams(Params):
-    """What all trackers share."""
+    """Parameters that all trackers share."""
 
     turn_in_place_above_deg: float = Field(
         60.0, gt=0.0, le=180.0, description="Heading error that starts a turn in place, degrees; 180: never."
     )
     turn_in_place_until_deg: float = Field(20.0, ge=2.0, description="Heading error that ends it, degrees.")
     approach_deg: float = Field(
-        45.0, gt=0.0, le=90.0, description="Angle to head back with from far beside, degrees; 90: what the law gives."
+        45.0, gt=0.0, le=90.0, description="Largest angle to head back to the path, degrees; 90: as the law gives."
     )
     max_wheel_speed: float | None = Field(
         None, gt=0.0, le=1000.0, description="Highest speed of a wheel, rad/s; left out: the robot's own limits only."
@@ -46,7 +46,7 @@ class KanayamaParams(TrackerParams):
 
 
 class FierroLewisParams(TrackerParams):
-    """Gains of the kinematic law and of the lag behind it, Fierro & Lewis 1997."""
+    """Gains of the kinematic law and of the velocity loop, Fierro & Lewis 1997."""
 
     k1: float = Field(1.0, gt=0.0, le=50.0, description="Gain of the longitudinal error, 1/s (10 in the paper).")
     k2: float = Field(5.0, gt=0.0, le=1000.0, description="Gain of the lateral error, 1/m².")
@@ -64,13 +64,15 @@ class RamseteParams(TrackerParams):
 class PurePursuitParams(TrackerParams):
     """Look-ahead and regulation of speed, Macenski et al. 2023."""
 
-    look_ahead_time: float = Field(1.5, gt=0.0, le=10.0, description="Look-ahead a speed, s.")
+    look_ahead_time: float = Field(1.5, gt=0.0, le=10.0, description="Look-ahead distance per speed, s.")
     min_look_ahead: float = Field(0.5, gt=0.0, le=10.0, description="Least look-ahead, m.")
     max_look_ahead: float = Field(0.9, gt=0.0, le=50.0, description="Largest look-ahead, m.")
     slow_radius: float = Field(0.9, gt=0.0, le=50.0, description="Arcs tighter than this are driven more slowly, m.")
-    min_arc_speed: float = Field(0.1, gt=0.0, le=5.0, description="They slow to no less than this, m/s.")
-    approach_distance: float = Field(0.6, gt=0.0, le=10.0, description="Way left from which on it slows, m.")
-    min_approach_speed: float = Field(0.05, gt=0.0, le=5.0, description="That slows to no less than this, m/s.")
+    min_arc_speed: float = Field(0.1, gt=0.0, le=5.0, description="Least speed on such arcs, m/s.")
+    approach_distance: float = Field(
+        0.6, gt=0.0, le=10.0, description="Remaining distance below which the robot slows down, m."
+    )
+    min_approach_speed: float = Field(0.05, gt=0.0, le=5.0, description="Least speed near the end, m/s.")
 
     @model_validator(mode="after")
     def _bounds_rise(self) -> Self:

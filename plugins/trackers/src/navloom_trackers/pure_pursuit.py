@@ -1,8 +1,8 @@
 """Regulated pure pursuit: Macenski, Singh, Martín, Ginés, *Regulated Pure Pursuit for Robot Path Tracking*, Autonomous
 Robots 47, 2023 (arXiv 2305.20026), on Coulter, *Implementation of the Pure Pursuit Path Tracking Algorithm*, 1992.
 
-The robot drives the arc to a point of the path, one look-ahead away. A trajectory is an array (n, 6) of arc length,
-m, in equal steps, x, y, m, heading, rad, curvature, 1/m, and speed, m/s.
+The robot drives on the arc to a point of the path at the look-ahead distance. A trajectory is an array (n, 6) of arc
+length, m, in equal steps, x, y, m, heading, rad, curvature, 1/m, and speed, m/s.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ __all__ = ["curvature_speed", "look_ahead", "proximity_speed", "pursuit_curvatur
 Floats = NDArray[np.float64]
 
 _WINDOW = 2.0
-"""Look-aheads of arc length within which the point is searched: no other leg of a hairpin is in sight by then."""
+"""Arc length within which the point is searched, in look-aheads; short enough to miss the other leg of a hairpin."""
 
 
 def look_ahead(speed: float, gain: float, least: float, most: float) -> float:
     """Look-ahead distance, m: L = l v of the adaptive variant, within bounds.
 
     Args:
-        speed: Of the robot, m/s.
+        speed: Speed of the robot, m/s.
         gain: l, s.
         least, most: m, > 0.
     """
@@ -32,46 +32,48 @@ def look_ahead(speed: float, gain: float, least: float, most: float) -> float:
 
 
 def reaching(distance: float, cross_track: float, approach: float) -> float:
-    """The look-ahead, m, made so long that the point is no more than `approach`, rad (0..π/2), aside. Ours.
+    """Extend the look-ahead, m, so that the point is at most `approach`, rad (0..π/2), off the path's direction.
+
+    Not from the paper; exact for a straight path.
 
     Args:
         distance: Look-ahead, m.
-        cross_track: Of the robot, m.
+        cross_track: Distance of the robot from the path, m.
     """
     return max(distance, abs(cross_track) / math.sin(approach))
 
 
 def pursuit_curvature(ahead: float, left: float) -> float:
-    """Curvature, 1/m, of the arc to a point, m, in the base frame: κ = 2 y / L², Coulter 1992. 0 to the base itself."""
+    """Curvature, 1/m, of the arc to a point, m, base frame: κ = 2 y / L², Coulter 1992; 0 for the base itself."""
     square = ahead * ahead + left * left
     return 2.0 * left / square if square > 1e-12 else 0.0
 
 
 def curvature_speed(speed: float, curvature: float, radius: float, least: float) -> float:
-    """Speed, m/s, slowed in arcs tighter than a radius, m: v / (r_min |κ|) where |κ| > 1 / r_min; not below `least`.
+    """Speed, m/s, reduced in arcs tighter than a radius, m: v / (r_min |κ|) where |κ| > 1 / r_min; not below `least`.
 
-    A speed that is below `least` already stays as it is.
+    A speed already below `least` is unchanged.
     """
     return min(speed, max(speed / max(radius * abs(curvature), 1.0), least))
 
 
 def proximity_speed(speed: float, distance: float, within: float, least: float) -> float:
-    """Speed, m/s, slowed in proportion to a distance, m, below `within`, m: v d / d_prox; not below `least`.
+    """Speed, m/s, reduced in proportion to a distance, m, below `within`, m: v d / d_prox; not below `least`.
 
-    A speed that is below `least` already stays as it is.
+    A speed already below `least` is unchanged.
     """
     return min(speed, max(speed * min(max(distance, 0.0) / within, 1.0), least))
 
 
 def pursuit_point(samples: Floats, progress: float, x: float, y: float, distance: float) -> tuple[float, float]:
-    """The first point after the robot's foot that is one look-ahead away from it, m.
+    """First point after the robot's foot point that is one look-ahead away from the robot, m.
 
-    Beyond its end the trajectory goes on straight, so that the last arcs do not become tight. Where nothing is as far
-    away, it is the farthest point within two look-aheads; where the foot itself is farther, the foot.
+    The trajectory is extended straight beyond its end, so that the last arcs do not become tight. If no point is far
+    enough, the result is the farthest one within two look-aheads; if the foot point itself is farther, the foot point.
 
     Args:
         samples: (n, 6) trajectory, n >= 1.
-        progress: Arc length of the foot, m.
+        progress: Arc length of the foot point, m.
         x, y: Robot, m, in the frame of the samples.
         distance: Look-ahead, m, > 0.
     """
@@ -90,7 +92,7 @@ def pursuit_point(samples: Floats, progress: float, x: float, y: float, distance
 
 
 def _crossing(window: Floats, gaps: Floats, k: int, distance: float) -> tuple[float, float]:
-    """Where the gap reaches the distance, between samples k - 1 and k."""
+    """Point at which the gap reaches the distance, between samples k - 1 and k."""
     if k == 0:
         return float(window[0, 1]), float(window[0, 2])
     share = float((distance - gaps[k - 1]) / (gaps[k] - gaps[k - 1]))
@@ -99,7 +101,7 @@ def _crossing(window: Floats, gaps: Floats, k: int, distance: float) -> tuple[fl
 
 
 def _beyond(end: Floats, x: float, y: float, distance: float) -> tuple[float, float]:
-    """The point on the straight line from the end on that is as far away; the end is nearer than that."""
+    """Point at the distance on the straight line beyond the end; the end itself is nearer."""
     cos, sin = math.cos(end[3]), math.sin(end[3])
     dx, dy = float(end[1]) - x, float(end[2]) - y
     along = dx * cos + dy * sin

@@ -1,7 +1,7 @@
 """The nonlinear tracker known as RAMSETE: De Luca, Oriolo, Vendittelli, *Control of Wheeled Mobile Robots: An
 Experimental Overview*, 2001, section on nonlinear feedback, after Samson 1993.
 
-It is law (6) of `navloom-lyapunov-tracker` with a lateral gain b and with gains that grow with the reference's motion.
+It is law (6) of `navloom-lyapunov-tracker` with a lateral gain b and gains that grow with the reference velocity.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def tracking_command(error: TrackingError, v_ref: float, w_ref: float, zeta: flo
 
 
 def reach(v_ref: float, w_ref: float, zeta: float, b: float, approach: float) -> float:
-    """Lateral error, m, whose term in the turn rate balances that of a heading error of `approach`, rad (0..π/2); ours.
+    """Lateral error, m, whose term in the turn rate balances that of a heading error of `approach`, rad (0..π/2).
 
-    Other arguments are those of `feedback_gain`.
+    Not from the paper. The other arguments are those of `feedback_gain`.
     """
     return feedback_gain(v_ref, w_ref, zeta, b) * approach / (b * v_ref * sinc(approach))
 
@@ -54,5 +54,5 @@ def energy(error: TrackingError, b: float) -> float:
 
 
 def energy_rate(error: TrackingError, v_ref: float, w_ref: float, zeta: float, b: float) -> float:
-    """How fast `energy` falls under `tracking_command`, 1/s: -k b e1² - k e3², also where the reference changes."""
+    """Rate of `energy` under `tracking_command`, 1/s: -k b e1² - k e3², also for a changing reference."""
     return -feedback_gain(v_ref, w_ref, zeta, b) * (b * error.e1**2 + error.e3**2)

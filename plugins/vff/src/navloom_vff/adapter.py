@@ -19,7 +19,7 @@ NO_SLOTS.flags.writeable = False
 
 
 class Vff(Avoider[VffParams]):
-    """Pulled by the target and pushed off by what range sensors see (Borenstein & Koren 1989)."""
+    """Steers by the pull of the target and the push of obstacles in the range scans (Borenstein & Koren 1989)."""
 
     name = "vff"
     claims = {Claim.STOPS_WHEN_CLOSED}
@@ -45,7 +45,7 @@ class Vff(Avoider[VffParams]):
         return Avoidance(Twist2D(decision.speed, 0.0, decision.turn), decision.status, why)
 
     def _diagnostics(self, decision: Decision) -> AvoiderDiagnostics:
-        """The force by direction stands for the histogram; its threshold is the pull of the target."""
+        """Diagnostics: the histogram is the force by direction, and its threshold is the pull of the target."""
         method, cell = self._method, self.params.cell
         return AvoiderDiagnostics(
             method.grid, cell, float(method.origin[0]) * cell, float(method.origin[1]) * cell, method.histogram, 1.0,

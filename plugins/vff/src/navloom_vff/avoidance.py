@@ -32,12 +32,12 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What one tick is decided on, pose frame but for the cells.
+    """Inputs to the decision of one tick, in the pose frame except for the cells.
 
     Attributes:
-        pose: x, y, m, heading, rad. twist: m/s and rad/s. target: m.
-        distance: To the target, m. bearing: theta_t, rad.
-        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
+        pose: x, y, m, heading, rad. twist: Current speed, m/s, and turn rate, rad/s. target: m.
+        distance: Distance to the target, m. bearing: Direction of the target, theta_t, rad.
+        cells: (n, 3), occupied cells: x, y, m, base frame, and certainty.
         push: F_r. cosine: forces.travel_cosine(). factor: forces.damping_factor().
     """
 
@@ -53,7 +53,7 @@ class View:
 
 
 class ForceField(Method):
-    """The VFF of one robot: its certainty window, its turn rate, and the wall it follows."""
+    """The VFF for one robot: its certainty window, its turn rate, and the wall it follows."""
 
     def __init__(self, params: VffParams, robot: Robot, period: float) -> None:
         super().__init__(robot, period)
@@ -109,7 +109,7 @@ class ForceField(Method):
         )
 
     def look(self, pose: Pose, twist: tuple[float, float], target: Point) -> View:
-        """Target, occupied cells and their force."""
+        """Compute the target's place, the occupied cells and their force."""
         p, heading = self.params, pose[2]
         distance = math.dist(target, pose[:2])
         bearing = math.atan2(target[1] - pose[1], target[0] - pose[0])
@@ -123,7 +123,7 @@ class ForceField(Method):
         return View(pose, twist, target, distance, bearing, cells, (c * x - s * y, s * x + c * y), cosine, factor)
 
     def _follow_or_leave(self, view: View) -> None:
-        """Begin or end following a wall."""
+        """Start or stop following a wall."""
         p, following, heading = self.params, self.following, view.pose[2]
         is_away = is_turned_away(heading, view.bearing)
         is_led_away = is_turned_away(resultant(view.push, view.factor, view.bearing), view.bearing)
@@ -138,13 +138,13 @@ class ForceField(Method):
             following.end()
 
     def _is_past(self, view: View) -> bool:
-        """Whether the robot has come nearer than where it began to follow, or the push no longer opposes the target."""
+        """Whether the robot is nearer to the target than at the start of following, or no push opposes the target."""
         if view.distance < self.following.start - self.params.progress_step:
             return True
         return not is_turned_away(math.atan2(view.push[1], view.push[0]), view.bearing)
 
     def _steer(self, view: View) -> Decision:
-        """Turn to the resultant and drive as fast as the push from ahead allows."""
+        """Turn to the resultant and drive as fast as the push allows."""
         p, heading, side = self.params, view.pose[2], self.following.side
         pull = wall_direction(view.push, side, self._wall_angle) if side else view.bearing
         direction = resultant(view.push, view.factor, pull)
@@ -162,7 +162,7 @@ class ForceField(Method):
         return self._send(view, speed, self._turn, direction, why)
 
     def _send(self, view: View, speed: float, turn: float, direction: float, why: str) -> Decision:
-        """Reduce the command to what is free, and watch whether the robot gets anywhere with it."""
+        """Reduce the command to a collision-free one, and check the robot's progress."""
         p, r, progress = self.params, self.robot, self.progress
         sent = (speed, turn)
         if p.arc_check:
@@ -174,7 +174,8 @@ class ForceField(Method):
         if sent != (speed, turn):
             why += ", reduced by what is on the arc"
         is_clear = view.push == (0.0, 0.0)
-        # A robot that was stopped, or driven by another, does not do what it was told here: that is no trap.
+        # Only time in which the robot executes these commands counts: stopped or driven by another source, it is not
+        # trapped.
         obeyed = self.motors.obeyed(view.twist)
         elapsed = self.period if obeyed else 0.0
         progress.stalled = 0.0 if is_clear else progress.stalled + elapsed
@@ -193,7 +194,7 @@ class ForceField(Method):
 
 
 def warm_up(*choices: VffParams) -> None:
-    """Compile every kernel for the types one tick uses."""
+    """Compile every kernel for the types of one tick."""
     square = np.array([[0.4, 0.4], [-0.4, 0.4], [-0.4, -0.4], [0.4, -0.4]])
     robot = Robot(square, 0.5, 0.4, 0.5, 1.0)
     limits, sensors = np.tile([0.3, 4.0], (2, 1)), np.zeros(2, np.int64)

@@ -1,4 +1,4 @@
-"""The way out of a trap: when it is one, and how the wall is followed (Borenstein & Koren 1989)."""
+"""Escape from traps: trap detection and wall following (Borenstein & Koren 1989)."""
 
 import math
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ RIGHT_ANGLE = 0.5 * math.pi
 
 
 def is_turned_away(direction: float, target: float) -> bool:
-    """|theta_0 - theta_t| > 90 deg: the sign of a trap; both rad."""
+    """Whether |theta_0 - theta_t| > 90 deg, the sign of a trap; both in rad."""
     return abs(wrap(direction - target)) > RIGHT_ANGLE
 
 
 def wall_direction(push: tuple[float, float], side: int, angle: float) -> float:
-    """Direction, rad, of the pull that takes the target's place: theta_r + alpha or theta_r - alpha.
+    """Direction, rad, of the pull that replaces the target's: theta_r + alpha or theta_r - alpha.
 
-    F_r points off the wall. With alpha between 90 and 180 deg the pull leads along the wall and into it, until the
-    wall pushes back as much: there R is parallel to the wall.
+    F_r points away from the wall. With alpha between 90 and 180 deg the pull leads along the wall and towards it, until
+    the wall pushes back equally; there R is parallel to the wall.
 
     Args:
         push: F_r. side: +1 keeps the wall on the left, -1 on the right. angle: alpha, rad.
@@ -27,12 +27,12 @@ def wall_direction(push: tuple[float, float], side: int, angle: float) -> float:
 
 @dataclass
 class WallFollowing:
-    """Whether a wall is being followed, and since where.
+    """Whether a wall is being followed, and where following started.
 
     Attributes:
-        side: Wall on the left +1, on the right -1, none followed 0.
-        start: Distance to the target where it began, m.
-        hesitated: Time without progress towards the target while none is followed, s.
+        side: +1 for a wall on the left, -1 for one on the right, 0 while no wall is followed.
+        start: Distance to the target where following started, m.
+        hesitated: Time without progress towards the target while no wall is followed, s.
     """
 
     side: int = 0
@@ -40,10 +40,10 @@ class WallFollowing:
     hesitated: float = 0.0
 
     def begin(self, push: tuple[float, float], heading: float, angle: float, distance: float) -> None:
-        """Follow in the sense nearer to the heading: the one in which the forces have turned the robot.
+        """Follow in the direction nearer to the heading: the one to which the forces have turned the robot.
 
         Args:
-            push: F_r. heading: rad. angle: alpha, rad. distance: To the target, m.
+            push: F_r. heading: rad. angle: alpha, rad. distance: Distance to the target, m.
         """
         left, right = (abs(wrap(wall_direction(push, side, angle) - heading)) for side in (1, -1))
         self.side, self.start = 1 if left < right else -1, distance

@@ -1,4 +1,4 @@
-"""The virtual forces: Borenstein & Koren 1989, each equation in a function of its own.
+"""The virtual forces: Borenstein & Koren 1989, one function per equation.
 
 Forces are pure numbers: 1 is the pull of the target.
 """
@@ -14,7 +14,7 @@ TURN = 2.0 * math.pi
 
 
 def force_constant(balance: float) -> float:
-    """F_cr, m^2, with which one cell of full certainty pushes as hard as the target pulls at a distance, m."""
+    """F_cr, m^2, at which one cell of full certainty, `balance` m away, pushes as hard as the target pulls."""
     return balance * balance / TOP
 
 
@@ -38,16 +38,16 @@ def repulsive_force(
     heading: float,
     histogram: NDArray[np.float64],
 ) -> tuple[float, float]:
-    """F_r, the sum of the forces of all cells: each pushes the robot's centre away from itself.
+    """F_r, the sum of the forces with which the cells push the robot's centre away.
 
     Args:
-        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
-        radius: Distances are from the disc of this radius, m; 0 makes the robot a point.
+        cells: (n, 3), occupied cells: x, y, m, base frame, and certainty.
+        radius: Distances are measured from the disc of this radius, m; 0 makes the robot a point.
         constant: F_cr, m^2. least: Shortest distance that counts, m, > 0.
         horizon: Cells farther than this from the centre do not push, m.
-        heading: rad, of the base in the pose frame.
-        histogram: (sectors,), filled: the sum of the magnitudes by direction of the cell, pose frame, sector 0 from 0
-            rad, counter-clockwise.
+        heading: Heading of the base in the pose frame, rad.
+        histogram: (sectors,), filled in: sum of the magnitudes by direction of the cell, pose frame. Sector 0 starts at
+            0 rad, counter-clockwise.
 
     Returns:
         x and y in the base frame.
@@ -68,23 +68,23 @@ def repulsive_force(
 
 
 def travel_cosine(push: tuple[float, float], heading: float) -> float:
-    """cos(theta) = V . F_r / (|V| |F_r|): -1 where the robot heads at what pushes it, 0 along it, +1 away from it.
+    """cos(theta) = V . F_r / (|V| |F_r|): -1 towards the obstacle that pushes, 0 along it, +1 away from it.
 
     Args:
         push: F_r, in the frame of the heading; no force gives 0.
-        heading: Direction of travel, rad. It stands for V, which has no direction while the robot stands.
+        heading: Direction of travel, rad. It replaces V, which has no direction while the robot is stopped.
     """
     strength = math.hypot(*push)
     return (push[0] * math.cos(heading) + push[1] * math.sin(heading)) / strength if strength > 0.0 else 0.0
 
 
 def damping_factor(cosine: float, weight: float, may_pull: bool) -> float:
-    """F_r' / F_r = w + (1 - w) (-cos theta): whole towards an obstacle, w along it.
+    """F_r' / F_r = w + (1 - w) (-cos theta): 1 towards an obstacle, w along it.
 
     Away from it the printed formula gives 2 w - 1: below w = 0.5 the obstacle would pull the robot back.
 
     Args:
-        cosine: travel_cosine(). weight: w, 0..1 (0.25). may_pull: False leaves 0 where the formula is negative.
+        cosine: travel_cosine(). weight: w, 0..1 (0.25). may_pull: False replaces negative values by 0.
     """
     factor = weight - (1.0 - weight) * cosine
     return factor if may_pull else max(0.0, factor)

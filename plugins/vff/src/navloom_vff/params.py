@@ -1,4 +1,4 @@
-"""Parameters of the VFF. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+"""Parameters of the VFF. Defaults are engineering choices; `paper_literal()` lists the paper's values."""
 
 from typing import Any, Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field
 
 
 class VffParams(Params):
-    """Borenstein & Koren 1989. Where the paper prints a value it is the default, or named in the description."""
+    """Borenstein & Koren 1989. A value that the paper prints is the default, or the description names it."""
 
     cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in the paper).")
@@ -26,40 +26,46 @@ class VffParams(Params):
     least_distance: float = Field(0.1, gt=0.0, le=1.0, description="Cells nearer than this push no harder, m.")
     stops_at_target: bool = Field(True, description="Cells farther than target and disc do not push. Paper: false.")
     damping: float = Field(0.25, ge=0.0, le=1.0, description="w, share of the force that is left along a wall.")
-    may_pull: bool = Field(False, description="An obstacle behind pulls, as the formula of the damping has it.")
+    may_pull: bool = Field(False, description="Obstacles behind pull, as in the damping formula (paper).")
     turn_gain: float = Field(1.25, gt=0.0, le=50.0, description="K_s, turn rate per angle, 1/s.")
     time_constant: float = Field(0.4, ge=0.0, le=5.0, description="tau of the low-pass on the turn rate, s.")
     max_turn_deg: float = Field(120.0, gt=0.0, le=360.0, description="Limit of the turn rate, degrees per second.")
-    max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit holds besides.")
-    min_speed: float = Field(0.04, ge=0.0, le=1.0, description="The forces slow to no less than this, m/s.")
+    max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit also applies.")
+    min_speed: float = Field(0.04, ge=0.0, le=1.0, description="Least speed that the forces slow to, m/s.")
     slow_force: float = Field(
-        1.0, ge=0.0, le=100.0, description="Force at which the slowing counts in full; 0 always does (paper)."
+        1.0, ge=0.0, le=100.0, description="Force at which slowing takes full effect; 0: always (paper)."
     )
     slows_leaving: bool = Field(False, description="Slow also when heading away from an obstacle. Paper: true.")
     slows_for_turns: bool = Field(True, description="Slow by the cosine of the turn to make. Paper: false.")
     trap_rule: Literal["forces", "heading"] = Field(
-        "forces", description="A trap is where the forces too lead away from the target, or the heading alone (paper)."
+        "forces", description="A trap: heading and forces lead away from the target, or the heading alone (paper)."
     )
-    hesitation: float = Field(4.0, gt=0.0, le=3600.0, description="Time without progress that is a trap too, s.")
+    hesitation: float = Field(
+        4.0, gt=0.0, le=3600.0, description="Time without progress that also counts as a trap, s."
+    )
     wall_angle_deg: float = Field(145.0, gt=90.0, lt=180.0, description="alpha, from F_r to the pull along a wall.")
     leave_rule: Literal["past", "heading"] = Field(
-        "past", description="Follow until past what turned it away, or until it heads for the target (paper)."
+        "past", description="Follow until past the obstacle, or until the robot heads for the target (paper)."
     )
-    patience: float = Field(60.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
-    blocked_patience: float = Field(5.0, gt=0.0, le=60.0, description="Standing blocked before it is trapped, s.")
-    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
-    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
-    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
-    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turned by more, it is no longer trapped, degrees.")
+    patience: float = Field(
+        60.0, gt=0.0, le=3600.0, description="Time without progress before the robot counts as trapped, s."
+    )
+    blocked_patience: float = Field(
+        5.0, gt=0.0, le=60.0, description="Time blocked before the robot counts as trapped, s."
+    )
+    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Approach to the target that counts as progress, m.")
+    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="Movement beyond which a target counts as new, m.")
+    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Movement after which the trap is left, m.")
+    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turn after which the trap is left, degrees.")
     arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
-    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and cell centres, m.")
+    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and cell centres, m.")
     turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
-    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave where a corner has no room to turn, m/s.")
+    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave a corner without room to turn, m/s.")
     sectors: int = Field(72, ge=8, le=360, description="Sectors of the force by direction in the diagnostics.")
 
 
 def paper_literal() -> dict[str, Any]:
-    """The parameters with which the plugin follows the printed text, to be compared with the defaults."""
+    """Parameters with which the plugin follows the printed text, for comparison with the defaults."""
     return {
         "clear_margin": 0.0,
         "blind_depth": 0.0,

@@ -1,4 +1,4 @@
-"""From the resultant force to turn rate and speed: Borenstein & Koren 1989."""
+"""Turn rate and speed for a resultant force: Borenstein & Koren 1989."""
 
 import math
 
@@ -12,7 +12,7 @@ def low_pass(previous: float, wanted: float, period: float, time_constant: float
 
     Args:
         previous: Omega'(i - 1). wanted: Omega(i), in the same unit.
-        period: T, s. time_constant: tau, s; up to T nothing is filtered.
+        period: T, s. time_constant: tau, s; there is no filtering if tau <= T.
     """
     share = min(1.0, period / time_constant) if time_constant > 0.0 else 1.0
     return previous + share * (wanted - previous)
@@ -24,8 +24,8 @@ def forward_speed(strength: float, cosine: float, v_max: float, slows_leaving: b
     Args:
         strength: |F_r|. cosine: forces.travel_cosine(). v_max: m/s.
         slows_leaving: True is the printed formula, which stops a robot that heads straight away from an obstacle.
-        full: Force from which the whole of |cos theta| counts, less in proportion; 0 is the printed formula, which
-            stops the robot before the weakest push.
+        full: Force from which |cos theta| counts in full; a weaker force counts in proportion. 0 is the printed
+            formula, where even the weakest push from straight ahead stops the robot.
     """
     share = min(1.0, strength / full) if full > 0.0 else float(strength > 0.0)
     toward = abs(cosine) if slows_leaving else max(0.0, -cosine)
@@ -33,5 +33,5 @@ def forward_speed(strength: float, cosine: float, v_max: float, slows_leaving: b
 
 
 def slowed_for_turn(speed: float, direction: float, heading: float) -> float:
-    """The part of a speed, m/s, that leads in the direction wanted, rad: none from 90 degrees off."""
+    """Component of a speed, m/s, in the wanted direction, rad; 0 from 90 degrees off."""
     return speed * max(0.0, math.cos(direction - heading))

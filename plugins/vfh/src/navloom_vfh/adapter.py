@@ -27,7 +27,7 @@ P = TypeVar("P", bound=HistogramParams)
 
 
 class _HistogramAvoider(Avoider[P]):
-    """The role's verb for any of the three methods."""
+    """Avoider that runs any one of the three methods."""
 
     _method: HistogramAvoidance
     _make: type
@@ -73,7 +73,7 @@ class Vfh(_HistogramAvoider[VfhParams]):
 
 
 class VfhPlus(_HistogramAvoider[VfhPlusParams]):
-    """Steers to the cheapest opening that the robot's size and turning circle leave (Ulrich & Borenstein 1998)."""
+    """Steers to the cheapest opening that the robot's size and turning circle allow (Ulrich & Borenstein 1998)."""
 
     name = "vfh_plus"
     claims = {Claim.FOOTPRINT, Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
@@ -81,7 +81,7 @@ class VfhPlus(_HistogramAvoider[VfhPlusParams]):
 
 
 class VfhStar(_HistogramAvoider[VfhStarParams]):
-    """Steers to the opening from which the way goes on best, looked ahead by A* (Ulrich & Borenstein 2000)."""
+    """Steers to the opening with the cheapest path beyond it, found by A* look-ahead (Ulrich & Borenstein 2000)."""
 
     name = "vfh_star"
     claims = {Claim.MIRROR, Claim.STOPS_WHEN_CLOSED}
@@ -89,7 +89,7 @@ class VfhStar(_HistogramAvoider[VfhStarParams]):
 
 
 def warm_up(method: HistogramAvoidance) -> None:
-    """Compile every kernel for the types one tick uses, with a cell ahead so that each stage has something to do."""
+    """Compile every kernel for the types of one tick, with an occupied cell ahead so that every stage runs."""
     limits = np.tile([0.3, 4.0], (2, 1))
     beams = Beams(np.zeros((2, 2)), np.zeros(2), np.array([0.2, 0.0]), np.ones(2), limits, np.zeros(2, np.int64))
     method.step(beams, (0.0, 0.0, 0.0), (0.0, 0.0), (3.0, 0.0))

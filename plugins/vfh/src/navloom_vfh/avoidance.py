@@ -1,4 +1,4 @@
-"""What the three methods share in a tick: the window, the command, and the watch on progress."""
+"""The parts of a tick that the three methods share: the window, the command, and the check of progress."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-STANDS_BELOW = 0.01  # rad/s: a turn slower than this goes nowhere
+STANDS_BELOW = 0.01  # rad/s: a slower turn counts as stopped
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What one tick is decided on, pose frame but for the cells.
+    """Inputs to the decision of one tick, in the pose frame.
 
     Attributes:
         pose: x, y, m, heading, rad. twist: Present speed, m/s, and turn rate, rad/s. target: m.
-        distance: To the target, m. bearing: Direction of the target, rad.
+        distance: Distance to the target, m. bearing: Direction of the target, rad.
         horizon: Cells farther than this do not count, m.
     """
 
@@ -49,14 +49,14 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What a method made of one tick.
+    """A method's result for one tick.
 
     Attributes:
-        direction: To steer to, rad, pose frame, or None where no direction is free.
+        direction: Direction to steer to, rad, pose frame, or None where no direction is free.
         must_slow: Whether the robot is too fast to turn to it.
         ahead: h_c, density in the direction of travel.
-        cells: (n, 3), occupied: x, y, m, base frame, and certainty.
-        why: One phrase.
+        cells: (n, 3), occupied cells: x, y, m, base frame, and certainty.
+        why: Reason, one phrase.
     """
 
     direction: float | None
@@ -67,11 +67,12 @@ class Choice:
 
 
 class HistogramAvoidance(Method):
-    """A vector field histogram method of one robot; what is its own is choose().
+    """A vector field histogram method for one robot; each method implements choose().
 
     Attributes:
-        density: (sectors,), polar histogram of the last tick. slots: Of it, `slot_count` rows are valid: first sector
-            and number of sectors. threshold: Density that blocks.
+        density: (sectors,), polar histogram of the last tick.
+        slots: Its free slots, first sector and number of sectors; `slot_count` rows are valid.
+        threshold: Density that blocks a sector.
     """
 
     threshold: float
@@ -103,7 +104,7 @@ class HistogramAvoidance(Method):
 
     @abstractmethod
     def choose(self, view: View) -> Choice:
-        """The direction to steer to, from the window and the view."""
+        """Choose the direction to steer to, from the window and the view."""
 
     def decide(self, beams: Beams | None, pose: Pose, twist: tuple[float, float], target: Point) -> Decision:
         if beams is not None and beams.ranges.size:
@@ -139,7 +140,7 @@ class HistogramAvoidance(Method):
         )
 
     def _search(self, view: View, choice: Choice) -> Decision:
-        """Begin a rotation where no direction is free, or give up."""
+        """Start a rotation because no direction is free, or give up."""
         self.progress.attempts += 1
         if self.progress.attempts > self.common.attempts:
             return self._give_up(view, f"nothing free in {self.common.attempts} rotations without progress")
@@ -152,7 +153,7 @@ class HistogramAvoidance(Method):
         return self._send(view, choice, 0.0, side * self.max_turn, None, why)
 
     def _steer(self, view: View, choice: Choice, direction: float) -> Decision:
-        """Turn to the direction and drive as fast as what is ahead and the turn allow."""
+        """Turn to the direction and drive as fast as the density ahead and the turn allow."""
         p = self.common
         turn = turn_rate(direction, view.pose[2], p.turn_gain, self.max_turn)
         least = min(p.min_speed, self.max_speed)
@@ -162,7 +163,7 @@ class HistogramAvoidance(Method):
     def _send(
         self, view: View, choice: Choice, speed: float, turn: float, direction: float | None, why: str
     ) -> Decision:
-        """Reduce the command to what is free, and watch whether the robot gets anywhere with it."""
+        """Reduce the command to a collision-free one, and check the robot's progress."""
         p, r = self.common, self.robot
         sent = (speed, turn)
         if p.arc_check:
@@ -180,9 +181,10 @@ class HistogramAvoidance(Method):
         return Decision(*sent, "clear" if is_clear else "steering", direction, why)
 
     def _watch(self, view: View, sent: tuple[float, float], is_clear: bool) -> str:
-        """Count the time without progress; why it is trapped, or nothing."""
+        """Count the time without progress; return why the robot is trapped, or an empty string."""
         p, progress = self.common, self.progress
-        # A robot that was stopped, or driven by another, does not do what it was told here: that is no trap.
+        # Only time in which the robot executes these commands counts: stopped or driven by another source, it is not
+        # trapped.
         obeyed = self.motors.obeyed(view.twist)
         elapsed = self.period if obeyed else 0.0
         progress.stalled += 0.0 if is_clear else elapsed

@@ -1,4 +1,4 @@
-"""Polar histograms: Borenstein & Koren 1991 (VFH) and Ulrich & Borenstein 1998 (VFH+), one function an equation.
+"""Polar histograms: Borenstein & Koren 1991 (VFH) and Ulrich & Borenstein 1998 (VFH+), one function per equation.
 
 Cells are in the base frame, directions in the pose frame: sector k spans [k, k + 1) * alpha. Magnitudes are pure
 numbers: 1 is one cell of full certainty at the robot.
@@ -17,13 +17,17 @@ from numpy.typing import NDArray
 
 @njit(cache=True, nogil=True)
 def linear_magnitude(certainty: float, distance: float, reach: float) -> float:
-    """VFH: m = c^2 (a - b d), a - b d_max = 0; the certainty, 0..15, as a share and a = 1. Distance and reach in m."""
+    """VFH: m = c^2 (a - b d) with a = 1 and a - b d_max = 0.
+
+    Args:
+        certainty: 0..15; c is its share of 15. distance: d, m. reach: d_max, m.
+    """
     return cell_magnitude(certainty * AXIS_CERTAINTY / TOP, distance, reach)
 
 
 @njit(cache=True, nogil=True)
 def quadratic_magnitude(certainty: float, distance: float, reach: float) -> float:
-    """VFH+: m = c^2 (a - b d^2), here a = 1 and a - b reach^2 = 0; arguments as for linear_magnitude()."""
+    """VFH+: m = c^2 (a - b d^2) with a = 1 and a - b reach^2 = 0; arguments as for linear_magnitude()."""
     if distance >= reach:
         return 0.0
     share, near = certainty / TOP, distance / reach
@@ -56,11 +60,11 @@ def polar_histogram(
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty 0..15.
-        place: Where the histogram is taken, m, base frame: (0, 0) is the robot, others are places it may come to.
-        heading: rad, of the base in the pose frame.
-        radius: Of the robot with its safety distance, m; 0 is a point.
+        place: Centre of the histogram, m, base frame: (0, 0) is the robot, others are projected places.
+        heading: Heading of the base in the pose frame, rad.
+        radius: Radius of the robot with its safety distance, m; 0 for a point.
         reach: m, see the magnitudes. horizon: Cells farther than this from the place do not count, m.
-        is_quadratic: quadratic_magnitude(), or linear_magnitude().
+        is_quadratic: Whether to use quadratic_magnitude(), else linear_magnitude().
         density: (sectors,), filled.
     """
     sectors = density.size
@@ -89,7 +93,7 @@ def polar_histogram(
 
 @njit(cache=True, nogil=True)
 def binary_histogram(density: NDArray[np.float64], low: float, high: float, blocked: NDArray[np.float64]) -> None:
-    """VFH+: a sector is blocked above tau_high, free below tau_low, and stays what it was in between.
+    """VFH+: a sector is blocked above tau_high, free below tau_low, and keeps its state in between.
 
     Args:
         density: (sectors,). low, high: tau_low <= tau_high.

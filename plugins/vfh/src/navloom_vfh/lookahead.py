@@ -19,13 +19,13 @@ X, Y, THETA, DIRECTION, COST, TOTAL, DEPTH, ROOT, IS_OPEN, IS_GOAL = range(10)
 
 @njit(cache=True, nogil=True)
 def projected_place(place: Place, direction: float, step: float, circle: float) -> Place:
-    """Where the robot is after a step towards a direction: along its turning circle, then straight.
+    """Pose of the robot after a step towards a direction: along its turning circle, then straight.
 
     Args:
         place: x, y, m, and heading, rad. direction: rad, same frame. step: d_s, m. circle: Turning radius, m.
 
     Returns:
-        x, y, m, and heading, rad, which is short of the direction where the step ends on the circle.
+        x, y, m, and heading, rad. The heading does not reach the direction if the step ends on the circle.
     """
     x, y, theta = place
     turn = (direction - theta + math.pi) % (2.0 * math.pi) - math.pi
@@ -58,15 +58,15 @@ def candidates(
     slots: NDArray[np.int64],
     directions: Floats,
 ) -> int:
-    """Candidate directions at a projected place: the stages of VFH+, without memory of an earlier histogram.
+    """Compute the candidate directions at a projected place: the stages of VFH+ without an earlier histogram.
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty. place: x, y, m, heading, rad, base frame.
         target: m, base frame. circle, radius, certainty: As for turning_limits(). reach: m.
-        slack: Cells farther from the place than the target and this do not count, m.
-        threshold: tau_high: nothing is known of before, so a sector is free up to it. widest: s_max, sectors.
-        density, blocked: (sectors,), slots: (sectors // 2 + 1, 2), for the work.
-        directions: (3 * (sectors // 2 + 1),), filled, rad, base frame.
+        slack: Cells farther from the place than the target distance plus this do not count, m.
+        threshold: tau_high: without an earlier histogram, a sector is free up to it. widest: s_max, sectors.
+        density, blocked: (sectors,), slots: (sectors // 2 + 1, 2); work arrays.
+        directions: (3 * (sectors // 2 + 1),), filled in, rad, base frame.
 
     Returns:
         Number of directions.
@@ -84,7 +84,7 @@ def candidates(
 
 @njit(cache=True, nogil=True)
 def next_node(nodes: Floats, count: int) -> int:
-    """Index of the open node of least total cost f = g + h, the first of equals; -1 where none is open."""
+    """Index of the open node with the least total cost f = g + h, the first of equals; -1 where none is open."""
     best, least = -1, np.inf
     for i in range(count):
         if nodes[i, IS_OPEN] > 0.0 and nodes[i, TOTAL] < least:
@@ -94,7 +94,7 @@ def next_node(nodes: Floats, count: int) -> int:
 
 @njit(cache=True, nogil=True)
 def deepest(nodes: Floats, count: int) -> int:
-    """Index of the node of greatest depth, of those the one of least cost g: the best way where none leads on."""
+    """Index of the deepest node, of equals the one with the least cost g: the best path when no node is open."""
     best = 0
     for i in range(1, count):
         further = nodes[i, DEPTH] - nodes[best, DEPTH]
@@ -119,11 +119,11 @@ def add_node(
     step: float,
     circle: float,
 ) -> None:
-    """Fill one row: the candidate direction taken from a place, what it costs, and where it leads.
+    """Fill one row of the tree: a candidate direction taken from a place, its cost, and where it leads.
 
     Args:
-        nodes: (limit, 10). index: Of the row. parent: Its row, -1 for the primary candidates.
-        place: Of the parent. target: m. previous: Direction taken before it, rad. Everything in the base frame.
+        nodes: (limit, 10). index: Row to fill. parent: Row of the parent, -1 for the primary candidates.
+        place: Place of the parent. target: m. previous: Direction taken before it, rad. All in the base frame.
         first, later: Weights of the primary and of the projected candidates.
         discount, goal_depth, step, circle: As for look_ahead().
     """
@@ -170,23 +170,23 @@ def look_ahead(
     widest: int,
     nodes: Floats,
 ) -> tuple[int, int, int]:
-    """The primary candidate on the cheapest way of goal_depth steps, by A*.
+    """Find the primary candidate on the cheapest path of goal_depth steps, by A*.
 
-    Where the tree ends before that depth on every way, it is the candidate that leads deepest; where `nodes` is full,
-    the one of the cheapest node that is still open.
+    If every path ends before that depth, the result is the deepest path; if `nodes` is full, the path to the cheapest
+    open node.
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty.
-        roots: (k,), primary candidates, rad; those beyond the rows of `nodes` are left out.
+        roots: (k,), primary candidates, rad; candidates beyond the rows of `nodes` are ignored.
         target: m. previous: Direction chosen last, rad.
         first, later: mu_1.. and mu_1'.., see costs.py. discount: lambda.
-        goal_depth: n_g, steps looked ahead; 1 is VFH+. A node within a step of the target is a goal too.
+        goal_depth: n_g, number of steps to look ahead; 1 is VFH+. A node within a step of the target is a goal too.
         step: d_s, m. circle, radius, reach, slack, threshold, certainty, widest: As for candidates(). sectors: n.
-        nodes: (limit, 10), filled with the tree; its rows are the columns named at the top.
+        nodes: (limit, 10), filled with the tree; the columns are named at the top of this module.
 
     Returns:
-        Row of the last node of the way, -1 without roots; rows filled; nodes expanded. The way's primary candidate is
-        in the column ROOT of the first.
+        Row of the last node of the path (-1 without roots), number of rows filled, number of nodes expanded. Column
+        ROOT of the last node is the index of the path's primary candidate.
     """
     density, blocked = np.empty(sectors), np.empty(sectors)
     slots, directions = np.empty((sectors // 2 + 1, 2), np.int64), np.empty(3 * (sectors // 2 + 1))

@@ -1,4 +1,4 @@
-"""How each of the three chooses its direction: VFH (1991), VFH+ (1998) and VFH* (2000)."""
+"""The choice of direction in each method: VFH (1991), VFH+ (1998) and VFH* (2000)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class VfhAvoidance(HistogramAvoidance):
-    """The valley nearest to the target (Borenstein & Koren 1991)."""
+    """Chooses the valley nearest to the target (Borenstein & Koren 1991)."""
 
     def __init__(self, params: VfhParams, robot: Robot, period: float) -> None:
         self.params = params
@@ -47,7 +47,7 @@ class VfhAvoidance(HistogramAvoidance):
 
 
 class VfhPlusAvoidance(HistogramAvoidance):
-    """The cheapest candidate of the masked histogram (Ulrich & Borenstein 1998)."""
+    """Chooses the cheapest candidate of the masked histogram (Ulrich & Borenstein 1998)."""
 
     def __init__(self, params: VfhPlusParams, robot: Robot, period: float) -> None:
         self.params = params
@@ -69,7 +69,7 @@ class VfhPlusAvoidance(HistogramAvoidance):
             self._previous = None
             return Choice(None, True, ahead, cells, "no opening")
         index, must_slow, depth = self.pick(view, cells, found, 0.0 if must_slow else circle, must_slow)
-        # Not wrapped where it is the target's own direction: step() compares the two.
+        # The target's own direction is not wrapped: _send() compares the two for equality.
         direction = float(self._directions[index])
         direction = direction if direction == view.bearing else wrap(direction)
         self._previous = direction
@@ -77,7 +77,7 @@ class VfhPlusAvoidance(HistogramAvoidance):
         return Choice(direction, must_slow, ahead, cells, f"opening {off:+.0f} deg off the target{depth}")
 
     def survey(self, view: View, circle: float) -> tuple[int, int, bool, float]:
-        """Number of cells and of candidates for a turning circle, m; whether it is too wide; density ahead."""
+        """Numbers of cells and candidates for a turning circle, m; whether the circle is too wide; density ahead."""
         p = self.params
         count, self.slot_count, found, must_slow, ahead = survey_openings(
             (self.grid, self.origin, p.cell), view.pose, self.edges, self.radius, p.reach, view.horizon,
@@ -94,10 +94,10 @@ class VfhPlusAvoidance(HistogramAvoidance):
         """Choose among the first `found` of `_directions`.
 
         Args:
-            cells: (n, 3), base frame. circle: Turning radius, m. must_slow: Whether it is already too fast.
+            cells: (n, 3), base frame. circle: Turning radius, m. must_slow: Whether the robot is already too fast.
 
         Returns:
-            Index of the candidate, whether the robot must slow for it, and a word on how it was found.
+            Index of the candidate, whether the robot must slow down for it, and a note on how it was found.
         """
         heading = view.pose[2]
         return (
@@ -108,12 +108,12 @@ class VfhPlusAvoidance(HistogramAvoidance):
 
 
 class VfhStarAvoidance(VfhPlusAvoidance):
-    """The candidate that begins the cheapest way of several steps (Ulrich & Borenstein 2000).
+    """Chooses the first candidate of the cheapest path of several steps (Ulrich & Borenstein 2000).
 
     Attributes:
         nodes: (limit, 10), search tree of the last tick, see lookahead.py; `node_count` rows are valid.
-        way_end: Row of the last node of the way chosen.
-        expanded: Nodes expanded.
+        way_end: Row of the last node of the chosen path.
+        expanded: Number of nodes expanded.
     """
 
     params: VfhStarParams
@@ -131,7 +131,7 @@ class VfhStarAvoidance(VfhPlusAvoidance):
     def pick(self, view: View, cells: Floats, found: int, circle: float, must_slow: bool) -> tuple[int, bool, str]:
         self.search_from(view, cells, found, circle)
         if circle > 0.0 and not self.nodes[self.way_end, IS_GOAL]:
-            # Every way ends at this speed: a robot that slows down may find one that goes on.
+            # No path reaches a goal at this speed; a slower robot may find one.
             _, found, _, _ = self.survey(view, 0.0)
             self.search_from(view, cells, found, 0.0)
             must_slow = True

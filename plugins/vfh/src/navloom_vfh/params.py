@@ -1,4 +1,4 @@
-"""Parameters of the three methods. Each default is the engineering choice; `paper_literal()` lists the printed ones."""
+"""Parameters of the three methods. Defaults are engineering choices; `paper_literal()` lists the papers' values."""
 
 from typing import Any, Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 
 class HistogramParams(Params):
-    """What the three methods have in common."""
+    """Parameters that the three methods share."""
 
     cell: float = Field(0.1, gt=0.0, le=0.5, description="Side of a certainty cell, m.")
     window: int = Field(33, ge=11, le=161, description="Cells along a side of the certainty window (33 in VFH).")
@@ -32,27 +32,29 @@ class HistogramParams(Params):
     widest_slot: int = Field(18, ge=2, le=72, description="s_max, sectors: a wider opening is followed along its edge.")
     turn_gain: float = Field(2.0, gt=0.0, le=50.0, description="Turn rate per heading error, 1/s; period * gain < 2.")
     max_turn_deg: float = Field(120.0, gt=0.0, le=360.0, description="Omega_max, degrees per second.")
-    max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit holds besides.")
-    min_speed: float = Field(0.04, ge=0.0, le=1.0, description="V_min, m/s: the density slows to no less than this.")
+    max_speed: float = Field(0.78, gt=0.0, le=3.0, description="V_max, m/s; the robot's own limit also applies.")
+    min_speed: float = Field(0.04, ge=0.0, le=1.0, description="V_min, m/s: least speed that the density slows to.")
     slow_density: float = Field(4.0, gt=0.0, le=100.0, description="h_m: density ahead that slows to V_min.")
-    rotation_deg: float = Field(100.0, gt=0.0, le=360.0, description="One rotation where nothing is free, degrees.")
-    attempts: int = Field(4, ge=1, le=100, description="Rotations without progress before it is called trapped.")
-    patience: float = Field(60.0, gt=0.0, le=3600.0, description="Steering without progress before it is trapped, s.")
-    blocked_patience: float = Field(
-        1.0, gt=0.0, le=60.0, description="Standing blocked before turning the other way, s."
+    rotation_deg: float = Field(
+        100.0, gt=0.0, le=360.0, description="Size of one rotation when nothing is free, degrees."
     )
-    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Nearer to the target by this is progress, m.")
-    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="A target that moved by more is a new one, m.")
-    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Moved by more, it is no longer trapped, m.")
-    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turned by more, it is no longer trapped, degrees.")
+    attempts: int = Field(4, ge=1, le=100, description="Rotations without progress before the robot counts as trapped.")
+    patience: float = Field(
+        60.0, gt=0.0, le=3600.0, description="Time without progress before the robot counts as trapped, s."
+    )
+    blocked_patience: float = Field(1.0, gt=0.0, le=60.0, description="Time blocked before turning the other way, s.")
+    progress_step: float = Field(0.1, gt=0.0, le=5.0, description="Approach to the target that counts as progress, m.")
+    target_shift: float = Field(0.5, gt=0.0, le=5.0, description="Movement beyond which a target counts as new, m.")
+    release_distance: float = Field(0.3, gt=0.0, le=5.0, description="Movement after which the trap is left, m.")
+    release_deg: float = Field(45.0, gt=0.0, le=180.0, description="Turn after which the trap is left, degrees.")
     arc_check: bool = Field(True, description="Roll the command forward and reduce it until it is free. Paper: false.")
-    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Kept between footprint and cell centres, m.")
+    arc_margin: float = Field(0.12, ge=0.0, le=1.0, description="Margin between footprint and cell centres, m.")
     turn_horizon: float = Field(0.2, ge=0.0, le=2.0, description="Time a turn in place is rolled forward, s.")
-    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave where a corner has no room to turn, m/s.")
+    creep: float = Field(0.1, ge=0.0, le=1.0, description="Speed to leave a corner without room to turn, m/s.")
 
 
 class VfhParams(HistogramParams):
-    """Borenstein & Koren 1991. Where the paper prints a value it is the default, or named in the description."""
+    """Borenstein & Koren 1991. A value that the paper prints is the default, or the description names it."""
 
     smoothing: int = Field(1, ge=0, le=12, description="l, sectors: half width of the smoothing.")
     threshold: float = Field(0.3, gt=0.0, le=100.0, description="Density from which a sector is blocked.")
@@ -89,14 +91,14 @@ class VfhStarParams(VfhPlusParams):
     window: int = Field(81, ge=11, le=161, description="Cells along a side: look_ahead * step + reach to each side.")
     look_ahead: int = Field(5, ge=1, le=20, description="n_g, steps looked ahead; 1 is VFH+.")
     step: float = Field(0.5, gt=0.0, le=5.0, description="d_s, length of a projected step, m.")
-    discount: float = Field(0.8, gt=0.0, le=1.0, description="lambda, by which each further step counts less.")
+    discount: float = Field(0.8, gt=0.0, le=1.0, description="lambda, factor on the cost of each further step.")
     projected_target_weight: float = Field(
         5.0, gt=0.0, le=100.0, description="mu_1', of the angle to the target; no unit."
     )
     projected_heading_weight: float = Field(
         1.0, ge=0.0, le=100.0, description="mu_2', of the angle to the heading; no unit."
     )
-    projected_previous_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_3', to the step before.")
+    projected_previous_weight: float = Field(1.0, ge=0.0, le=100.0, description="mu_3', to the previous step; no unit.")
     node_limit: int = Field(400, ge=120, le=5000, description="Nodes of the search tree; bounds the time of a tick.")
 
     @model_validator(mode="after")
@@ -111,7 +113,7 @@ class VfhStarParams(VfhPlusParams):
 
 
 def paper_literal(name: str) -> dict[str, Any]:
-    """The parameters with which one of the three follows the printed text, to be compared with the defaults.
+    """Parameters with which one of the three methods follows the printed text, for comparison with the defaults.
 
     Args:
         name: vfh, vfh_plus or vfh_star.

@@ -1,4 +1,4 @@
-"""From the window to what a method chooses from, in one compiled call a tick."""
+"""Candidates for a method's choice, computed from the window in one compiled call per tick."""
 
 import math
 
@@ -19,7 +19,7 @@ Pose = tuple[float, float, float]
 
 @njit(cache=True, nogil=True)
 def density_ahead(density: Floats, heading: float) -> float:
-    """h_c, the density of the sector that the robot heads in; heading in rad, pose frame."""
+    """h_c, the density of the sector of the heading; heading in rad, pose frame."""
     return float(density[math.floor(heading * density.size / TURN) % density.size])
 
 
@@ -37,17 +37,17 @@ def survey_valleys(
     density: Floats,
     slots: NDArray[np.int64],
 ) -> tuple[int, int, float]:
-    """VFH: occupied cells, smoothed polar density and its valleys.
+    """VFH: compute the occupied cells, the smoothed polar density and its valleys.
 
     Args:
         window: Certainty grid, its origin in cells, and side of a cell, m.
         pose: x, y, m, heading, rad, pose frame. edges: clearance.footprint_edges().
         radius, reach, horizon: As for histogram.polar_histogram(). half_width: l of the smoothing, sectors.
         threshold: A sector is free below it.
-        cells: (size * size, 3), density: (sectors,), slots: (sectors // 2 + 1, 2): filled.
+        cells, density, slots: Outputs, filled in: (size * size, 3), (sectors,), (sectors // 2 + 1, 2).
 
     Returns:
-        Number of cells and of valleys, and h'_c.
+        Numbers of cells and valleys, and h'_c.
     """
     count = occupied_cells(window[0], window[1], window[2], pose, edges, cells)
     rough = np.empty_like(density)
@@ -75,20 +75,20 @@ def survey_openings(
     slots: NDArray[np.int64],
     directions: Floats,
 ) -> tuple[int, int, int, bool, float]:
-    """VFH+: occupied cells, primary, binary and masked histogram, openings and candidate directions.
+    """VFH+: compute occupied cells, primary, binary and masked histogram, openings and candidate directions.
 
-    Where the turning circle at the present speed leaves no opening, the robot has to slow down: then the openings are
-    those for a circle of 0.
+    If the turning circle at the current speed leaves no opening, the robot must slow down, and the openings are those
+    for a circle of 0.
 
     Args:
         window, pose, edges, radius, reach, horizon, cells, density, slots: As for survey_valleys().
         thresholds: tau_low and tau_high. circle, certainty: As for turning.turning_limits().
         widest: s_max, sectors. target: Direction of the target, rad, pose frame.
         blocked: (sectors,), binary histogram of the last tick, changed to that of this tick.
-        directions: (3 * (sectors // 2 + 1),), filled, rad, pose frame.
+        directions: (3 * (sectors // 2 + 1),), filled in, rad, pose frame.
 
     Returns:
-        Number of cells, openings and directions; whether it has to slow down; h_c.
+        Numbers of cells, openings and directions; whether the robot must slow down; h_c.
     """
     count = occupied_cells(window[0], window[1], window[2], pose, edges, cells)
     near = cells[:count]

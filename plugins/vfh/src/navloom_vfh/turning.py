@@ -1,4 +1,4 @@
-"""Directions that the turning circles leave: Ulrich & Borenstein 1998 (VFH+), masked polar histogram."""
+"""Directions that the turning circles leave free: Ulrich & Borenstein 1998 (VFH+), masked polar histogram."""
 
 import math
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @njit(cache=True, nogil=True)
 def turning_radius(speed: float, max_turn: float) -> float:
-    """Smallest radius, m, of a robot at a speed, m/s, that turns no faster than max_turn, rad/s; 0 where it stands."""
+    """Smallest turning radius, m, at a speed, m/s, and a turn rate of at most max_turn, rad/s; 0 when stopped."""
     return max(0.0, speed) / max_turn
 
 
@@ -22,16 +22,16 @@ def turning_limits(
     radius: float,
     certainty: float,
 ) -> tuple[float, float]:
-    """phi_r and phi_l: how far to either side the robot can turn at this speed before a cell is in its way.
+    """phi_r and phi_l: how far the robot can turn to either side at this speed before a cell blocks it.
 
-    A cell on the right blocks what is right of it where it is nearer to the centre of the right turning circle than
-    r_r + r, and so on the left.
+    A cell on the right blocks all directions right of it if it is nearer than r_r + r to the centre of the right
+    turning circle; likewise on the left.
 
     Args:
         cells: (n, 3), x, y, m, base frame, and certainty 0..15.
         place: x, y, m, heading, rad, base frame: (0, 0, 0) is the robot.
-        circle: Of turning, r_r = r_l, m. radius: Of the robot with its safety distance, m.
-        certainty: Cells of this certainty and less do not count.
+        circle: Turning radius r_r = r_l, m. radius: Radius r of the robot with its safety distance, m.
+        certainty: Cells with this certainty or less do not count.
 
     Returns:
         rad, relative to the heading: phi_r in [-pi, 0], phi_l in [0, pi].
@@ -59,7 +59,7 @@ def turning_limits(
 def masked_histogram(
     blocked: NDArray[np.float64], heading: float, right: float, left: float, masked: NDArray[np.float64]
 ) -> None:
-    """H^m: free where the binary histogram is, and the direction lies between phi_r and phi_l.
+    """H^m: a sector is free where the binary histogram is free and its direction lies between phi_r and phi_l.
 
     The sector of the heading is not masked: the robot need not turn to get there.
 

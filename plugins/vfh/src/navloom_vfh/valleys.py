@@ -9,10 +9,10 @@ TURN = 2.0 * math.pi
 
 
 def target_offset(valley: tuple[int, int], sectors: int, target: float) -> float:
-    """How far a valley's nearer border is from the target direction, rad; 0 where the target is in the valley.
+    """Angle from the target direction to a valley's nearer border, rad; 0 where the target is in the valley.
 
     Args:
-        valley: First sector and number of sectors, counter-clockwise. sectors: Of the full circle.
+        valley: First sector and number of sectors, counter-clockwise. sectors: Number of sectors of the full circle.
         target: rad, in the frame of the sectors.
     """
     alpha = TURN / sectors
@@ -30,11 +30,11 @@ def nearest_valley(valleys: Sequence[tuple[int, int]], sectors: int, target: flo
 def valley_direction(valley: tuple[int, int], sectors: int, widest: int, target: float) -> float:
     """theta = (k_n + k_f) / 2 with the near border k_n and, in a wide valley, k_f = k_n +- s_max; rad in [-pi, pi).
 
-    The paper does not say where to go while the target direction lies inside a wide valley: to the target where that is
-    s_max / 2 from both borders (VFH+), else by the rule above from the border that is nearer to the target.
+    The paper does not cover a target direction inside a wide valley. Here the robot steers to the target if that is
+    s_max / 2 from both borders (VFH+), else by the rule above from the border nearer to the target.
 
     Args:
-        valley, sectors, target: As for target_offset(). widest: s_max, sectors: a valley of more is wide.
+        valley, sectors, target: As for target_offset(). widest: s_max; a valley with more sectors is wide.
     """
     alpha = TURN / sectors
     first, width = valley

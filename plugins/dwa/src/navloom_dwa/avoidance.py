@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-STANDING = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
+STOPPED_BELOW = (0.01, 0.02)  # m/s, rad/s: slower counts as stopped
 HELD = 0.5  # the gate holds the robot back if it lets less than this share of a command through
 MOST_OBSTACLES, MOST_POINTS = 4096, 8192
 
@@ -71,9 +71,9 @@ class Decision(NamedTuple):
     pace: int = -1
 
 
-def is_standing(v: float, w: float) -> bool:
+def is_stopped(v: float, w: float) -> bool:
     """Whether a velocity, m/s and rad/s, counts as stopped."""
-    return abs(v) < STANDING[0] and abs(w) < STANDING[1]
+    return abs(v) < STOPPED_BELOW[0] and abs(w) < STOPPED_BELOW[1]
 
 
 class DynamicWindow:
@@ -195,7 +195,7 @@ class DynamicWindow:
         elapsed = self.period if self.motors.obeyed(given.twist) else 0.0
         self.progress.stalled += elapsed
         is_there = math.dist(given.pose[:2], given.target) < self.params.progress_step
-        is_blocked = is_standing(*self._sent) and not is_there
+        is_blocked = is_stopped(*self._sent) and not is_there
         self.progress.blocked = self.progress.blocked + elapsed if is_blocked else 0.0
 
     def _steer(self, given: Given, obstacles: Floats, gaps: Floats) -> Decision:
@@ -210,13 +210,13 @@ class DynamicWindow:
         is_clear = bool(np.isinf(self.contacts).all())
         if is_clear:
             self.progress.stalled = 0.0
-        if self.progress.stalled > p.patience and abs(given.twist[0]) <= STANDING[0]:
+        if self.progress.stalled > p.patience and abs(given.twist[0]) <= STOPPED_BELOW[0]:
             return self._give_up(given, f"no progress in {p.patience:g} s")
-        if self.progress.blocked > p.blocked_patience and is_standing(v, w):
+        if self.progress.blocked > p.blocked_patience and is_stopped(v, w):
             return self._recover(given, obstacles, gaps)
         if arc < 0 or self.progress.stalled > p.patience:
             # Braking on the arc that was found free one tick ago stays free, even if noise blocks it now.
-            turn = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STANDING[0] else 0.0
+            turn = float(self.in_flight[-1, 1]) if abs(given.twist[0]) > STOPPED_BELOW[0] else 0.0
             return self._send(0.0, turn, "nothing of the window is free: braking")
         self.trend.note(v, w, p.slow, given.pose)
         self._sent = (v, w)
@@ -274,7 +274,7 @@ class DynamicWindow:
         # The gate does not let a robot back into space that no sensor sees and where it has not been. A recovery can
         # still retrace the trail.
         is_held = self._sent == command and given.share < HELD
-        if is_held and way < STANDING[0]:
+        if is_held and way < STOPPED_BELOW[0]:
             return self._give_up(given, "blocked, and the gate lets it not back up")
         if way < p.back_up and not is_held and stays_free(
             obstacles, gaps, self.edges, given.twist, command, self.period, r.max_acceleration, r.max_deceleration,
@@ -282,7 +282,7 @@ class DynamicWindow:
         ):  # fmt: skip
             return self._send(*command, f"blocked: backing up, {way:.2f} of {p.back_up:g} m")
         self._backing = None
-        if way < STANDING[0]:
+        if way < STOPPED_BELOW[0]:
             return self._give_up(given, "blocked, and no room to back up")
         return self._send(0.0, 0.0, f"backed up {way:.2f} m")
 

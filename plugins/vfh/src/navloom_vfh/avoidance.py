@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
 Point = tuple[float, float]
-STANDS_BELOW = 0.01  # rad/s: a slower turn counts as stopped
+STOPPED_BELOW = 0.01  # rad/s: a slower turn counts as stopped
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,8 +188,8 @@ class HistogramAvoidance(Method):
         obeyed = self.motors.obeyed(view.twist)
         elapsed = self.period if obeyed else 0.0
         progress.stalled += 0.0 if is_clear else elapsed
-        stands = sent[0] == 0.0 and abs(sent[1]) < STANDS_BELOW
-        progress.blocked = progress.blocked + elapsed if stands else 0.0
+        is_stopped = sent[0] == 0.0 and abs(sent[1]) < STOPPED_BELOW
+        progress.blocked = progress.blocked + elapsed if is_stopped else 0.0
         if progress.stalled > p.patience:
             return f"no progress in {p.patience:g} s"
         if progress.blocked > p.blocked_patience:

@@ -1,9 +1,9 @@
-"""What this machine itself makes late: a timer that does nothing else, counted as the platform's ticks are.
+"""Delays caused by the machine itself: a bare timer, counted like the ticks of the platform.
 
     python benchmarks/bare_timer.py SECONDS RATE
 
-Prints its ticks and those that began more than half a period late or were passed over, as JSON. It has the priority of
-a robot's control processes. Beside a soak it tells the robot's own delays from those of the host.
+Prints the number of ticks, and of those that began more than half a period late or were skipped, as JSON. It runs at
+the priority of a robot's control processes. During a soak it separates the robot's own delays from those of the host.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def late_ticks(
     clock_ns: Callable[[], int] = time.monotonic_ns,
     sleep: Callable[[float], None] = time.sleep,
 ) -> dict[str, int]:
-    """Ticks of a timer of this rate, Hz, over s, and how many came late."""
+    """Number of ticks of a timer at this rate, Hz, for some seconds, and of those that were late."""
     period = round(1e9 / rate)
     start = clock_ns()
     ticks = late = 0

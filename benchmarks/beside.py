@@ -1,4 +1,4 @@
-"""Measuring this interpreter's navloom and another's in turn: the arguments, the environment and the order.
+"""Measures this interpreter's navloom and another's in turn: arguments, environment and order.
 
 This file imports only the standard library.
 """
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def arguments(description: str | None) -> argparse.ArgumentParser:
-    """CONFIG, --set, --beside and --json."""
+    """Parser with CONFIG, --set, --beside and --json."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("config", nargs="?", default="paper", help="path or shipped name (default paper)")
     parser.add_argument("--set", action="append", default=[], metavar="A.B=V", help="change the config; repeats")
@@ -32,16 +32,16 @@ def in_turns(
     measure: Callable[[str, int], T],
     told: Callable[[T], str],
 ) -> dict[str, list[T]]:
-    """Each interpreter once a round, the first one changing from round to round.
+    """Measure each interpreter once per round; the order alternates from round to round.
 
     Args:
         beside: The other interpreter; None for this one alone.
-        rounds: Their numbers.
+        rounds: Numbers of the rounds.
         measure: Takes an interpreter and the number of the round.
         told: One line on what was measured, for standard error.
 
     Returns:
-        What was measured in each round, by "here" and "beside".
+        The measurement of each round, by "here" and "beside".
     """
     sides = {"here": sys.executable} | ({"beside": beside} if beside else {})
     found: dict[str, list[T]] = {side: [] for side in sides}

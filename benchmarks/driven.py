@@ -1,19 +1,19 @@
-"""The robot that the long measurements drive, and where to: the simulated one with the paper's laser and sonars."""
+"""Robot and goals of the long measurements: the simulated robot with the paper's laser and sonars."""
 
 from __future__ import annotations
 
 __all__ = ["PLACES", "config"]
 
 PLACES = ((0.0, 3.2), (1.6, 2.0), (-1.2, 2.4), (0.0, 0.8))
-"""Points of the first room of `paper_gates`, to drive to in turn, map frame, m."""
+"""Goals in the first room of `paper_gates`, to be reached in turn, m, map frame."""
 
 
 def config(world: str, period: float, stop_after: float, sweeps: str = "on_request") -> str:
     """TOML of a robot that waits for goals.
 
     Args:
-        world: Its name.
-        period: Of the control tick, s.
+        world: Name of the world.
+        period: Period of the control tick, s.
         stop_after: Longest run, s.
         sweeps: Mode of the laser: "on_request" or "continuous".
     """

@@ -41,11 +41,11 @@ __all__ = ["Share", "ShareError", "measured"]
 PARTS = ("verbs", "handover", "reference")
 FIELDS = ("run_us", "verbs_us", "handover_us", "reference_us", "engine_us")
 EMPTY_CALLS = 2001
-"""Readings of the clock from which its own cost is taken."""
+"""Number of clock readings from which the cost of one is measured."""
 
 
 class ShareError(RuntimeError):
-    """The share cannot be measured: the text says why."""
+    """The share cannot be measured; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ class Share:
     """Where the CPU time of one seed's run goes, µs a tick except where the name says otherwise.
 
     Attributes:
-        seed: Of the run.
-        ticks: Of the run.
+        seed: Seed of the run.
+        ticks: Number of ticks of the run.
         run_ms: CPU time of the plain run from the first tick to the closed trace, ms.
-        run_us: The same a tick.
+        run_us: The same per tick.
         verbs_us, handover_us, reference_us: Within the plugins' verbs, the hand-over and the reference.
-        engine_us: The engine's share: the fed run less the cost of the stand-ins.
-        standins_us: That cost.
-        calls: Answers that were recorded.
+        engine_us: The engine's share: the fed run minus the cost of the stand-ins.
+        standins_us: Cost of the stand-ins.
+        calls: Number of recorded answers.
         trace_sha256: Hash of the trace, the same of all three runs.
     """
 
@@ -78,7 +78,7 @@ class Share:
 
     @property
     def rest_us(self) -> float:
-        """What the parts leave of the run: the difference that caches and the load of the host make."""
+        """Time of the run outside the parts: the effect of caches and of the load of the host."""
         return self.run_us - self.verbs_us - self.handover_us - self.reference_us - self.engine_us
 
 
@@ -105,7 +105,7 @@ class Layout:
 
     @classmethod
     def found(cls) -> Layout:
-        """Of this interpreter."""
+        """The layout of this interpreter's navloom."""
         for names in LAYOUTS:
             try:
                 return cls(*(importlib.import_module(f"navloom.{name}") for name in names))
@@ -133,7 +133,7 @@ class Answers:
         self.clock_ns = _clock_cost_ns()
 
     def recorder(self, number: int, site: Site) -> Callable[..., Any]:
-        """The site's own function, whose answers and times are kept."""
+        """Wrap the site's function so that its answers and times are recorded."""
         function, part, kept = getattr(site.owner, site.name), site.part, self.of_site[number]
         spent_ns, clock_ns = self.spent_ns, self.clock_ns
 

@@ -29,11 +29,11 @@ from navloom.operating.joining import join
 
 COMMAND = [sys.executable, "-c", "from navloom.cli import main; main()"]
 START, END = 300.0, 30.0
-"""s that all robots may take to come up, and one to end."""
+"""Longest start of all robots, and longest shutdown of one, s."""
 GOALS = ((0.0, 6.0), (0.0, 0.0))
 """There and back, map frame, m."""
 LOOK = 0.5
-"""s between two looks at a robot."""
+"""Time between two readings of a robot, s."""
 BESIDE = """
 [robot]
 realm = "{realm}"
@@ -66,7 +66,7 @@ class One:
 
 @contextmanager
 def fleet(count: int, period: float, router: str, live: Sequence[str], folder: Path) -> Iterator[list[One]]:
-    """Robots that are up, and their router; gone afterwards."""
+    """Running robots and their router; all are stopped at the end."""
     started: list[subprocess.Popen[bytes]] = []
     try:
         if router:
@@ -74,7 +74,7 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
         robots = []
         for number in range(count):
             realm, path = f"f{number}", folder / f"f{number}.toml"
-            # A robot on no named host does not start the router: that is there already.
+            # A robot without a named host starts no router: one is already running.
             own = [f'router = "{router}"', 'router_host = "other"', _hosts()] if router else []
             beside = BESIDE.format(realm=realm, deadline=max(0.1, 2.0 * period), live="\n".join([*own, *live]))
             path.write_text(config("empty", period, 1e6) + beside, "utf-8")
@@ -82,7 +82,7 @@ def fleet(count: int, period: float, router: str, live: Sequence[str], folder: P
             more = ["--host", "own"] if router else []
             robots.append(One(realm, _start(["up", str(path), *more], log), log))
             started.append(robots[-1].up)
-            _await_up(robots[-1])  # one after the other: together they would wait for the processors
+            _await_up(robots[-1])  # one after the other: together they would compete for the processors
         yield robots
     finally:
         for process in reversed(started):
@@ -113,7 +113,7 @@ def _await_up(one: One) -> None:
 
 
 def drive(robots: Sequence[One], seconds: float) -> None:
-    """Give each robot another goal when it has none, for s."""
+    """Give each robot a new goal whenever it has none, for some seconds."""
     limit = time.monotonic() + seconds
     while time.monotonic() < limit:
         for one in robots:
@@ -127,13 +127,13 @@ def drive(robots: Sequence[One], seconds: float) -> None:
 
 
 def told(one: One) -> dict[str, Any]:
-    """What a robot's platform says of itself."""
+    """The report of a robot's platform."""
     assert one.client is not None
     return next(found for found in one.client.describe() if found["role"] == "platform")
 
 
 def processes(folder: Path) -> list[int]:
-    """All of the fleet's: those in whose environment or command line its folder is."""
+    """All processes of the fleet: those with its folder in their environment or command line."""
     found = []
     for path in Path("/proc").glob("[0-9]*"):
         try:
@@ -145,7 +145,7 @@ def processes(folder: Path) -> list[int]:
 
 
 def memory(pids: Sequence[int]) -> float:
-    """MB of all together: each shared page is counted once among those that share it."""
+    """Memory of all these processes together, MB; each shared page counts once."""
     total = 0
     for pid in pids:
         try:
@@ -157,7 +157,7 @@ def memory(pids: Sequence[int]) -> float:
 
 
 def spent(pids: Sequence[int]) -> float:
-    """s of processors that these have had."""
+    """CPU time of these processes, s."""
     total = 0.0
     for pid in pids:
         try:
@@ -169,7 +169,7 @@ def spent(pids: Sequence[int]) -> float:
 
 
 def segments(pids: Sequence[int]) -> float:
-    """MB of shared memory that Zenoh has for these."""
+    """Shared memory of Zenoh for these processes, MB."""
     found = set()
     for pid in pids:
         try:
@@ -181,7 +181,7 @@ def segments(pids: Sequence[int]) -> float:
 
 
 def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, Any]:
-    """Drive for s and count."""
+    """Drive for some seconds and count."""
     pids = processes(folder)
     before, began, used = [told(one) for one in robots], time.monotonic(), spent(pids)
     drive(robots, seconds)
@@ -211,7 +211,7 @@ def measure(robots: Sequence[One], folder: Path, seconds: float) -> dict[str, An
 
 
 def main() -> int:
-    """Exit code: 1 where a robot did not come up."""
+    """Exit code: 1 if a robot did not start."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--period", type=float, default=0.1, help="of each robot, s")

@@ -32,20 +32,20 @@ __all__ = ["CpuError", "Sample", "difference", "measured", "sample"]
 
 WORLD = "world.ref=paper_gates"
 LEG = 5.0
-"""Time that the way between two of these points takes at least, s."""
+"""Least time of the drive between two of these points, s."""
 START, MAPPED, SETTLE = 180.0, 60.0, 3.0
-"""Longest waits for the robot to be there and to drive, and the time from then to the window, s."""
+"""Longest waits for the robot to appear and to drive, and the time from then to the window, s."""
 TICK = os.sysconf("SC_CLK_TCK")
 SWITCHES = ("voluntary_ctxt_switches", "nonvoluntary_ctxt_switches")
 
 
 class CpuError(RuntimeError):
-    """The robot's CPU time cannot be measured: the text says why."""
+    """The robot's CPU time cannot be measured; the message says why."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Of one thread: CPU time, s; how often it waited for something, and how often the system took it off its core."""
+    """Counts of one thread: CPU time, s; voluntary context switches; involuntary context switches."""
 
     cpu: float
     waits: int
@@ -68,7 +68,7 @@ class Sample:
 
 
 def sample(root: int) -> Sample:
-    """Read the counts of a process and of all below it."""
+    """Read the counts of a process and of all its descendants."""
     taken = Sample(time.monotonic())
     for pid in _tree(root):
         try:
@@ -83,7 +83,7 @@ def sample(root: int) -> Sample:
 
 
 def difference(before: Sample, after: Sample) -> dict[str, Any]:
-    """Per process and thread: share of one processor, and switches a second. Threads of one name are added up.
+    """Share of one processor and context switches per second, by process and thread. Threads of one name are added up.
 
     Raises:
         CpuError: The processes are not the same ones.
@@ -110,7 +110,7 @@ def _total(rows: Any) -> dict[str, float]:
 
 
 def _tree(root: int) -> Iterator[int]:
-    """A process and all below it, by the parents that the system knows."""
+    """A process and all its descendants, by the parents that the system reports."""
     children: dict[int, list[int]] = defaultdict(list)
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -127,7 +127,7 @@ def _tree(root: int) -> Iterator[int]:
 
 
 def _process_name(pid: int) -> str:
-    """The robot's name of a process: node processes bear theirs, others are known by the module that they run."""
+    """Name of a process in the robot: node processes carry theirs, others are named after the module that they run."""
     command = Path(f"/proc/{pid}/cmdline").read_bytes().decode("utf-8", "replace").split("\0")
     name = Path(f"/proc/{pid}/comm").read_text("utf-8").strip()
     if "-m" in command and name.startswith("python"):
@@ -192,7 +192,7 @@ def _watch(
 
 
 class _Said:
-    """What `up` writes, line by line."""
+    """The output of `up`, line by line."""
 
     def __init__(self, up: subprocess.Popen[str]) -> None:
         self.lines: list[str] = []
@@ -207,7 +207,7 @@ class _Said:
                 self._news.notify_all()
 
     def wait_for(self, text: str, seconds: float) -> None:
-        """Wait for a line that holds a text. Raises CpuError where it does not come within s."""
+        """Wait for a line that contains a text. Raises CpuError if it does not come in time."""
         with self._news:
             if not self._news.wait_for(lambda: any(text in line for line in self.lines), seconds):
                 last = self.lines[-1] if self.lines else "nothing"

@@ -1,4 +1,4 @@
-"""What the shortest possible way costs among boxes, and how that grows.
+"""Cost of computing the shortest path among boxes, and how it grows.
 
     python benchmarks/shortest_way.py [--json]
 

@@ -34,7 +34,7 @@ from navloom.operating.navigator import Navigator
 
 
 def resident(pid: int) -> float:
-    """MB of memory a process holds."""
+    """Memory of a process, MB."""
     for line in Path(f"/proc/{pid}/status").read_text("utf-8").splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024
@@ -42,7 +42,7 @@ def resident(pid: int) -> float:
 
 
 def processor_time(pid: int) -> float:
-    """s of a processor a process has used."""
+    """CPU time of a process, s."""
     fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -56,13 +56,13 @@ def recorder_of(supervisor: int) -> int:
 
 
 def bare_timer(seconds: float, rate: float) -> subprocess.Popen[str]:
-    """A timer that does nothing else, in a process of its own."""
+    """A bare timer in a separate process."""
     command = [sys.executable, str(Path(__file__).with_name("bare_timer.py")), str(seconds), str(rate)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
 def drive_about(navigator: Navigator, ends: threading.Event, outcomes: dict[str, int]) -> None:
-    """Goal after goal, until it is time."""
+    """Send one goal after another until the time is over."""
     number = 0
     while not ends.is_set():
         try:
@@ -80,7 +80,7 @@ def growth(samples: list[float]) -> float:
 
 
 def soak(given: argparse.Namespace) -> dict[str, Any]:
-    """Run it and say what came of it."""
+    """Run the soak and report the results."""
     with tempfile.TemporaryDirectory(prefix="nl") as folder:
         os.environ["NAVLOOM_RUNTIME_DIR"] = folder
         path = Path(folder) / "soak.toml"

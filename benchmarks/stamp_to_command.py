@@ -43,16 +43,16 @@ STAGES = {
 """Role and port, in order, of what stands between a stamp and the command that derives from it. Of the goal it is the
 report of its step, since the reference waits for that a moment."""
 START = 60.0
-"""s the robot may take to come up."""
+"""Longest start of the robot, s."""
 GOALS = ((0.0, 7.6), (0.0, 0.0))
 """There and back, map frame, m."""
 ASK = 2.0
-"""s between looks at the platform's own record."""
+"""Time between readings of the platform's own record, s."""
 
 
 @dataclass
 class Watch:
-    """What comes by, taken down undecoded.
+    """Records messages without decoding them.
 
     Attributes:
         heard: (arrival on this host's monotonic clock, ns; key; bytes; schema label).
@@ -190,7 +190,7 @@ def as_text(found: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Exit code: 1 where the robot did not drive, 2 where the request was wrong."""
+    """Exit code: 1 if the robot did not drive, 2 if the request was wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object a period, one a line")
     parser.add_argument("--period", type=float, action="append", metavar="S", help="repeats (default 0.05 and 0.02)")

@@ -18,11 +18,11 @@ from typing import Any
 __all__ = ["PATIENCE", "Driver", "Lost", "PeerError", "Trip", "as_the_runtime_does", "serve_trips", "wait_for_the_end"]
 
 PATIENCE = 2.0
-"""s to wait for an answer; then the trip counts as lost."""
+"""Longest wait for an answer, s; then the trip counts as lost."""
 NICE = -10
-"""Priority of control processes in the live runtime; all peers are given the same."""
+"""Priority of control processes in the live runtime; all peers get the same."""
 SWITCH = 0.0005
-"""s between switches of Python threads in the live runtime."""
+"""Time between switches of Python threads in the live runtime, s."""
 
 Trip = Callable[[str], int]
 """One round trip of the message of a name: ns it took. Raises Lost."""
@@ -33,11 +33,11 @@ class Lost(Exception):
 
 
 class PeerError(RuntimeError):
-    """A peer that cannot be measured; the text says why."""
+    """A peer that cannot be measured; the message says why."""
 
 
 class Driver:
-    """Where the ends report, and through which they are told what to do. Use it in a `with` statement.
+    """Connection by which the ends report and receive orders. Use it in a `with` statement.
 
     Args:
         path: Of the socket to make.
@@ -53,14 +53,14 @@ class Driver:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all ends."""
+        """Stop all ends."""
         for line in self._lines.values():
             with contextlib.suppress(OSError):
                 line.close()
         self._listening.close()
 
     def wait_for(self, end: str, timeout: float, is_alive: Callable[[], bool]) -> None:
-        """Until an end of this name has reported.
+        """Wait until an end of this name has reported.
 
         Raises:
             PeerError: It has not after s, or its process has ended.
@@ -98,14 +98,14 @@ class Driver:
 
 
 def as_the_runtime_does() -> None:
-    """Priority and thread switching of a control process, for every peer alike."""
+    """Set the priority and thread switching of a control process, the same for every peer."""
     sys.setswitchinterval(SWITCH)
-    with contextlib.suppress(OSError):  # only root may go first
+    with contextlib.suppress(OSError):  # only root may raise its priority
         os.setpriority(os.PRIO_PROCESS, 0, NICE)
 
 
 def serve_trips(path: str, end: str, trip: Trip) -> None:
-    """Make the round trips that are asked for, until the benchmark ends."""
+    """Make the requested round trips until the benchmark ends."""
     with _report(path, end) as line:
         for asked in line:
             name, count = json.loads(asked)

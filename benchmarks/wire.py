@@ -28,16 +28,16 @@ from trips import Driver, PeerError
 HERE = Path(__file__).resolve().parent
 PEERS = ("ours", "zenoh", "zenoh-thread", "zenoh-shared", "dora")
 START = 30.0
-"""s an end may take to start."""
+"""Longest start of an end, s."""
 END = 8.0
-"""s it may take to end."""
+"""Longest shutdown of an end, s."""
 WARM = 5
-"""Trips of each block that are not counted."""
+"""First trips of each block, which are not counted."""
 
 
 @contextmanager
 def started(command: Sequence[str], folder: Path, env: dict[str, str] | None = None) -> Iterator[subprocess.Popen[str]]:
-    """A process with all it starts, which ends by itself once the driver is closed; else it is ended."""
+    """A process and its children; it ends by itself once the driver is closed; otherwise it is stopped."""
     log = folder / f"log-{len(list(folder.iterdir()))}.txt"
     with log.open("w") as out:
         process = subprocess.Popen(
@@ -100,7 +100,7 @@ def _quoted(text: str) -> str:
 
 
 def measure(driver: Driver, peers: Sequence[str], name: str, rounds: int, trips: int) -> dict[str, Any]:
-    """One message: blocks of trips of each peer in turn, the first in each round another."""
+    """Measure one message: blocks of trips of each peer in turn; each round begins with another peer."""
     found: dict[str, list[int]] = {peer: [] for peer in peers}
     lost = dict.fromkeys(peers, 0)
     medians: dict[str, list[float]] = {peer: [] for peer in peers}
@@ -137,7 +137,7 @@ def ratio_to(ours: Sequence[float], theirs: Sequence[float]) -> dict[str, float]
 
 
 def run(peers: Sequence[str], rounds: int, trips: int, dora: str) -> dict[str, Any]:
-    """Start every peer, measure every message, end them."""
+    """Start every peer, measure every message, and stop the peers."""
     skipped: dict[str, str] = {}
     with tempfile.TemporaryDirectory(prefix="wire") as top, ExitStack() as stack:
         socket = Path(top) / "driver"
@@ -163,7 +163,7 @@ def _with_log(text: str, folder: Path) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """What the figures depend on."""
+    """Processors, load and versions that the figures depend on."""
     return {
         "cpus": os.cpu_count(),
         "load": round(os.getloadavg()[0], 1),
@@ -191,7 +191,7 @@ def as_text(found: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Exit code: 1 where ours could not be measured."""
+    """Exit code: 1 if our own peer could not be measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--rounds", type=int, default=20, help="blocks of each peer and message (default 20)")

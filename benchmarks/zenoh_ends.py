@@ -41,7 +41,7 @@ _CONGESTION = {
 
 
 def link_of(folder: str, part: str, is_shared: bool = False) -> Link:
-    """As `up` links two processes of one host, with or without shared memory."""
+    """Link two processes of one host as `up` does, with or without shared memory."""
     sockets = {name: f"unixsock-stream/{folder}/{name}.sock" for name in ("echo", "ping")}
     return peer_link(sockets[part], sockets.values(), KEYS.realm, KEYS.robot, is_shared)
 
@@ -55,7 +55,7 @@ def our_ping(link: Link) -> Iterator[Trip]:
 
         def trip(name: str) -> int:
             message = messages[name]
-            end.take(0.0)  # an answer that came too late
+            end.take(0.0)  # drop an answer that came too late
             began = time.perf_counter_ns()
             end.give(message)
             back = end.take(PATIENCE)
@@ -68,7 +68,7 @@ def our_ping(link: Link) -> Iterator[Trip]:
 
 
 def our_echo(link: Link, report: Callable[[], None]) -> None:
-    """Answer each message with another of its type and size, on a thread of its own."""
+    """Answer each message with another of its type and size, on a separate thread."""
     answers = {_shape(message): message for message in samples().values()}
     ending = threading.Event()
     with Bus(link) as bus:
@@ -91,7 +91,7 @@ def _shape(message: Message) -> tuple[Any, ...]:
 
 
 class RawEnd:
-    """A publisher a message, with the quality that our runtime gives it, and a subscriber."""
+    """A publisher per message, with the quality of service of our runtime, and a subscriber."""
 
     def __init__(
         self, session: Any, gives: tuple[str, str], takes: tuple[str, str], take: Callable[[Any], Any]

@@ -16,7 +16,7 @@ __all__ = ["IpabdParams", "UnionParams"]
 
 
 class IpabdParams(Params):
-    """Lengths in m, angles in degrees. The README tells where each default comes from."""
+    """Parameters of `ipabd`. Lengths in m, angles in degrees. The README gives the source of each default."""
 
     geometry: Literal["as_sweep", "paper", "rigid_pitch"] = Field(
         "as_sweep", description="how ranges become points; as_sweep: as the sweep itself says"
@@ -50,11 +50,11 @@ class IpabdParams(Params):
     accumulate: bool = Field(True, description="keep the map between sweeps; false: the latest sweep only")
 
     def settings(self, robot_height: float, start: tuple[float, float]) -> MapSettings:
-        """The same for the pure modules, in SI and radians.
+        """Settings of the pure modules, in SI units and radians.
 
         Args:
-            robot_height: m.
-            start: x, y, m, map frame.
+            robot_height: Height of the robot, m; the default of `z_limit`.
+            start: x, y, m, map frame; the default of `anchor`.
         """
         filters = Filters(
             floor_tolerance=self.floor_tolerance,
@@ -87,7 +87,7 @@ class IpabdParams(Params):
 
 
 class UnionParams(Params):
-    """Those of `ipabd` that a map without floor filter, minimum and lines has, with the same meaning and unit."""
+    """Parameters of `union`: those of `ipabd` that do not concern the minimum or the lines, and `keeps_floor`."""
 
     geometry: Literal["as_sweep", "paper", "rigid_pitch"] = Field(
         "as_sweep", description="how ranges become points; as_sweep: as the sweep itself says"
@@ -109,7 +109,7 @@ class UnionParams(Params):
     accumulate: bool = Field(True, description="keep the map between sweeps; false: the latest sweep only")
 
     def settings(self, robot_height: float, start: tuple[float, float]) -> MapSettings:
-        """The same for the pure modules; the robot's height is that of `IpabdParams.settings` and does not matter."""
+        """Settings of the pure modules, as `IpabdParams.settings` returns them; `robot_height` is ignored."""
         filters = Filters(
             floor_tolerance=self.floor_tolerance,
             z_limit=inf if self.z_limit is None else self.z_limit,

@@ -1,4 +1,4 @@
-"""A mission: drive a live robot over several places, one after the other, and report how each drive ended.
+"""A mission: drive a live robot to several places, one after the other, and report how each drive ended.
 
     navloom up examples/turtle/turtle.toml        # in another terminal: any robot that is up
     python examples/mission.py 1,0.5 1,1 0,0
@@ -13,7 +13,7 @@ from navloom import Navigator
 
 
 def main() -> int:
-    """Exit 0: every place was reached."""
+    """Run the mission; exit code 0 if every place was reached."""
     parser = argparse.ArgumentParser(description="Drive a live robot over several places.")
     parser.add_argument("places", nargs="+", metavar="X,Y", type=place, help="m, map frame")
     parser.add_argument("--robot", metavar="NAME", help="which robot; default: the only one that is up")
@@ -25,7 +25,7 @@ def main() -> int:
             try:
                 result = robot.drive_to(x, y, timeout=given.patience)
             except TimeoutError as error:
-                robot.cancel()  # it would drive on
+                robot.cancel()  # otherwise it continues to drive
                 print(f"({x:g}, {y:g}): given up: {error}")
                 missed += 1
                 continue
@@ -37,7 +37,7 @@ def main() -> int:
 
 
 def place(text: str) -> tuple[float, float]:
-    """Coordinates of a place on the command line."""
+    """Parse the coordinates X,Y of a place, m."""
     x, y = text.split(",")
     return float(x), float(y)
 

@@ -1,9 +1,9 @@
-"""A plugin in one file, without packaging: a controller that steers by bearing drives the shipped config `building`.
+"""A plugin in one file, without packaging: a controller that steers by bearing, run with the shipped config `building`.
 
     python examples/own_controller.py
 
-An installed distribution has an entry point that names its module. Here the script makes that entry point itself and
-hands it to the run, beside the installed ones. `examples/turtle` is the packaged form.
+An installed distribution has an entry point that names its module. Here the script creates that entry point itself and
+passes it to the run together with the installed ones. `examples/turtle` is the packaged form.
 """
 
 import math
@@ -18,22 +18,22 @@ from pydantic import Field
 
 
 class BearingParams(Params):
-    """What can be set in the config's table [controller]."""
+    """Parameters in the table [controller] of a config."""
 
     gain: float = Field(1.5, gt=0.0, le=10.0, description="Turn rate per heading error, 1/s.")
     reach: float = Field(0.5, gt=0.0, le=5.0, description="Length over which it steers back to the reference, m.")
 
 
 class Bearing(Controller[BearingParams]):
-    """Steers to a point `reach` ahead on the reference, and slows down where it points elsewhere."""
+    """Steers to a point `reach` ahead on the reference, and slows down while it points elsewhere."""
 
     name = "bearing"
-    accepts = ()  # it reads no sensor
+    accepts = ()  # needs no sensor
 
     def control(self, given: ControllerInput) -> TrackingCommand:
         """One command per tick, from the pose estimate and the reference."""
         pose, reference = given.estimate.pose, given.reference
-        if reference.turn_to is not None:  # at its place already: only the heading is left
+        if reference.turn_to is not None:  # at the goal position: only the heading remains
             error = math.remainder(reference.turn_to - pose.heading, math.tau)
             return TrackingCommand(Twist2D(0.0, 0.0, self.params.gain * error), 0.0, 0.0, error)
         back = math.atan2(reference.cross_track, self.params.reach)
@@ -45,12 +45,12 @@ class Bearing(Controller[BearingParams]):
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """The hook that the entry point leads to."""
+    """Add the controller; navloom calls this hook through the entry point."""
     registry.add(Bearing)
 
 
 def main() -> int:
-    """Drive once with it and once with the config's own controller."""
+    """Drive once with this controller and once with the config's own."""
     own = EntryPoint("controller.bearing", __name__, "navloom")
     discovery = Discovery(found=[*entry_points(group="navloom"), own])
     reached = True

@@ -1,4 +1,4 @@
-"""A study as a script: two controllers in two worlds with the same seeds, and a table of what they came to.
+"""A study as a script: two controllers in two worlds with the same seeds, and a table of the results.
 
     python examples/study.py 5            # seeds 0 to 4
 
@@ -7,7 +7,7 @@ This is the same study with a report:
     navloom compare building --vary controller=lyapunov_tracker,pure_pursuit \\
         --worlds doorway crossing_person --seeds 0:5 --out results
 
-A script is for what the command cannot say: methods that a search proposes, or a judgement of your own.
+Write a script for what the command cannot do: methods proposed by a search, or your own evaluation.
 """
 
 import sys
@@ -17,7 +17,7 @@ from navloom.study.compare import plan_study, run_study
 
 
 def main() -> int:
-    """Exit 0: every episode ended at its goal."""
+    """Run the study; exit code 0 if every episode reached its goal."""
     seeds = range(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
     study = plan_study(
         "building",

@@ -29,7 +29,7 @@ from pydantic import Field
 
 
 class IrsimParams(Params):
-    """Which scene."""
+    """Parameters of the robot."""
 
     scene: str = Field("hall.yaml", description="Scene of ir-sim: a file beside this module, or an absolute path.")
 
@@ -67,7 +67,7 @@ class IrsimRobot(Platform[IrsimParams]):
         return World(Path(params.scene).stem, solids, bounds=bounds)
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """One step of ir-sim a tick; the first call moves nothing."""
+        """Advance ir-sim by one step per tick; the first call moves nothing."""
         if given.time_ns > self._time_ns:
             self._simulator.step(np.array([[given.command.vx], [given.command.wz]]))
         self._time_ns = given.time_ns
@@ -88,9 +88,7 @@ class IrsimRobot(Platform[IrsimParams]):
         ranges = np.asarray(told["ranges"], dtype=np.float64)
         count, farthest = len(ranges), float(told["range_max"])
         bearings = turn + np.linspace(told["angle_min"], told["angle_max"], count)
-        ranges = np.where(
-            ranges < farthest - 1e-3, ranges, np.inf
-        )  # ir-sim tells the longest range where it saw nothing
+        ranges = np.where(ranges < farthest - 1e-3, ranges, np.inf)  # without an echo, ir-sim reports its longest range
         zeros = np.zeros(count)
         return RangeScan(
             stamp_ns,
@@ -105,7 +103,7 @@ class IrsimRobot(Platform[IrsimParams]):
 
 
 def scene_of(params: IrsimParams) -> dict[str, Any]:
-    """The scene as its file has it. Raises ValueError for a file that cannot be read."""
+    """The scene as in its file. Raises ValueError for a file that cannot be read."""
     path = Path(__file__).parent / params.scene  # an absolute path stays as it is
     try:
         scene = yaml.safe_load(path.read_text("utf-8"))
@@ -117,7 +115,7 @@ def scene_of(params: IrsimParams) -> dict[str, Any]:
 
 
 def solid_of(name: str, obstacle: dict[str, Any]) -> Box | Cylinder:
-    """An obstacle of a scene: a circle, or a rectangle turned by its heading."""
+    """The solid of an obstacle of a scene: a circle, or a rectangle turned by its heading."""
     shape, (x, y, *turn) = obstacle["shape"], obstacle["state"]
     if shape["name"] == "circle":
         return Cylinder(name, x, y, shape["radius"])
@@ -128,7 +126,7 @@ def solid_of(name: str, obstacle: dict[str, Any]) -> Box | Cylinder:
 
 
 def seen_from(frame: tuple[float, float, float], pose: tuple[float, float, float]) -> Pose2D:
-    """A pose of the map in another frame of the map, m and rad."""
+    """A pose relative to a frame, both given in the map frame, m and rad."""
     x, y, turn = pose[0] - frame[0], pose[1] - frame[1], frame[2]
     cos, sin = math.cos(turn), math.sin(turn)
     return Pose2D(cos * x + sin * y, cos * y - sin * x, math.remainder(pose[2] - turn, math.tau))

@@ -1,7 +1,7 @@
-"""A differential drive in MuJoCo: wheels with contact and friction, motors with lag, ranges by rays.
+"""A differential drive in MuJoCo: wheels with contact and friction, motors with lag, ranges by ray casting.
 
 The scene is MuJoCo's own XML, and the config of the robot has no [world]. Odometry counts the turns of the wheels, so
-it drifts where they slip.
+it drifts when they slip.
 """
 
 import math
@@ -32,15 +32,15 @@ from navloom import (
 from pydantic import Field
 
 OBSTACLES = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
-"""Groups of geoms that rays meet."""
+"""Flags of the groups of geoms that rays can hit."""
 HEIGHT = 0.2
-"""Of the laser above the floor, m."""
+"""Height of the laser above the floor, m."""
 FLOOR = 20.0
-"""How far the floor reaches from the origin, m."""
+"""Distance by which the floor extends from the origin, m."""
 
 
 class MujocoParams(Params):
-    """Which scene."""
+    """Parameters of the robot."""
 
     scene: str = Field("course.xml", description="Scene of MuJoCo: a file beside this module, or an absolute path.")
 
@@ -85,7 +85,7 @@ class MujocoRobot(Platform[MujocoParams]):
         return World(Path(params.scene).stem, solids, bounds=(-2.0, -3.0, 8.0, 3.0))
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """As many steps of MuJoCo as fit into the tick; the first call moves nothing."""
+        """Advance MuJoCo by as many steps as fit into the tick; the first call moves nothing."""
         seconds = (given.time_ns - self._time_ns) * 1e-9
         self._time_ns = given.time_ns
         robot, command = self.context.robot, given.command
@@ -100,12 +100,12 @@ class MujocoRobot(Platform[MujocoParams]):
         return PlatformOutput(odometry, scans, Contact(truth.touching), truth)
 
     def _turned(self) -> tuple[float, float]:
-        """Angle of the left and of the right wheel, rad."""
+        """Angles of the left and the right wheel, rad."""
         left, right = (float(self._data.joint(side).qpos[0]) for side in ("left", "right"))
         return left, right
 
     def _reckon(self, seconds: float) -> Twist2D:
-        """Take the turns of the wheels since the last tick into the odometry; gives the velocity that they mean."""
+        """Add the turns of the wheels since the last tick to the odometry; returns the corresponding velocity."""
         robot, before, now = self.context.robot, self._wheels, self._turned()
         self._wheels = now
         left, right = (robot.wheel_radius * (after - first) for first, after in zip(before, now, strict=True))
@@ -165,7 +165,7 @@ def model_of(params: MujocoParams) -> Any:
 
 
 def obstacles_of(model: Any) -> list[int]:
-    """Geoms of a scene that are neither the robot's nor the floor."""
+    """Geoms of a scene that are neither part of the robot nor the floor."""
     is_floor = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     return [int(geom) for geom in np.flatnonzero((model.geom_group == 0) & ~is_floor)]
 

@@ -1,4 +1,4 @@
-"""People near the robot: a sensor hears their beacons, nodes track them, an avoider minds them, a panel shows them."""
+"""People near the robot: a sensor finds their beacons, nodes track them, an avoider slows down, a panel shows them."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 
 @message
 class Beacons(Message):
-    """Directions of the beacons that are heard: `points` is (n, 2), m, base frame."""
+    """Positions of the detected beacons: `points` is (n, 2), m, base frame."""
 
     stamp_ns: Stamp
     points: Annotated[Floats, Array("float64", ("n", 2))]
@@ -48,7 +48,7 @@ class Beacons(Message):
 
 @message
 class Tracks(Message):
-    """Where people are: `points` is (n, 2), m, map frame; `echoes` counts the beams that heard anything."""
+    """Positions of people: `points` is (n, 2), m, map frame; `echoes` is the number of beams with an echo."""
 
     stamp_ns: Stamp
     points: Annotated[Floats, Array("float64", ("n", 2))]
@@ -56,7 +56,7 @@ class Tracks(Message):
 
 
 def turned(points: Floats, angle: float) -> Floats:
-    """Points (n, 2), turned about the origin by an angle, rad."""
+    """(n, 2) points rotated about the origin by an angle, rad."""
     c, s = math.cos(angle), math.sin(angle)
     return points @ np.array([[c, s], [-s, c]])
 
@@ -67,7 +67,7 @@ class BeaconSettings(Params):
 
 
 class BeaconRobot(SensorsSim):
-    """The simulated robot with one more kind of sensor."""
+    """The simulated robot with one more sensor kind."""
 
     name = "beacon_robot"
     sensor_kinds = {**SensorsSim.sensor_kinds, "beacons": Beacons}
@@ -88,7 +88,7 @@ class BeaconRobot(SensorsSim):
 
 
 class PeopleTracker(NodePlugin):
-    """Puts the beacons into the map."""
+    """Transforms the beacons to the map frame."""
 
     name = "people_tracker"
     pose = Latest(PoseEstimate, triggers=True)
@@ -118,10 +118,10 @@ class NearestTracker(PeopleTracker):
 
 
 class Polite(ImprovedVfh):
-    """Improved VFH, at half the speed beside people."""
+    """Improved VFH at half the speed near people."""
 
     name = "polite"
-    distance = 1.5  # m, to a person
+    distance = 1.5  # to a person, m
     tracks = Extra(Tracks)
 
     def avoid(self, given: AvoiderInput) -> Avoidance:

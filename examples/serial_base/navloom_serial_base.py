@@ -1,7 +1,7 @@
 """A differential-drive base on a serial line: the example of docs/writing-a-driver.md.
 
-The link's thread reads the base, and repeats the speeds every 20 ms, which feeds the base's own watchdog. It sends zero
-when the base has been silent for `silence`, or when `drive` has not been called for `silence` and one more tick.
+The link's thread reads the base and repeats the speeds every 20 ms, which feeds the base's own watchdog. It sends zero
+if the base has been silent for `silence`, or if `drive` has not been called for `silence` plus one tick.
 """
 
 import math
@@ -33,7 +33,7 @@ FIRST_STATUS = 1.0
 
 
 class SerialBaseParams(Params):
-    """Where the base is, and its gears."""
+    """Connection, encoders and timeout of the base."""
 
     port: str = Field(description="Serial port, as /dev/serial/by-id/usb-….")
     baud: int = Field(115200, ge=300, description="Bits per second.")
@@ -42,20 +42,20 @@ class SerialBaseParams(Params):
 
 
 class SerialBase(Platform[SerialBaseParams]):
-    """Drives the base, and computes odometry from its encoders."""
+    """Drives the base and computes odometry from its encoders."""
 
     name = "serial_base"
 
     def __init__(self, params: SerialBaseParams, context: Context) -> None:
         super().__init__(params, context)
         self._frames = Frames()
-        self._lock = threading.Lock()  # of what both threads see: all that follows
+        self._lock = threading.Lock()  # guards all attributes below, which both threads use
         self._heard = threading.Event()
         self._status: Status | None = None
         self._heard_at = self._asked_at = -math.inf  # s, monotonic
         self._wheels = (0.0, 0.0)
         self._pose, self._twist = Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
-        self._measured_ns = 0  # of the pose, monotonic
+        self._measured_ns = 0  # time of the pose, monotonic
         self._run_to_local = ClockOffset()
         self._base_clock = ClockOffset(modulus_ns=TICKS * 1_000_000)
         self._stamp_ns = 0
@@ -70,7 +70,7 @@ class SerialBase(Platform[SerialBaseParams]):
         )
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
-        """Take a velocity. The wheels get it now, and again with every beat."""
+        """Send a velocity to the wheels now; the link's thread repeats it with every beat."""
         turn = command.wz * self.context.robot.half_track
         with self._lock:
             self._wheels, self._asked_at = (command.vx - turn, command.vx + turn), time.monotonic()
@@ -79,7 +79,7 @@ class SerialBase(Platform[SerialBaseParams]):
             self._link.write(speeds(*self._wheels))
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Odometry and contact of the newest status. Raises DriverError while the base cannot be driven."""
+        """Odometry and contact from the newest status. Raises DriverError while the base cannot be driven."""
         if self._start():
             self._heard.wait(FIRST_STATUS)
         local_to_run_ns = -self._run_to_local.local(given.time_ns, time.monotonic_ns()) + given.time_ns
@@ -93,22 +93,22 @@ class SerialBase(Platform[SerialBaseParams]):
             return PlatformOutput(odometry, {}, Contact(bool(self._status.flags & BUMPER)), None)
 
     def close(self) -> None:
-        """Stop the wheels, and give up the port."""
+        """Stop the wheels and close the port."""
         with self._lock:
             self._wheels = (0.0, 0.0)
-        with suppress(DriverError):  # where it cannot be told, the base's own watchdog stops it
+        with suppress(DriverError):  # if the write fails, the base's own watchdog stops it
             self._link.write(speeds(0.0, 0.0))
         self._link.close()
 
     def _start(self) -> bool:
-        """Open the port at the first use: a config that is only checked must not touch the robot."""
+        """Open the port at the first use, because checking a config must not touch the robot; whether it was opened."""
         if self._link.is_started:
             return False
         self._link.start()
         return True
 
     def _refusal(self) -> str:
-        """Why the base cannot be driven now; empty where it can."""
+        """Why the base cannot be driven now; empty if it can."""
         with self._lock:
             silent = time.monotonic() - self._heard_at
             if self._status is not None and silent <= self.params.silence:
@@ -119,7 +119,7 @@ class SerialBase(Platform[SerialBaseParams]):
         known = f"for {silent:.2f} s" if math.isfinite(silent) else "yet"
         return f"{self._link.name}: no status with a right checksum {known}: see cable and baud rate"
 
-    # What follows runs in the link's thread.
+    # The methods below run in the link's thread.
 
     def _opened(self) -> None:
         self._frames.clear()
@@ -138,7 +138,7 @@ class SerialBase(Platform[SerialBaseParams]):
                 self._heard.set()
 
     def _take(self, status: Status, now_ns: int) -> None:
-        """Update the pose by the ticks since the last status; a base that was switched off counts from zero again."""
+        """Update the pose by the ticks since the last status; after a restart, the base counts from zero."""
         restarts, before = self._base_clock.restarts, self._status
         self._measured_ns = self._base_clock.local(status.uptime_ms * 1_000_000, now_ns)
         self._status, self._heard_at = status, now_ns * 1e-9
@@ -160,5 +160,5 @@ class SerialBase(Platform[SerialBaseParams]):
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """The hook that the entry point leads to."""
+    """Add the platform; navloom calls this hook through the entry point."""
     registry.add(SerialBase)

@@ -1,7 +1,7 @@
-"""Plays a base on a pseudo-terminal, with wheels that take time: python examples/serial_base/play_base.py PORT.
+"""Simulates a base on a pseudo-terminal, with inertia of its wheels: python examples/serial_base/play_base.py PORT.
 
-PORT is the name that the driver opens: a link to the pseudo-terminal, in a folder of yours. Type a fault and Enter:
-unplug, plug, mute (it says nothing), stuck (its firmware hangs), garbage, half (frames cut short), press, release (its
+PORT is the path that the driver opens: the script creates it as a link to the pseudo-terminal. Type a fault and Enter:
+unplug, plug, mute (sends nothing), stuck (its firmware hangs), garbage, half (truncated frames), press, release (its
 emergency stop), bump, fine.
 """
 
@@ -24,14 +24,14 @@ TICKS_PER_METRE = 1024 / (math.tau * 0.05)
 
 
 class PlayedBase:
-    """A base with physics of its own: its wheels accelerate by at most `ACCELERATION`, and it stops without commands.
+    """A simulated base whose wheels accelerate by at most `ACCELERATION`, m/s², and stop without commands.
 
     Attributes:
         fault: "", "mute", "stuck", "garbage" or "half".
-        flags: Those of its status that a person or a wall sets.
-        wanted: Speeds that its wheels turn to, m/s.
+        flags: Status flags that a person or a wall sets.
+        wanted: Target speeds of its wheels, m/s.
         wheels: Speeds of its wheels, m/s.
-        stopped_at: When it began to hold its wheels still, s, monotonic; infinite while they turn.
+        stopped_at: Time at which the target speeds became zero, s, monotonic; infinite while they are not.
     """
 
     def __init__(self, port: Path) -> None:
@@ -48,9 +48,9 @@ class PlayedBase:
         self._thread.start()
 
     def plug(self) -> None:
-        """Appear at the port."""
+        """Create the port."""
         with self._lock:
-            if self.port.is_symlink():  # of a base that was played before; any other file stays
+            if self.port.is_symlink():  # left by an earlier run; any other file is kept
                 self.port.unlink()
             self._master, other = pty.openpty()
             os.set_blocking(self._master, False)
@@ -58,19 +58,19 @@ class PlayedBase:
             os.close(other)
 
     def unplug(self) -> None:
-        """Pull the cable: the port is gone, and the base goes on alone."""
+        """Pull the cable: the port disappears, and the base continues on its own."""
         with self._lock:
             self.port.unlink(missing_ok=True)
             os.close(self._master)
             self._master = -1
 
     def reboot(self) -> None:
-        """Begin to count time and ticks at zero."""
+        """Restart time and tick counts from zero."""
         with self._lock:
             self._switched_on, self._way = time.monotonic(), [0.0, 0.0]
 
     def close(self) -> None:
-        """End it."""
+        """Stop the thread and remove the port."""
         self._ends.set()
         self._thread.join()
         if self._master >= 0:
@@ -91,7 +91,7 @@ class PlayedBase:
     def _obey(self, now: float) -> None:
         data = b""
         if self._master >= 0 and self.fault != "stuck":
-            with suppress(OSError):  # nobody has the port open
+            with suppress(OSError):  # no process has the port open
                 data = os.read(self._master, 65536)
         for body in self._frames.take(data):
             speeds = speeds_of(body)
@@ -124,12 +124,12 @@ class PlayedBase:
             data = self._random.randbytes(len(data))
         elif self.fault == "half":
             data = data[: self._random.randrange(1, len(data))]
-        with suppress(OSError):  # nobody reads, or nobody has it open
+        with suppress(OSError):  # no process reads the port or has it open
             os.write(self._master, data)
 
 
 def main() -> None:
-    """Play a base until the input ends, with the faults that are typed."""
+    """Simulate a base until the input ends, with the faults that are typed."""
     if len(sys.argv) != 2:
         sys.exit("expected PORT, the name that the driver opens: python examples/serial_base/play_base.py ~/base")
     try:

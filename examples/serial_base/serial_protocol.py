@@ -1,9 +1,9 @@
-"""The bytes between a base and its driver: frames that survive noise, and what is in them. Bytes in, values out.
+"""The protocol between a base and its driver: frames that survive noise, and their contents. Bytes in, values out.
 
-A frame is `AA 55`, length of the body, body, CRC-16 of length and body (CCITT: polynomial 0x1021, begins with 0xFFFF),
-little endian. The body's first byte says what it is:
+A frame is `AA 55`, length of the body, body, CRC-16 of length and body (CCITT: polynomial 0x1021, initial value
+0xFFFF), little endian. The first byte of the body is its type:
 
-- 0x01, to the base: speeds of the left and the right wheel, mm/s. A base that gets none for `WATCHDOG` s stops.
+- 0x01, to the base: speeds of the left and the right wheel, mm/s. A base that receives none for `WATCHDOG` s stops.
 - 0x81, from the base every 20 ms: uptime, ms; ticks of the left and the right encoder, which wrap; flags; battery, mV.
 """
 
@@ -22,7 +22,7 @@ LONGEST = 64
 
 @dataclass(frozen=True)
 class Status:
-    """What the base says of itself."""
+    """Status of the base; see the top of this module for the units."""
 
     uptime_ms: int
     left: int
@@ -32,7 +32,7 @@ class Status:
 
 
 def framed(body: bytes) -> bytes:
-    """A frame round a body."""
+    """A frame around a body."""
     counted = bytes([len(body)]) + body
     return START + counted + struct.pack("<H", binascii.crc_hqx(counted, 0xFFFF))
 
@@ -43,21 +43,21 @@ def speeds(left: float, right: float) -> bytes:
 
 
 def status(given: Status) -> bytes:
-    """The frame of a status."""
+    """The frame that reports a status."""
     values = (given.uptime_ms % TICKS, signed(given.left), signed(given.right), given.flags, given.battery_mv)
     return framed(STATUS.pack(FROM_BASE, *values))
 
 
 def signed(count: int) -> int:
-    """A count as the 32 bits of an encoder hold it."""
+    """A count wrapped to a signed 32-bit number, as an encoder counts."""
     return (count + TICKS // 2) % TICKS - TICKS // 2
 
 
 class Frames:
-    """Finds frames in what a line gives, whatever is between them. It never keeps more than a frame's bytes.
+    """Finds frames in the bytes of a line, with any noise between them. It never keeps more than one frame.
 
     Attributes:
-        refused: Bytes that were part of no frame.
+        refused: Number of bytes that were part of no frame.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Frames:
         self._held = b""
 
     def clear(self) -> None:
-        """Forget a frame that was half read."""
+        """Drop an incomplete frame."""
         self._held = b""
 
     def take(self, data: bytes) -> list[bytes]:
@@ -96,14 +96,14 @@ class Frames:
 
 
 def status_of(body: bytes) -> Status | None:
-    """The status in a body; None where it is something else."""
+    """The status in a body; None if the body is of another type."""
     if len(body) != STATUS.size or body[0] != FROM_BASE:
         return None
     return Status(*STATUS.unpack(body)[1:])
 
 
 def speeds_of(body: bytes) -> tuple[float, float] | None:
-    """The speeds of the wheels in a body, m/s; None where it is something else."""
+    """The speeds of the wheels in a body, m/s; None if the body is of another type."""
     if len(body) != SPEEDS.size or body[0] != TO_BASE:
         return None
     left, right = SPEEDS.unpack(body)[1:]

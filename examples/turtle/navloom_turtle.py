@@ -1,8 +1,8 @@
-"""The smallest robot: it turns and drives at once as it is commanded, and measures no ranges.
+"""The smallest robot: it follows each command immediately and measures no ranges.
 
-A driver of a real robot has the same shape. `advance` sends the command to the motors and returns what the encoders and
-sensors say; `truth` is then None, and `is_simulated` False. A range sensor enters `sensor_kinds` with the message it
-gives, and `advance` puts its newest message into `scans` by the sensor's name in the config.
+A driver of a real robot has the same shape. `advance` sends the command to the motors and returns the readings of the
+encoders and sensors; `truth` is then None, and `is_simulated` False. List each kind of range sensor in `sensor_kinds`
+with the type of its messages; `advance` puts its newest message into `scans` under the sensor's name in the config.
 """
 
 import math
@@ -24,7 +24,7 @@ from pydantic import Field
 
 
 class TurtleParams(Params):
-    """The robot's one fault, so that there is something to try."""
+    """The robot's only error, as a parameter to try."""
 
     wheel_error: float = Field(0.0, ge=-0.1, le=0.1, description="Share by which odometry overstates the way driven.")
 
@@ -42,7 +42,7 @@ class Turtle(Platform[TurtleParams]):
         self._time_ns = 0
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Drive with the command until the time asked for."""
+        """Drive with the command until the requested time."""
         seconds = (given.time_ns - self._time_ns) * 1e-9
         self._time_ns = given.time_ns
         way, turn = given.command.vx * seconds, given.command.wz * seconds
@@ -62,5 +62,5 @@ def moved(pose: Pose2D, way: float, turn: float) -> Pose2D:
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """The hook that the entry point leads to."""
+    """Add the platform; navloom calls this hook through the entry point."""
     registry.add(Turtle)

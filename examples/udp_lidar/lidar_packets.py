@@ -1,9 +1,9 @@
-"""The datagrams of a lidar: a scan comes in several, which may be lost, late or twice. Bytes in, arrays out.
+"""The datagrams of a lidar: a scan consists of several, which may be lost, late or duplicated. Bytes in, arrays out.
 
-A datagram is `NLDR`, version 1, and, little endian: number of the scan (16 bits), number of the datagram in it and how
-many it has (8 bits each), the device's clock in µs when its first beam was measured (32 bits, wraps), first bearing and
-step in 1/100 degree (16 bits each, with sign), duration of a beam in ns (32 bits), number of beams (16 bits), then as
-many ranges in mm (16 bits each): 0 is no measurement, 65535 no echo.
+A datagram is `NLDR`, version 1, and, little endian: number of the scan (16 bits), index of the datagram in the scan and
+number of its datagrams (8 bits each), the device's clock in µs at the first beam of the datagram (32 bits, wraps),
+first bearing and step in 1/100 degree (16 bits each, signed), duration of a beam in ns (32 bits), number of beams (16
+bits), then one range per beam in mm (16 bits each): 0 is no measurement, 65535 no echo.
 """
 
 import struct
@@ -22,12 +22,12 @@ CLOCK_NS = 2**32 * 1000
 
 
 class BadPacket(ValueError):
-    """A datagram that is none of this lidar's."""
+    """A datagram that is not valid for this lidar."""
 
 
 @dataclass(frozen=True, eq=False)
 class Packet:
-    """Part of a scan: bearings, rad, and times after its stamp, s, of each beam; ranges, m, NaN for no measurement."""
+    """Part of a scan: for each beam its bearing, rad, time after `device_ns`, s, and range, m, NaN if not measured."""
 
     scan: int
     number: int
@@ -39,7 +39,7 @@ class Packet:
 
 
 def packet_of(data: bytes) -> Packet:
-    """A datagram's contents. Raises BadPacket."""
+    """The contents of a datagram. Raises BadPacket if it is not valid."""
     if len(data) < HEAD.size:
         raise BadPacket(f"{len(data)} bytes, expected at least {HEAD.size}")
     magic, version, scan, number, count, clock, first, step, beam_ns, beams = HEAD.unpack_from(data)
@@ -57,7 +57,7 @@ def packet_of(data: bytes) -> Packet:
 def packets_of(
     scan: int, clock_us: int, first_deg: float, step_deg: float, beam_ns: int, ranges: NDArray[np.float64], parts: int
 ) -> Iterator[bytes]:
-    """What the lidar sends of a scan: for tests, and for whoever plays one."""
+    """The datagrams of a scan, for tests and for simulating a lidar."""
     at = 0
     for number, part in enumerate(np.array_split(ranges, parts)):
         raw = np.where(np.isinf(part), NO_ECHO, np.round(1000.0 * np.nan_to_num(part, posinf=0.0)))
@@ -70,11 +70,11 @@ def packets_of(
 
 
 class Scans:
-    """Puts datagrams together. A scan ends with its last datagram, or with the first of the next one.
+    """Assembles scans from datagrams. A scan ends when it is complete, or at the first datagram of the next one.
 
     Attributes:
-        lost: Datagrams that a scan ended without.
-        refused: Datagrams that were none, or came twice or too late.
+        lost: Number of datagrams missing from ended scans.
+        refused: Number of datagrams that were invalid, duplicated or too late.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class Scans:
             return []
         ended = []
         if packet.scan != self._scan:
-            # After a silence, a lower number is of a lidar that was switched off, and not of a datagram that is late.
+            # After a silence, a lower number means that the lidar restarted, not that the datagram is late.
             if now_ns - self._heard_ns < LATE_NS and 0 < (self._scan - packet.scan) % 65536 < 32768:
                 self.refused += 1
                 return []

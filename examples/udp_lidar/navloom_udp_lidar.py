@@ -1,7 +1,7 @@
 """A lidar that sends datagrams, on a cart without motors. docs/writing-a-driver.md explains it.
 
-`Lidar` is the sensor: it can be part of any platform. `LidarCart` is the smallest platform round it: somebody pushes
-it, and the localizer `scan_odometry` finds its way by the scans alone.
+`Lidar` is the sensor: it can be part of any platform. `LidarCart` is the smallest platform for it: a cart pushed by
+hand, for which the localizer `scan_odometry` estimates the pose from the scans alone.
 """
 
 import math
@@ -32,11 +32,11 @@ from pydantic import Field
 
 STILL = Twist2D(0.0, 0.0, 0.0)
 MOST_SCANS = 16
-"""Scans that wait for the platform's next tick; older ones are dropped."""
+"""Most scans that wait for the platform's next tick; older ones are dropped."""
 
 
 class LidarSettings(Params):
-    """A sensor's table beside its name and kind."""
+    """Settings of a sensor, besides its name and kind."""
 
     device: str | None = Field(None, description="Address of the lidar; without it, datagrams of any sender are taken.")
     listen: str = Field("127.0.0.1", description="Address of this host that the lidar sends to.")
@@ -50,7 +50,7 @@ class LidarSettings(Params):
 
 
 class Lidar:
-    """Reads one lidar in a thread, and keeps its scans until the platform asks for them."""
+    """Reads one lidar in a thread and keeps its scans until the platform reads them."""
 
     def __init__(self, name: str, settings: LidarSettings) -> None:
         self.settings = settings
@@ -66,16 +66,16 @@ class Lidar:
         )
 
     def start(self) -> None:
-        """Listen; once."""
+        """Start to listen; later calls do nothing."""
         if not self._link.is_started:
             self._link.start()
 
     def close(self) -> None:
-        """Give up the port."""
+        """Close the port."""
         self._link.close()
 
     def refusal(self) -> str:
-        """Why it cannot be trusted now; empty where it can."""
+        """Why the lidar cannot be used now; empty if it can."""
         if self._link.fault:
             return self._link.fault
         silent = time.monotonic() - self._heard_at
@@ -84,18 +84,18 @@ class Lidar:
         return f"{self._link.name}: no scan {f'for {silent:.1f} s' if math.isfinite(silent) else 'yet'}"
 
     def scans(self, local_to_run_ns: int, now_ns: int) -> list[RangeScan]:
-        """What was completed since the last call, oldest first.
+        """Scans completed since the last call, oldest first.
 
         Args:
-            local_to_run_ns: Run clock less this host's monotonic clock, ns.
-            now_ns: Run clock of the tick, which no stamp may be after, ns.
+            local_to_run_ns: Run clock minus this host's monotonic clock, ns.
+            now_ns: Time of the tick on the run clock, ns; later stamps are set to it.
         """
         with self._lock:
             taken, self._scans = list(self._scans), deque(maxlen=MOST_SCANS)
         return [self._scan(min(local_ns + local_to_run_ns, now_ns), parts) for local_ns, parts in taken]
 
     def _scan(self, stamp_ns: int, parts: list[Packet]) -> RangeScan:
-        """A scan in the base frame. A beam without a measurement is left out; what is too far is no echo."""
+        """A scan in the base frame, without unmeasured or too short readings; too long ones become no echo."""
         given = self.settings
         ranges = np.concatenate([part.ranges for part in parts])
         kept = ranges >= given.range_min
@@ -115,7 +115,7 @@ class Lidar:
 
     def _received(self, data: bytes, now_ns: int) -> None:
         for parts in self._packets.take(data, now_ns):
-            # The first beam was measured at the stamp, and the datagram sent after its last: the scan came later.
+            # The stamp is the time of the first beam. The datagram was sent after its last beam, so it arrived later.
             local_ns = self._clock.local(parts[0].device_ns, now_ns)
             with self._lock:
                 self._scans.append((local_ns, parts))
@@ -123,7 +123,7 @@ class Lidar:
 
 
 class LidarCart(Platform[Params]):
-    """A lidar on a cart that somebody pushes: it has no motors, and its odometry stands still."""
+    """A lidar on a cart that is pushed by hand: it has no motors, and its odometry does not move."""
 
     name = "lidar_cart"
     sensor_kinds = {"udp_lidar": RangeScan}
@@ -149,12 +149,12 @@ class LidarCart(Platform[Params]):
         return PlatformOutput(Odometry(given.time_ns, Pose2D(0.0, 0.0, 0.0), STILL), scans, Contact(False), None)
 
     def close(self) -> None:
-        """Give up the ports."""
+        """Close the ports."""
         for lidar in self._lidars.values():
             lidar.close()
 
 
 @hookimpl
 def navloom_register(registry: Registry) -> None:
-    """The hook that the entry point leads to."""
+    """Add the platform; navloom calls this hook through the entry point."""
     registry.add(LidarCart)

@@ -1,6 +1,6 @@
-"""Plays a lidar in a room of 8 m by 6 m: python examples/udp_lidar/play_lidar.py [PORT [SECONDS]].
+"""Simulates a lidar in a room of 8 m by 6 m: python examples/udp_lidar/play_lidar.py [PORT [SECONDS]].
 
-It is carried along at 0.2 m/s for 10 s, and then stays.
+The lidar moves at 0.2 m/s for 10 s and then stops.
 """
 
 import math
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 RATE_HZ, BEAMS, PARTS = 10.0, 360, 4
 ROOM = (-3.0, -2.0, 5.0, 4.0)
-"""Walls at these x and y, m."""
+"""Lowest x and y, then highest x and y of the walls, m."""
 
 
 def ranges_at(x: float, y: float, bearings: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -27,7 +27,7 @@ def ranges_at(x: float, y: float, bearings: NDArray[np.float64]) -> NDArray[np.f
 
 
 def main() -> None:
-    """Send scans until the time is over."""
+    """Send scans for the given time."""
     port = int(sys.argv[1]) if len(sys.argv) > 1 else 2368
     seconds = float(sys.argv[2]) if len(sys.argv) > 2 else math.inf
     sender, began, number = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), time.monotonic(), 0

@@ -78,7 +78,7 @@ def test_other_tools_read_the_file_and_the_file_explains_itself(tmp_path: Path) 
     assert schema.name == "navloom.Odometry/1" and schema.encoding == "jsonschema"
     described = json.loads(schema.data)
     assert described["$defs"]["navloom.Odometry"]["properties"]["pose"]["$ref"] == "#/$defs/navloom.Pose2D"
-    assert "Run clock at which it holds" in described["$defs"]["navloom.Odometry"]["description"]
+    assert "Run clock of the measurement" in described["$defs"]["navloom.Odometry"]["description"]
     assert "MessagePack" in described["description"]
 
 

@@ -1,4 +1,4 @@
-"""The log-odds grid as a navloom mapper."""
+"""The log-odds occupancy grid as a navloom mapper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["ScanGrid"]
 
 
 class ScanGrid(Mapper[ScanGridParams]):
-    """Range scans to an occupancy grid (Moravec & Elfes 1985; Thrun et al. 2005, ch. 9)."""
+    """Builds an occupancy grid from range scans (Moravec & Elfes 1985; Thrun et al. 2005, ch. 9)."""
 
     name = "scan_grid"
     accepts = (RangeScan,)
@@ -37,7 +37,7 @@ class ScanGrid(Mapper[ScanGridParams]):
 
     def update(self, given: MapperInput) -> MapUpdate | None:
         if self._due_ns is not None and given.stamp_ns < self._due_ns - self._interval_ns:
-            self._due_ns = self._newest_ns = None  # the run clock began anew
+            self._due_ns = self._newest_ns = None  # the run clock restarted
         if given.clear:
             self._forget(given)
         for scan in given.scans:
@@ -50,7 +50,10 @@ class ScanGrid(Mapper[ScanGridParams]):
         return None
 
     def _forget(self, given: MapperInput) -> None:
-        """All, or what is near: elsewhere a phantom does not block the robot, and walls learnt are worth keeping."""
+        """Clear the whole map, or only the part near the robot.
+
+        A false obstacle blocks the robot only if it is near, and walls learned elsewhere are worth keeping.
+        """
         radius = self.params.clear_radius
         if radius is None or not len(given.track.poses):
             self.reset()
@@ -66,7 +69,7 @@ class ScanGrid(Mapper[ScanGridParams]):
         self._newest_ns = max(self._newest_ns or 0, beams.end_ns)
 
     def _update(self, given: MapperInput) -> MapUpdate | None:
-        """The map as it is, unless it looks as it did when it was last published."""
+        """The current map; None if it equals the one last published."""
         grid = OccupancyGrid(self._map.cells(), self._map.settings.cell, Pose2D(*self._map.grid.origin, 0.0))
         self._due_ns = given.stamp_ns + self._interval_ns
         before = self._published

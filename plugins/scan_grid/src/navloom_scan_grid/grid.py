@@ -1,4 +1,4 @@
-"""The grid itself: where its cells lie, how it grows, and what is kept in them."""
+"""The log-odds grid: position of its cells, growth and contents."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ class Bounds:
 
     @classmethod
     def of(cls, box: Box, cell: float, chunk: int) -> Bounds:
-        """The fewest chunks of `chunk` cells a side that hold a box.
+        """The smallest bounds in chunks of `chunk` × `chunk` cells that contain a box.
 
         Raises:
-            SettingError: That is more than `MAX_CELLS`.
+            SettingError: The bounds have more than `MAX_CELLS` cells.
         """
         column, row = (chunk * math.floor(math.floor(low / cell) / chunk) for low in box[:2])
         after_column, after_row = (chunk * (math.floor(math.floor(high / cell) / chunk) + 1) for high in box[2:])
         return cls(column, row, after_column - column, after_row - row).checked(cell)
 
     def hold(self, box: Box, cell: float) -> bool:
-        """Whether every cell that a box touches is one of them."""
+        """Whether these bounds contain every cell that a box touches."""
         low_x, low_y, high_x, high_y = box
         return (
             math.floor(low_x / cell) >= self.column
@@ -55,10 +55,10 @@ class Bounds:
         )
 
     def with_(self, other: Bounds, cell: float) -> Bounds:
-        """The least bounds that hold both.
+        """The smallest bounds that contain both.
 
         Raises:
-            SettingError: That is more than `MAX_CELLS`.
+            SettingError: The bounds have more than `MAX_CELLS` cells.
         """
         column, row = min(self.column, other.column), min(self.row, other.row)
         right = max(self.column + self.columns, other.column + other.columns)
@@ -66,7 +66,7 @@ class Bounds:
         return Bounds(column, row, right - column, top - row).checked(cell)
 
     def checked(self, cell: float) -> Bounds:
-        """Itself, where it is not too large."""
+        """These bounds; a SettingError if they have more than `MAX_CELLS` cells."""
         if self.columns * self.rows > MAX_CELLS:
             given = f"{self.columns} × {self.rows} cells of {cell:g} m"
             raise SettingError("map.extent, cell", given, f"at most {MAX_CELLS} cells; enlarge the cells")
@@ -74,16 +74,16 @@ class Bounds:
 
 
 class LogOddsGrid:
-    """Log odds of occupancy, growing in chunks as more is seen.
+    """Log odds of occupancy in a grid that grows in chunks.
 
     Args:
         cell: Edge of a cell, m.
-        chunk: It grows by this many cells at a time.
-        box: What it holds from the start: m, map frame.
+        chunk: The grid grows by this many cells at a time.
+        box: Area covered from the start, m, map frame.
 
     Attributes:
-        odds: (rows, columns) float32 log odds; NaN where nothing was seen; row 0 has the lowest y.
-        bounds: Where they lie.
+        odds: (rows, columns) float32 log odds; NaN if unknown; row 0 has the lowest y.
+        bounds: Position and size of the grid, in cells.
     """
 
     def __init__(self, cell: float, chunk: int, box: Box) -> None:
@@ -98,10 +98,10 @@ class LogOddsGrid:
         return self.bounds.column * self.cell, self.bounds.row * self.cell
 
     def cover(self, box: Box) -> None:
-        """Grow where a box reaches beyond; what is known stays.
+        """Grow the grid to contain a box; known cells keep their values.
 
         Raises:
-            SettingError: It would be too large; it is left as it is.
+            SettingError: The grid would be too large; it is unchanged.
         """
         old = self.bounds
         if old.hold(box, self.cell):
@@ -114,18 +114,18 @@ class LogOddsGrid:
         self._said = kernels.said_of(*self.odds.shape)
 
     def forget(self, x: float, y: float, radius: float) -> None:
-        """Make cells unknown whose centre is within a radius, m, of a place, m, map frame; of all, where infinite."""
+        """Reset cells to unknown if their centre is within a radius, m, of a point, m, map frame."""
         rows, columns = self.odds.shape
         dx = self.origin[0] + self.cell * (np.arange(columns) + 0.5) - x
         dy = self.origin[1] + self.cell * (np.arange(rows) + 0.5) - y
         self.odds[np.hypot(dx[None, :], dy[:, None]) <= radius] = np.nan
 
     def insert(self, placed: NDArray[np.float64], limits: tuple[float, float], weights: Weights) -> None:
-        """Take one scan in; the grid must cover it. Arguments as of `kernels.insert`."""
+        """Add one scan, which the grid must cover; arguments as in `kernels.insert`."""
         kernels.insert(self.odds, self._said, *self.origin, self.cell, placed, limits, weights)
 
     def render(self, occupied_from: float, is_ternary: bool) -> NDArray[np.int8]:
-        """(rows, columns) int8 of the cells, see `kernels.render`."""
+        """(rows, columns) int8 values to publish, see `kernels.render`."""
         cells: NDArray[np.int8] = kernels.render(self.odds, occupied_from, is_ternary)
         return cells
 

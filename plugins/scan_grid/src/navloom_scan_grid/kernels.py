@@ -1,4 +1,4 @@
-"""The passes over a scan and the grid: beams placed, cells they cross, cones cell by cell, values to publish."""
+"""Kernels over scans and the grid: transform beams, mark the cells they cross, add cones, render values to publish."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from navloom_scan_grid.models import beam_spans, cone_log_odds, probability
 __all__ = ["Weights", "insert", "place", "render", "said_of", "span"]
 
 _PASSED, _HIT = 1, 2
-"""What a cell is told; 0 is nothing."""
+"""Marks of a cell; 0 is none."""
 _WORD = 8
-"""Cells, a byte each, that are looked at together."""
+"""Cells in one 64-bit word, a byte each, so that empty ones are skipped together."""
 
 
 class Weights(NamedTuple):
-    """What readings count.
+    """Weights of the readings.
 
     Attributes:
         hit, passed: Log odds added by a beam to the cells at its echo (> 0) and before it (< 0).
-        cone_hit, cone_passed: The same of a cone, at most; see `models.cone_log_odds`.
-        lowest, highest: What log odds are kept within, so that a cell can change its mind.
+        cone_hit, cone_passed: The largest log odds that a cone adds there; see `models.cone_log_odds`.
+        lowest, highest: Limits of the log odds of a cell, so that its state can still change.
         thickness, clear_margin: See `models.beam_spans`, m.
         depth: See `models.cone_log_odds`, m.
-        no_echo_clears: Whether a reading without an echo frees what lies before the sensor.
+        no_echo_clears: Whether a reading without an echo clears the cells before the sensor.
     """
 
     hit: float
@@ -46,7 +46,7 @@ class Weights(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def span(values):  # type: ignore[no-untyped-def]
-    """Least and greatest of (n,) numbers, n >= 1."""
+    """Smallest and largest of (n,) numbers, n >= 1."""
     least, greatest = values[0], values[0]
     for value in values:
         least, greatest = min(least, value), max(greatest, value)
@@ -55,20 +55,20 @@ def span(values):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def place(beams, times, track_offsets, track_poses, no_echo_from, limits, beyond):  # type: ignore[no-untyped-def]
-    """Beams in the map frame, the box they speak of, and what became of their readings.
+    """Transforms beams to the map frame, and gives the area they can change and the number of readings of each kind.
 
     Args:
         beams: (n, 5) origin x, y, m; bearing, half angle, rad; reading, m; base frame.
-        times: (n,) when each was taken, s after an epoch; (1,) where all were taken at once.
-        track_offsets, track_poses: As of `track.interpolate`.
-        no_echo_from: A reading of this and more is no echo, m.
-        limits: Least reading and reach of the sensor, m.
-        beyond: A beam speaks of cells up to this far behind its reading, m.
+        times: (n,) time of each beam, s after an epoch; (1,) if all were measured at once.
+        track_offsets, track_poses: As in `track.interpolate`.
+        no_echo_from: A reading of this or more counts as no echo, m.
+        limits: Smallest reading and reach of the sensor, m.
+        beyond: A beam affects cells up to this far behind its reading, m.
 
     Returns:
         (n, 6) apex x, y, m; cosine and sine of the axis; reading, m, +inf for none; half angle, rad; map frame.
         Lowest x, y, highest x, y, m, of the apexes and of the corners in which a cone's flanks meet the tangent at its
-        tip. Numbers of the readings: echoes, at the sensor's minimum, beyond the reach, none.
+        tip. Number of readings: echoes, at the sensor's minimum, beyond the reach, no echo.
     """
     range_min, reach = limits
     count, poses = beams.shape[0], interpolate(times, track_offsets, track_poses)
@@ -101,7 +101,7 @@ def place(beams, times, track_offsets, track_poses, no_echo_from, limits, beyond
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _added(before, value, lowest, highest):  # type: ignore[no-untyped-def]
-    """Log odds and more, within the limits; NaN is a cell nothing is known of."""
+    """Log odds of a cell plus a value, clipped to the limits; NaN, an unknown cell, counts as 0."""
     known = np.float64(before) if before == before else 0.0
     odds = known + value
     odds = lowest if odds < lowest else odds
@@ -109,20 +109,20 @@ def _added(before, value, lowest, highest):  # type: ignore[no-untyped-def]
 
 
 def said_of(rows: int, columns: int) -> NDArray[np.uint64]:
-    """What `insert` needs beside a grid: a byte a cell, eight to a word, all 0, in a margin of one row and one word.
+    """Work array of `insert`: one byte per cell, eight to a word, all 0, with a margin of one row and one word.
 
-    The margin takes what rounding puts into the cell beyond the grid's border, so that no step of a beam is tested.
+    Rounding can put the end of a beam one cell outside the grid. The margin takes it, so no step needs a test.
     """
     return np.zeros((rows + 2, -(-columns // _WORD) + 2), np.uint64)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _say(said, reached, shape, x0, y0, x1, y1, word):  # type: ignore[no-untyped-def]
-    """Write a word into all cells of a line (Amanatides & Woo 1987); a line that leaves the grid is left out.
+    """Write a mark into all cells of a line (Amanatides & Woo 1987); a line that leaves the grid is skipped.
 
-    As many steps as there are cell borders between the ends, so that it stops in the cell of the far end whatever the
-    rounding. Ends in cells, with (0, 0) the corner of the grid. `said` are the bytes of `said_of`, one after another;
-    `reached` are the least and the greatest row and column of all lines so far.
+    The number of steps is the number of cell borders between the ends, so the line stops in the cell of its far end
+    whatever the rounding. The ends are in cells, with (0, 0) the corner of the grid. `said` is the work array of
+    `said_of` as flat bytes; `reached` holds the lowest and highest row and column of all lines so far.
     """
     column, row = math.floor(x0), math.floor(y0)
     last_column, last_row = math.floor(x1), math.floor(y1)
@@ -135,7 +135,7 @@ def _say(said, reached, shape, x0, y0, x1, y1, word):  # type: ignore[no-untyped
     stride = said.size // (shape[0] + 2)
     right, up = (1 if x1 >= x0 else -1), (stride if y1 >= y0 else -stride)
     dx, dy = abs(x1 - x0), abs(y1 - y0)
-    # Shares of the line, times dx dy, at which it crosses the next border; products spare the divisions by zero.
+    # Fractions of the line at which it crosses the next border, times dx dy: this avoids a division by zero.
     to_column = dy * (column + 1.0 - x0 if right > 0 else x0 - column)
     to_row = dx * (row + 1.0 - y0 if up > 0 else y0 - row)
     left_columns, left_rows = high_column - low_column, high_row - low_row
@@ -155,7 +155,7 @@ def _say(said, reached, shape, x0, y0, x1, y1, word):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _say_beams(said, reached, shape, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
-    """Write what each cell is told by the beams of a scan: that one passed, or over it that one hit."""
+    """Mark the cells of all beams of a scan: first as passed, then as hit, which overwrites passed."""
     range_min, reach = limits
     for word in (_PASSED, _HIT):
         for i in range(placed.shape[0]):
@@ -174,7 +174,7 @@ def _say_beams(said, reached, shape, corner_x, corner_y, cell, placed, limits, w
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tell(odds, said, weights):  # type: ignore[no-untyped-def]
-    """Add what was said to the cells of a part of a row. Without a branch, so that several are done at once."""
+    """Add the marks of part of a row to its log odds. Without a branch, so that the compiler can vectorize it."""
     for i in range(odds.size):
         value = weights.hit if said[i] == _HIT else weights.passed
         odds[i] = _added(odds[i], value, weights.lowest, weights.highest) if said[i] != 0 else odds[i]
@@ -182,7 +182,7 @@ def _tell(odds, said, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tell_all(odds, words, said, reached, weights):  # type: ignore[no-untyped-def]
-    """Add what was said to the cells, row by row from the first to the last that was spoken of, and forget it."""
+    """Add the marks to the log odds, from the first to the last marked row, and clear them."""
     rows, columns = odds.shape
     first_word, after_word = max(0, reached[2]) // _WORD + 1, min(columns - 1, reached[3]) // _WORD + 2
     for row in range(max(0, reached[0]), min(rows - 1, reached[1]) + 1):
@@ -199,11 +199,12 @@ def _tell_all(odds, words, said, reached, weights):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _insert_cone(odds, x, y, cos_axis, sin_axis, reading, half_angle, cell, limits, weights):  # type: ignore[no-untyped-def]
-    """Add what one cone says to every cell whose centre lies in it; apex in cells, lengths in m.
+    """Add the log odds of one cone to every cell whose centre lies in it; apex in cells, lengths in m.
 
-    An echo has one cause, somewhere on its arc, and that is not where another reading has seen through. So a cell
-    known to be free gets its part times its odds, over those of the arc's likeliest cell: the "cancel" and "normalize"
-    of Moravec & Elfes 1985, in log odds. Without it the arcs of a moving ring smear every post over metres.
+    An echo has one cause, somewhere on its arc, and not in a cell that other readings have shown to be free. So the
+    value for a cell known to be free is multiplied by its odds and divided by those of the likeliest cell of the arc:
+    the "cancel" and "normalize" of Moravec & Elfes 1985, in log odds. Without it, the arcs of a moving ring smear every
+    post over metres.
     """
     range_min, reach = limits
     rows, columns = odds.shape
@@ -240,20 +241,20 @@ def _insert_cone(odds, x, y, cos_axis, sin_axis, reading, half_angle, cell, limi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def insert(odds, words, corner_x, corner_y, cell, placed, limits, weights):  # type: ignore[no-untyped-def]
-    """Take one scan into the grid.
+    """Add one scan to the grid.
 
-    Of all beams of a scan a cell is told one thing once, and an echo counts before what saw through: neighbouring
-    beams are one look at the world, and near the sensor a cell is crossed by dozens. So what beams say is first
-    written down, one over the other, and then told. Cones of a ring look from different places, and each is counted.
+    Each cell is changed once by all beams of a scan, and an echo outweighs beams that passed: neighbouring beams are
+    one observation, and dozens of them cross a cell near the sensor. So the beams first mark the cells, and the marks
+    are then added to the log odds. The cones of a ring have different origins, so each of them counts.
 
     Args:
-        odds: (rows, columns) float32 log odds, NaN for unknown, in place; it must hold all that the scan speaks of.
-        words: As of `said_of`, for the work; as it was, but for the margin.
+        odds: (rows, columns) float32 log odds, NaN for unknown, changed in place; must cover the whole scan.
+        words: Work array of `said_of`; all 0 again afterwards, except in the margin.
         corner_x, corner_y: Lower left corner of the grid, m, map frame.
         cell: Edge of a cell, m.
         placed: (n, 6) apex x, y, m; cosine and sine of the axis; reading, m; half angle, rad; map frame.
-        limits: Least reading and reach of the sensor, m.
-        weights: See there.
+        limits: Smallest reading and reach of the sensor, m.
+        weights: Weights of the readings.
     """
     said, reached = words.view(np.uint8), np.array([odds.shape[0], -1, odds.shape[1], -1])
     _say_beams(said.reshape(-1), reached, odds.shape, corner_x, corner_y, cell, placed, limits, weights)
@@ -266,7 +267,7 @@ def insert(odds, words, corner_x, corner_y, cell, placed, limits, weights):  # t
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def render(odds, occupied_from, is_ternary):  # type: ignore[no-untyped-def]
-    """(rows, columns) int8 of log odds: -1 unknown, else percent; or 100 from `occupied_from` log odds on, 0 below."""
+    """(rows, columns) int8 values to publish: -1 unknown, else percent, or 100 from `occupied_from` on and 0 below."""
     cells = np.empty(odds.shape, np.int8)
     for row in range(odds.shape[0]):
         for column in range(odds.shape[1]):

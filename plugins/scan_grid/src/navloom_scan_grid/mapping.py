@@ -1,4 +1,4 @@
-"""From scans and the poses they were taken at to a map."""
+"""Builds a map from scans and the poses at which they were taken."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ __all__ = ["COUNTS", "Beams", "MapSettings", "Placed", "ScanMap", "place", "warm
 Floats = NDArray[np.float64]
 
 COUNTS = ("echo", "at_min", "beyond", "no_echo")
-"""What becomes of a reading: an echo; one at the sensor's minimum; one farther than the map's reach; none."""
+"""Kinds of readings: an echo; one at the sensor's minimum range; one beyond the map's reach; no echo."""
 
 
 @dataclass(frozen=True)
 class MapSettings:
-    """How readings become a map.
+    """Settings by which readings become a map.
 
     Attributes:
-        weights: What readings count.
+        weights: Weights of the readings.
         cell: Edge of a cell, m.
         chunk: The map grows by this many cells at a time.
-        extent: What it covers from the start, m, map frame.
-        max_range: Farther than this nothing is taken, m.
-        max_range_tolerance: A reading this near to the sensor's maximum is no echo, m.
+        extent: Area covered from the start, m, map frame.
+        max_range: Readings are used up to this range, m.
+        max_range_tolerance: A reading this near to the sensor's maximum range counts as no echo, m.
         occupied_from: Log odds from which a cell is published as occupied.
-        is_ternary: Publish 0 and 100 only, not percent.
-        track_slack: How far the track of poses may miss a reading, s.
+        is_ternary: Publish known cells as 0 or 100 only, not as percentages.
+        track_slack: Longest time by which a reading may lie outside the track of poses, s.
     """
 
     weights: Weights = field(
@@ -58,7 +58,7 @@ class Beams:
     """One scan, in the base frame: the fields of a range scan.
 
     Attributes:
-        stamp_ns: Run clock.
+        stamp_ns: Time of the scan on the run clock.
         origins: (n, 2) m. bearings, half_angles: (n,) rad. time_offsets: (n,) s after the stamp.
         ranges: (n,) m, +inf for no echo.
         range_min, range_max: m.
@@ -75,7 +75,7 @@ class Beams:
 
     @property
     def end_ns(self) -> int:
-        """Run clock of the last beam."""
+        """Time of the last beam on the run clock."""
         return self.stamp_ns + (round(1e9 * kernels.span(self.time_offsets)[1]) if self.time_offsets.size else 0)
 
 
@@ -84,9 +84,9 @@ class Placed(NamedTuple):
 
     Attributes:
         beams: (n, 6) apex x, y, m; cosine and sine of the axis; reading, m, +inf for none; half angle, rad.
-        box: What it speaks of.
-        counts: What became of its readings, in the order of `COUNTS`.
-        limits: Least reading and reach, m.
+        box: Area that its readings can change.
+        counts: Number of its readings of each kind, in the order of `COUNTS`.
+        limits: Smallest reading and reach, m.
     """
 
     beams: Floats
@@ -96,25 +96,25 @@ class Placed(NamedTuple):
 
 
 def place(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, settings: MapSettings) -> Placed:
-    """A scan in the map frame, each beam where base was when it was taken.
+    """Transforms a scan to the map frame, each beam by the pose of the base when the beam was measured.
 
     Args:
         beams: The scan, not empty.
-        stamps_ns, poses: (m,) and (m, 3) x, y, m, heading, rad, of base in the map frame.
-        settings: Of which the weights' depths, the ranges and the track's slack are used.
+        stamps_ns, poses: (m,) times on the run clock and (m, 3) x, y, m, heading, rad, of the base in the map frame.
+        settings: Only the weights' depths, the ranges and the track's slack are used.
 
     Raises:
-        TrackError: The track is empty, does not rise or does not cover the scan.
+        TrackError: The track is empty, its times do not increase, or it does not cover the scan.
     """
     offsets = beams.time_offsets
     first, last = kernels.span(offsets)
-    # A track holds minutes of poses, of which a scan needs those beside it.
+    # A track holds minutes of poses; a scan needs only those around its own time.
     low = max(0, int(stamps_ns.searchsorted(beams.stamp_ns + round(1e9 * first), "right")) - 1)
     high = int(stamps_ns.searchsorted(beams.stamp_ns + round(1e9 * last), "left")) + 1
     track_offsets = (stamps_ns[low:high] - beams.stamp_ns).astype(np.float64) * 1e-9
     track_poses = np.array(poses[low:high], dtype=np.float64, order="C")
     check_track(first, last, track_offsets, track_poses, settings.track_slack)
-    # One array of its own instead of five of a message, which are read-only: a kernel is compiled anew for that.
+    # One new writable array: for the five read-only ones of a message, numba would compile the kernel again.
     table = np.empty((beams.ranges.size, 5))
     table[:, :2], table[:, 2], table[:, 3] = beams.origins, beams.bearings, beams.half_angles
     table[:, 4] = beams.ranges
@@ -127,11 +127,11 @@ def place(beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats, settings: M
 
 
 class ScanMap:
-    """A map that takes scan after scan.
+    """A map built from scans, one after another.
 
     Attributes:
-        grid: What is known.
-        counts: What became of the readings since `counts` was last emptied; names of `COUNTS`.
+        grid: Log odds of occupancy.
+        counts: Number of readings of each kind, by the names of `COUNTS`, since `counts` was last cleared.
     """
 
     def __init__(self, settings: MapSettings) -> None:
@@ -140,10 +140,10 @@ class ScanMap:
         self.counts: Counter[str] = Counter()
 
     def insert(self, beams: Beams, stamps_ns: NDArray[np.int64], poses: Floats) -> None:
-        """Take one scan in, with the track of poses that covers it; as of `place`.
+        """Add one scan, with the track of poses that covers it; arguments as in `place`.
 
         Raises:
-            DataError: The track does not cover it, or the map would be too large. The map is as before.
+            DataError: The track does not cover the scan, or the map would be too large. The map is unchanged.
         """
         if beams.ranges.size == 0:
             return
@@ -154,12 +154,12 @@ class ScanMap:
             self.counts[name] += count
 
     def cells(self) -> NDArray[np.int8]:
-        """(rows, columns) int8 of the map as published."""
+        """(rows, columns) int8 cells of the map as published."""
         return self.grid.render(self.settings.occupied_from, self.settings.is_ternary)
 
 
 def warm_up() -> None:
-    """Compile every kernel of the package, for the very types that scans come in."""
+    """Compile every kernel of the package for the array types of real scans."""
     beams = Beams(0, np.zeros((2, 2)), np.zeros(2), np.array([0.0, 0.1]), np.zeros(2), np.ones(2), 0.1, 2.0)
     kernels.span(_frozen(beams.time_offsets))
     for is_ternary in (False, True):
@@ -169,7 +169,7 @@ def warm_up() -> None:
 
 
 def _frozen(array: Floats) -> Floats:
-    """A read-only copy, as messages hold arrays: another type to a kernel."""
+    """A read-only copy, like the arrays of messages; numba treats it as a type of its own."""
     copy = array.copy()
     copy.setflags(write=False)
     return copy

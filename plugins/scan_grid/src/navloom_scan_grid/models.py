@@ -1,7 +1,7 @@
-"""Inverse sensor models: what one reading says of a place, as log odds.
+"""Inverse sensor models: the evidence of one reading for the occupancy of a point, as log odds.
 
-A beam speaks of the cells on its axis (Thrun, Burgard & Fox 2005, Probabilistic Robotics, table 9.2), a cone of all
-cells in its opening, with the profiles of Moravec & Elfes 1985, High resolution maps from wide angle sonar.
+A beam affects the cells on its axis (Thrun, Burgard & Fox 2005, Probabilistic Robotics, table 9.2). A cone affects all
+cells within its opening, with the profiles of Moravec & Elfes 1985, High resolution maps from wide angle sonar.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ def probability(odds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def beam_spans(reading, range_min, reach, thickness, clear_margin):  # type: ignore[no-untyped-def]
-    """Which stretch of a beam's axis is free, and which is occupied: table 9.2 with α = `thickness`.
+    """Free and occupied intervals on a beam's axis: table 9.2 with α = `thickness`.
 
     Args:
-        reading: m; more than `reach` says that nothing stands within it.
-        range_min: A reading of no more may be of something nearer, m: it frees nothing.
-        reach: Farther than this a reading says nothing, m.
+        reading: Measured range, m; more than `reach` means that the beam is free up to `reach`.
+        range_min: A reading up to this may come from something nearer and clears nothing, m.
+        reach: A reading gives no evidence beyond this, m.
         thickness: Depth of an obstacle along the beam, m.
-        clear_margin: Stretch before the obstacle of which nothing is said, m.
+        clear_margin: Length before the obstacle for which there is no evidence, m.
 
     Returns:
-        End of the free stretch, m, which begins at the sensor; begin and end of the occupied one, m, the end before
-        the begin where there is none.
+        End of the free interval, m, which begins at the sensor; begin and end of the occupied interval, m. If there is
+        none, its end is less than its begin.
     """
     if reading > reach:
         return reach, 0.0, -1.0
@@ -48,20 +48,20 @@ def beam_spans(reading, range_min, reach, thickness, clear_margin):  # type: ign
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cone_log_odds(distance, angle, reading, half_angle, range_min, reach, depth, hit, passed):  # type: ignore[no-untyped-def]
-    """What a cone's reading R says of a place at δ, θ, as log odds.
+    """Log odds that a cone's reading R gives for a point at δ, θ.
 
-    Before the echo `passed` E_r E_a with E_r = 1 - ((δ - R_min) / (R - ε - R_min))², 1 up to R_min; at the echo, up
-    to ε before and behind it, `hit` O_r O_a with O_r = 1 - ((δ - R) / ε)²; E_a = O_a = 1 - (2 θ / ω)². Nothing
-    elsewhere.
+    Before the echo: `passed` E_r E_a with E_r = 1 - ((δ - R_min) / (R - ε - R_min))², and E_r = 1 up to R_min. At the
+    echo, up to ε before and behind it: `hit` O_r O_a with O_r = 1 - ((δ - R) / ε)². E_a = O_a = 1 - (2 θ / ω)².
+    Elsewhere 0.
 
     Args:
         distance, angle: δ, m, from the apex, and θ >= 0, rad, from the axis.
-        reading: R, m; more than `reach` is no echo: R = `reach` and nothing is occupied.
+        reading: R, m; more than `reach` means no echo: the cone is free up to `reach` and nothing is occupied.
         half_angle: ω / 2, rad.
-        range_min: R_min, m. A reading of no more may be of something nearer and frees nothing.
-        reach: Farther than this a reading says nothing, m.
+        range_min: R_min, m. A reading up to this may come from something nearer and clears nothing.
+        reach: A reading gives no evidence beyond this, m.
         depth: ε, m.
-        hit, passed: Log odds of a place on the arc, and right before the sensor, on the axis.
+        hit, passed: Log odds on the axis, on the arc and right in front of the sensor.
     """
     if angle >= half_angle:
         return 0.0

@@ -15,32 +15,47 @@ __all__ = ["ScanGridParams"]
 
 
 class ScanGridParams(Params):
-    """Lengths in m, probabilities without unit. The README tells where each default comes from."""
+    """Lengths in m, probabilities without unit. The README gives the source of each default."""
 
     cell: float = Field(0.05, ge=0.005, le=1.0, description="Edge of a cell, m.")
-    chunk: float = Field(5.0, gt=0.0, le=100.0, description="The map grows by this at a time, m, in whole cells.")
-    extent: tuple[float, float, float, float] | None = Field(
-        None, description="Lowest x, y, highest x, y that is covered from the start, m; none: what is seen."
+    chunk: float = Field(
+        5.0, gt=0.0, le=100.0, description="Length by which the map grows at a time, m, in whole cells."
     )
-    max_range: float = Field(10.0, gt=0.0, le=1000.0, description="Farther than this nothing is taken, m.")
-    max_range_tolerance: float = Field(0.01, ge=0.0, le=10.0, description="This near to the maximum is no echo, m.")
-    no_echo_clears: bool = Field(True, description="A reading without an echo frees what lies before the sensor.")
-    p_hit: float = Field(0.7, gt=0.5, lt=1.0, description="Occupancy that one echo of a beam speaks for.")
-    p_passed: float = Field(0.4, gt=0.0, lt=0.5, description="Occupancy that one beam that passed speaks for.")
-    p_cone_hit: float = Field(0.6, gt=0.5, lt=1.0, description="Probability of a cone, on the axis at its echo.")
-    p_cone_passed: float = Field(0.3, gt=0.0, lt=0.5, description="Probability of a cone, right before the sensor.")
-    p_lowest: float = Field(0.12, gt=0.0, lt=0.5, description="No cell is held freer than this.")
-    p_highest: float = Field(0.97, gt=0.5, lt=1.0, description="No cell is held more occupied than this.")
+    extent: tuple[float, float, float, float] | None = Field(
+        None, description="Area covered from the start: lowest x, y, highest x, y, m; none: only what is seen."
+    )
+    max_range: float = Field(10.0, gt=0.0, le=1000.0, description="Readings are used up to this range, m.")
+    max_range_tolerance: float = Field(
+        0.01, ge=0.0, le=10.0, description="A reading this near to the sensor's maximum is no echo, m."
+    )
+    no_echo_clears: bool = Field(True, description="A reading without an echo clears the cells before the sensor.")
+    p_hit: float = Field(0.7, gt=0.5, lt=1.0, description="Occupancy probability given by one echo of a beam.")
+    p_passed: float = Field(0.4, gt=0.0, lt=0.5, description="Occupancy probability given by one beam that passed.")
+    p_cone_hit: float = Field(
+        0.6, gt=0.5, lt=1.0, description="Occupancy probability given by a cone on its axis at the echo."
+    )
+    p_cone_passed: float = Field(
+        0.3, gt=0.0, lt=0.5, description="Occupancy probability given by a cone right before the sensor."
+    )
+    p_lowest: float = Field(0.12, gt=0.0, lt=0.5, description="Lowest probability of a cell.")
+    p_highest: float = Field(0.97, gt=0.5, lt=1.0, description="Highest probability of a cell.")
     thickness: float = Field(0.0, ge=0.0, le=2.0, description="Depth of obstacles along a beam, m; 0: one cell.")
-    clear_margin: float = Field(0.1, ge=0.0, le=2.0, description="Not freed before a beam's echo, m.")
+    clear_margin: float = Field(0.1, ge=0.0, le=2.0, description="Length before a beam's echo that is not cleared, m.")
     cone_depth: float = Field(0.1, gt=0.0, le=2.0, description="Half the depth of a cone's arc, m.")
     levels: Literal["ternary", "percent"] = Field("ternary", description="Publish free and occupied, or percent.")
     occupied_from: float = Field(0.65, gt=0.0, lt=1.0, description="Ternary: occupied from this probability on.")
-    publish_rate_hz: float = Field(2.0, gt=0.0, le=1000.0, description="The map is published no more often, Hz.")
-    clear_radius: float | None = Field(
-        None, gt=0.0, le=1000.0, description="A clear request forgets what is this near to the robot, m; none: all."
+    publish_rate_hz: float = Field(
+        2.0, gt=0.0, le=1000.0, description="Highest rate at which the map is published, Hz."
     )
-    track_slack: float = Field(0.2, ge=0.0, le=10.0, description="How far the poses may miss a scan, s.")
+    clear_radius: float | None = Field(
+        None,
+        gt=0.0,
+        le=1000.0,
+        description="Radius around the robot that a clear request forgets, m; none: the whole map.",
+    )
+    track_slack: float = Field(
+        0.2, ge=0.0, le=10.0, description="Longest time by which a scan may lie outside the track of poses, s."
+    )
 
     @model_validator(mode="after")
     def _limits_enclose(self) -> ScanGridParams:
@@ -53,10 +68,10 @@ class ScanGridParams(Params):
         return self
 
     def settings(self, start: tuple[float, float]) -> MapSettings:
-        """The same for the pure modules.
+        """These parameters as settings of the pure modules.
 
         Args:
-            start: Where the robot starts, m, map frame.
+            start: Start position of the robot, m, map frame.
         """
         weights = Weights(
             hit=log_odds(self.p_hit),

@@ -1,4 +1,4 @@
-"""Scan matching for navloom: against a known map, or against what was seen lately."""
+"""Scan matching for navloom: against a known map, or against recently seen surfaces."""
 
 from navloom import Registry, hookimpl
 

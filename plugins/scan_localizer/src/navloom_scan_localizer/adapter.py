@@ -1,4 +1,4 @@
-"""Scan matching, against a map or against what was seen lately, as navloom localizers."""
+"""Scan matching, against a map or against recently seen surfaces, as navloom localizers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["ScanMatching", "ScanOdometry"]
 
 
 class ScanMatching(Localizer[ScanMatchingParams]):
-    """Corrects odometry by matching laser scans with the map of its context."""
+    """Corrects odometry by matching laser scans against the map in its context."""
 
     name = "scan_matching"
     claims = {Claim.CORRECTS_DRIFT}
@@ -43,19 +43,19 @@ class ScanMatching(Localizer[ScanMatchingParams]):
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start pose; odometry has to begin there too."""
+        """Return to the start pose; odometry has to begin there too."""
         start = self.context.start
         place = np.array([start.x, start.y, start.heading])
         self._tracker, self._stamp_ns = PoseTracker(self.params.settings(), self._field, place), 0
         self._judge = Judge(self._tracker)
 
     def place(self, pose: Pose2D) -> None:
-        """Stand at a pose, and judge it anew."""
+        """Move the estimate to a pose, with a new judge."""
         self._tracker.place(np.array([pose.x, pose.y, pose.heading]))
         self._judge = Judge(self._tracker)
 
     def configure(self, params: ScanMatchingParams) -> None:
-        """Take new parameters and stay where it is."""
+        """Take new parameters and keep the pose."""
         self._field = field_of_map(self.context.map, params)
         self.params, self._tracker.settings, self._tracker.field = params, params.settings(), self._field
 
@@ -79,7 +79,7 @@ class ScanMatching(Localizer[ScanMatchingParams]):
 
 
 class ScanOdometry(Localizer[ScanOdometryParams]):
-    """Corrects wheel odometry by matching each scan with the surfaces that the scans before it saw."""
+    """Corrects wheel odometry by matching each scan against the surfaces seen by earlier scans."""
 
     name = "scan_odometry"
     claims = {Claim.CORRECTS_DRIFT}
@@ -91,14 +91,14 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start pose, with nothing seen; odometry has to begin there too."""
+        """Return to the start pose and forget all surfaces; odometry has to begin there too."""
         p, start = self.params, self.context.start
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
         self._tracker, self._stamp_ns = PoseTracker(p.settings(), self._surface.field, np.zeros(3)), 0
         self.place(start)
 
     def place(self, pose: Pose2D) -> None:
-        """Stand at a pose, with nothing seen."""
+        """Move the estimate to a pose and forget all surfaces."""
         p, place = self.params, np.array([pose.x, pose.y, pose.heading])
         self._surface = LocalSurface(p.spacing, p.max_range, p.before, p.behind, p.memory)
         self._surface.follow(pose.x, pose.y)
@@ -132,7 +132,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
         return PoseEstimate(odometry.stamp_ns, pose, odometry.twist, covariance, state, why)
 
     def _learn(self, points: NDArray[np.float64]) -> None:
-        """Add a scan to the surfaces where the robot has moved since the last one that was added."""
+        """Add a scan to the surfaces if the robot has moved enough since the last one that was added."""
         p, pose = self.params, self._tracker.pose
         step = relative(self._key, pose)
         way = math.hypot(step[0], step[1])
@@ -147,7 +147,7 @@ class ScanOdometry(Localizer[ScanOdometryParams]):
 
 
 class _BeamLimits(Protocol):
-    """Parameters that choose beams, see `params.ScanMatchingParams`."""
+    """Parameters that select beams, see `params.ScanMatchingParams`."""
 
     @property
     def limit_margin(self) -> float: ...
@@ -160,7 +160,7 @@ class _BeamLimits(Protocol):
 def _predict(
     tracker: PoseTracker, given: LocalizerInput, since_ns: int, limits: _BeamLimits
 ) -> list[NDArray[np.float64]]:
-    """Move the pose by the odometry since a stamp; gives the points of each scan."""
+    """Move the pose by the odometry since a stamp, and return the points of each scan, see `_points`."""
     odometry = given.odometry
     seen, time = odometry.pose, (odometry.stamp_ns - since_ns) / 1e9
     tracker.predict(np.array([seen.x, seen.y, seen.heading]), time)
@@ -168,7 +168,7 @@ def _predict(
 
 
 def _points(scan: RangeScan, odometry: Odometry, p: _BeamLimits) -> NDArray[np.float64]:
-    """(n, 4) end points, m, and directions of a scan's beams, base frame at the instant of the odometry."""
+    """(n, 4) end points, m, and directions of a scan's beams, in the base frame at the time of the odometry."""
     twist, late = odometry.twist, (scan.stamp_ns - odometry.stamp_ns) / 1e9
     if abs(late) > p.max_age:
         return np.empty((0, 4))

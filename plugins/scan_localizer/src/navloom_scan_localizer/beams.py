@@ -1,4 +1,4 @@
-"""Range readings to points in the base frame of one instant."""
+"""Converts range readings to points in the base frame at one time."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Floats = NDArray[np.float64]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def beam_points(origins, bearings, half_angles, time_offsets, ranges, limits, motion, beams):  # type: ignore[no-untyped-def]
-    """End points of the beams that say where a surface is, moved to where the base is at the instant of the odometry.
+    """End points of the beams that locate a surface, in the base frame at the time of the odometry.
 
-    Left out: no echo, a reading at a limit of the sensor, a beam too wide to say where on it the echo was.
+    Left out are beams without an echo, readings at a limit of the sensor, and beams too wide to locate their echo.
 
     Args:
         origins: (n, 2) m, base frame. bearings: (n,) rad. half_angles: (n,) rad. time_offsets: (n,) s. ranges: (n,) m.
         limits: (3,) readings must be above the first and below the second, m; widest half angle, rad.
-        motion: (4,) velocity vx, vy, m/s, and wz, rad/s, base frame; time of the scan's stamp less that of the
-            odometry, s. The velocity is taken to have been constant in between.
+        motion: (4,) velocity vx, vy, m/s, and wz, rad/s, base frame; time of the scan's stamp minus that of the
+            odometry, s. The velocity is assumed constant in between.
         beams: (n, 4) filled from the front: x, y of the end point, m; unit direction of the beam; base frame.
 
     Returns:
-        How many rows were filled.
+        Number of rows filled.
     """
     count = 0
     for i in range(ranges.shape[0]):
@@ -54,7 +54,7 @@ def beam_points(origins, bearings, half_angles, time_offsets, ranges, limits, mo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def keep_near(beams, reach):  # type: ignore[no-untyped-def]
-    """Move those rows of `beam_points` to the front, in place, that end within a reach, m; gives how many they are."""
+    """Move the rows of `beam_points` that end within a reach, m, to the front, in place; returns their number."""
     count = 0
     for i in range(beams.shape[0]):
         if math.hypot(beams[i, 0], beams[i, 1]) <= reach:
@@ -64,7 +64,7 @@ def keep_near(beams, reach):  # type: ignore[no-untyped-def]
 
 
 def warm_up() -> None:
-    """Compile the kernels, for arrays of messages, which are read-only, and for writable ones."""
+    """Compile the kernels for writable arrays and for read-only ones, as in messages."""
     keep_near(np.zeros((1, 4)), 1.0)
     for is_writable in (True, False):
         one, place = np.ones(1), np.zeros((1, 2))

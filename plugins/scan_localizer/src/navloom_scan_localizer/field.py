@@ -1,8 +1,8 @@
 """Signed distance to the walls of a raster map, exact on a lattice of half cells.
 
-A wall is the closed squares of its cells. The point of a square that is nearest to a lattice node is a lattice node
-again (each coordinate is clamped to a multiple of half a cell), so that a distance transform of the nodes is exact. All
-nodes on a square's outline are 0, and bilinear interpolation is then 0 on the whole outline: no half-cell bias.
+A wall is the union of the closed squares of its cells. The point of a square nearest to a lattice node is a lattice
+node itself (each coordinate is clamped to a multiple of half a cell), so a distance transform of the nodes is exact.
+All nodes on a square's outline are 0, so bilinear interpolation is 0 on the whole outline, without a half-cell bias.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class DistanceField:
-    """Distance to the nearest wall.
+    """Signed distance to the nearest wall, on a lattice.
 
     Attributes:
         values: (2 rows + 1, 2 columns + 1) float32, m, at the corners, edges' middles and centres of the cells, row 0
-            at the lowest y of the raster; negative within walls; not beyond ± the reach. Read-only.
+            at the lowest y of the raster; negative inside walls; limited to ± the reach. Read-only.
         frame: (5,) x, y, m, of node (0, 0) in the map frame; cosine and sine of the raster's heading; spacing, m.
     """
 
@@ -38,13 +38,13 @@ class DistanceField:
 def distance_field(
     occupied: Bools, resolution: float, origin: tuple[float, float, float], reach: float
 ) -> DistanceField:
-    """The field of a raster.
+    """Distance field of a raster.
 
     Args:
         occupied: (rows, columns), row 0 has the lowest y.
         resolution: Edge of a cell, m.
         origin: x, y, m, and heading, rad, of the lower left corner of cell (0, 0), map frame.
-        reach: Distances are cut at this, m, both ways.
+        reach: Limit of the distances on both sides of a wall's outline, m.
     """
     spacing = 0.5 * resolution
     outside, inside = _distances(occupied, spacing, reach), _distances(~occupied, spacing, reach)
@@ -55,7 +55,7 @@ def distance_field(
 
 
 def _distances(cells: Bools, spacing: float, reach: float) -> Floats:
-    """Distance of each node to the closed squares of some cells, m, at most the reach."""
+    """Distance from each node to the closed squares of some cells, m, at most the reach."""
     rows, columns = cells.shape
     covered = np.zeros((2 * rows + 1, 2 * columns + 1), dtype=np.bool_)
     if not cells.any():
@@ -69,10 +69,10 @@ def _distances(cells: Bools, spacing: float, reach: float) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def sample(values, frame, x, y):  # type: ignore[no-untyped-def]
-    """Distance, m, and its gradient in the map frame at a point x, y, m, of the map frame; bilinear.
+    """Distance, m, and its gradient at a point x, y, m, both in the map frame, by bilinear interpolation.
 
     Args:
-        values, frame: Of a `DistanceField`.
+        values, frame: Attributes of a `DistanceField`.
 
     Returns:
         Distance, gradient along x, gradient along y, and whether the point is within the raster (else all are 0).

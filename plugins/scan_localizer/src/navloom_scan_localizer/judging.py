@@ -1,4 +1,4 @@
-"""How sure the tracker may be of its pose: tracking, searching or lost, and why."""
+"""Judges whether the tracker's pose can be trusted: tracking, searching or lost, and why."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = ["Judge", "position_sigma"]
 Floats = NDArray[np.float64]
 
 _CANDIDATES = 8
-"""Places that are fitted after the rough search."""
+"""Candidates of the coarse search that are fitted."""
 _GOOD = 0.7
-"""Share of the echoes that another place must fit to be taken."""
+"""Least share of the echoes that fit at another pose for the tracker to move there."""
 _BETTER = 0.1
-"""Share of the echoes that another place must fit more than the pose to be taken."""
+"""Least gain in that share over the current pose for the tracker to move."""
 _ALIKE = 0.02
-"""Shares that differ by less are alike: then the place nearest to the pose is taken."""
+"""Difference below which shares count as equal; of equal candidates, the one nearest to the pose is used."""
 
 
 def position_sigma(covariance: Floats, limit: float) -> float:
     """Largest standard deviation of the position in any direction, m; 0 where it is clearly below a limit, m.
 
-    The trace, which is never less than the largest eigenvalue, spares most scans the decomposition.
+    The trace is never less than the largest eigenvalue, so most scans need no eigenvalue decomposition.
     """
     if 1.01 * (covariance[0, 0] + covariance[1, 1]) < limit * limit:
         return 0.0
@@ -36,14 +36,14 @@ def position_sigma(covariance: Floats, limit: float) -> float:
 
 
 class Judge:
-    """Judges a tracker by its scans and moves it to a better place where there is one.
+    """Judges a tracker by its scans and moves it to a better pose if there is one.
 
-    The share of echoes that fit the map tells a right pose from a wrong one. Where it is not high, the places round the
-    pose are tried: one that fits clearly better contradicts the odometry, and the tracker continues from there.
+    The share of echoes that fit the map separates a right pose from a wrong one. If it is not high, other poses nearby
+    are tried. If one of them fits clearly better, the odometry was wrong, and the tracker continues from that pose.
 
     Attributes:
-        state: "tracking"; "searching" since the pose was moved, or since scans do not fit; "lost" when that lasts.
-        reason: Why it is not tracking; else empty.
+        state: "tracking"; "searching" after the pose was moved or scans stopped fitting; "lost" when that lasts.
+        reason: Why the state is not "tracking"; else empty.
     """
 
     def __init__(self, tracker: PoseTracker) -> None:
@@ -51,17 +51,17 @@ class Judge:
         self.reason = ""
         self._tracker = tracker
         self._search_at = -math.inf
-        """When another place is looked for next, s: at the first scan, later once scans have fitted badly."""
+        """Time of the next search for another pose, s: at the first scan, later after scans have fitted badly."""
         self._since: float | None = None
-        """When scans began to contradict the state, s; None where the last agreed with it."""
+        """Time from which scans have contradicted the state, s; None if the last one agreed with it."""
         self._searching_since = 0.0
 
     def look(self, beams: Floats, time: float) -> None:
-        """Judge after a correction.
+        """Judge the pose after a correction.
 
         Args:
-            beams: (n, 4) end point, m, and direction, base frame: those the tracker was corrected with.
-            time: Now, s.
+            beams: (n, 4) end point, m, and direction, base frame: the beams of that correction.
+            time: Current time, s.
         """
         s, share = self._tracker.settings, self._tracker.share
         if share is not None and share >= s.sure_share:
@@ -86,7 +86,7 @@ class Judge:
             self.state = "lost"
 
     def _doubt(self) -> str:
-        """Why the pose is not to be trusted; empty where it is."""
+        """Why the pose cannot be trusted; empty if it can."""
         s, share = self._tracker.settings, self._tracker.share
         if share is not None and share < s.trusted_share:
             return f"{share:.0%} of the echoes fit the map, less than {s.trusted_share:.0%}"
@@ -96,7 +96,7 @@ class Judge:
         return ""
 
     def _move(self, beams: Floats, share: float) -> bool:
-        """Continue from the best place round the pose, where it is trusted and fits clearly better."""
+        """Move to the best pose nearby if it fits well and clearly better; whether the tracker moved."""
         tracker, s = self._tracker, self._tracker.settings
         wide = np.diag([s.search_reach**2, s.search_reach**2, s.search_turn**2]) + tracker.covariance
         fits = []

@@ -1,4 +1,4 @@
-"""The framework's map to the field that scans are matched with."""
+"""Converts the framework's map to the distance field for scan matching."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from navloom_scan_localizer.params import ScanMatchingParams
 __all__ = ["field_of_map"]
 
 _MAX_CELLS = 16_000_000
-"""A larger map is refused: its field, with four nodes a cell, would need some gigabytes to be made."""
+"""Most cells of a map. Computing the field of a larger one, with four nodes per cell, would take some gigabytes."""
 
 
 def field_of_map(grid: OccupancyGrid | None, params: ScanMatchingParams) -> DistanceField:
-    """The field of a map, cut at twice the reach.
+    """Distance field of a map, limited to ± twice the reach.
 
     Raises:
-        InputError: There is no map, or it has no cells or too many of them.
+        InputError: There is no map, its cells have no size, or it has no cells or too many of them.
     """
     if grid is None:
         raise InputError('scan_matching: got no map, expected one; name it in [map], as in ref = "world"')

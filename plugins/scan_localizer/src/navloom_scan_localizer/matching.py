@@ -1,8 +1,8 @@
-"""Pose that fits beams into a distance field and agrees with a prediction: robust Gauss-Newton on x, y and heading.
+"""Fits a pose to beams in a distance field and to a prediction: robust Gauss-Newton on x, y and heading.
 
-The cost is sum(rho(r_i)) / variance + (pose - predicted)' information (pose - predicted), with r_i the signed distance
-of end point i to the wall it is seen on, and rho of Geman and McClure, solved by reweighting: its weight is
-1 / (1 + (r / scale)²)². What the beams do not say, as the place along a bare corridor, the prediction does.
+The cost is sum(rho(r_i)) / variance + (pose - predicted)' information (pose - predicted). r_i is the signed distance of
+end point i to the wall on which it is seen. rho is that of Geman and McClure, solved by reweighting with the weight
+1 / (1 + (r / scale)²)². The prediction determines what the beams cannot, such as the position along a bare corridor.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ __all__ = ["fit_pose", "solve", "warm_up"]
 Floats = NDArray[np.float64]
 
 _SMALL_STEP = 1e-4
-"""Iterations end with a smaller step, m and rad."""
+"""Step below which iterations end, m and rad."""
 _STEEP = 0.5
-"""Least gradient of the field where a beam enters a wall; 1 is a plane face."""
+"""Least gradient of the field at the point where a beam enters a wall; at a plane face it is 1."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _misfit(values, frame, x, y, dx, dy, walk):  # type: ignore[no-untyped-def]
-    """Signed distance of an end point x, y, m, to the wall a beam of direction dx, dy sees, and its gradient.
+    """Signed distance from an end point x, y, m, to the wall seen by a beam of direction dx, dy, and its gradient.
 
-    A wall is seen from its front: where the field rises along the beam, the point has passed the middle of a wall, and
-    what counts is the face where the beam went in, looked for back along the beam.
+    A beam sees the front face of a wall. If the field rises along the beam, the end point lies behind the middle of a
+    wall. The front face, where the beam entered the wall, is then searched backwards along the beam.
 
     Returns:
         Distance, m; gradient along x and y; and whether there is such a wall.
@@ -57,13 +57,13 @@ def _misfit(values, frame, x, y, dx, dy, walk):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def solve(matrix, right, solution):  # type: ignore[no-untyped-def]
-    """Solve a symmetric positive definite system of three by Cholesky's method.
+    """Solve a symmetric positive definite system of three equations by Cholesky's method.
 
     Args:
         matrix: (3, 3). right: (3,). solution: (3,) filled.
 
     Returns:
-        False where the matrix is not positive definite; the solution is then not touched.
+        False if the matrix is not positive definite; the solution is then unchanged.
     """
     if not matrix[0, 0] > 0.0:
         return False
@@ -89,7 +89,7 @@ def solve(matrix, right, solution):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _accumulate(values, frame, beams, pose, variance, scale, gate, walk, matrix, right):  # type: ignore[no-untyped-def]
-    """Add J'WJ and -J'Wr of the beams at a pose to a matrix and a right side; gives how many are within the gate."""
+    """Add J'WJ and -J'Wr of the beams at a pose to a matrix and a right side; returns how many are within the gate."""
     c, s, inliers, steepness = math.cos(pose[2]), math.sin(pose[2]), 0, 1.0 / (scale * scale)
     h00, h10, h11, h20, h21, h22, g0, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(beams.shape[0]):
@@ -115,21 +115,21 @@ def _accumulate(values, frame, beams, pose, variance, scale, gate, walk, matrix,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fit_pose(values, frame, beams, predicted, information, options, iterations, pose, fused):  # type: ignore[no-untyped-def]
-    """The pose of least cost near the predicted one.
+    """Pose of least cost near the predicted one.
 
     Args:
-        values, frame: Of a `DistanceField`.
+        values, frame: Attributes of a `DistanceField`.
         beams: (n, 4) end point x, y, m, and unit direction of each beam, base frame.
         predicted: (3,) x, y, m, heading, rad, map frame: where the search starts.
         information: (3, 3) inverse covariance of the prediction, 1/m², 1/(m rad), 1/rad².
-        options: (5,) variance of a distance, m²; first and last robust scale, m, halved from step to step; inliers
-            are nearer than this, m; furthest search for the front of a wall, m.
-        iterations: Most steps.
+        options: (5,) variance of a distance, m²; first and last robust scale, m, halved in each step; largest distance
+            of an inlier, m; longest search for the front of a wall, m.
+        iterations: Largest number of steps.
         pose: (3,) filled: x, y, m, heading, rad, not wrapped, map frame.
         fused: (3, 3) filled: inverse covariance of the pose.
 
     Returns:
-        How many beams fit the map, at the last step.
+        Number of inliers in the last step; 0 if a step has no solution.
     """
     scale, inliers = options[1], 0
     right, step = np.empty(3), np.empty(3)
@@ -153,7 +153,7 @@ def fit_pose(values, frame, beams, predicted, information, options, iterations, 
 
 
 def warm_up() -> None:
-    """Compile the kernels for the arrays the tracker hands in."""
+    """Compile the kernels for the array types that the tracker passes."""
     field = distance_field(np.eye(3, dtype=np.bool_), 0.1, (0.0, 0.0, 0.0), 1.0)
     beams = np.array([[0.1, 0.1, 1.0, 0.0]])
     options = np.array([1.0, 0.1, 0.1, 0.1, 0.1])

@@ -13,10 +13,10 @@ __all__ = ["ScanMatchingParams", "ScanOdometryParams"]
 
 
 class ScanMatchingParams(Params):
-    """Lengths in m. The README tells where each default comes from."""
+    """Lengths in m. The README gives the source of each default."""
 
     occupied_from: int = Field(50, ge=1, le=100, description="Cells of at least this are walls, percent.")
-    unknown_is_wall: bool = Field(False, description="Cells nobody has seen are walls.")
+    unknown_is_wall: bool = Field(False, description="Unknown cells are walls.")
     start_sigma: float = Field(0.05, gt=0.0, le=1.0, description="Uncertainty of the start's x and y, m.")
     start_sigma_deg: float = Field(2.0, gt=0.0, le=30.0, description="Uncertainty of the start's heading, degrees.")
     way_noise: float = Field(0.02, gt=0.0, le=0.5, description="Spread of odometry after 1 m, m/sqrt(m).")
@@ -29,26 +29,36 @@ class ScanMatchingParams(Params):
     rest_noise: float = Field(0.002, gt=0.0, le=0.1, description="Spread after 1 s at rest, m/sqrt(s).")
     rest_noise_deg: float = Field(0.1, gt=0.0, le=5.0, description="Spread of heading after 1 s, degrees/sqrt(s).")
     sigma: float = Field(0.02, gt=0.0, le=1.0, description="Standard deviation of a beam's end from its wall, m.")
-    redundancy: float = Field(10.0, ge=1.0, le=1000.0, description="Number of beams that together say as much as one.")
-    robust_scale: float = Field(0.08, gt=0.0, le=2.0, description="Misfit from which a beam counts little, m.")
-    reach: float = Field(0.5, gt=0.0, le=5.0, description="Farthest a wall is looked for from a beam's end, m.")
+    redundancy: float = Field(
+        10.0, ge=1.0, le=1000.0, description="Number of beams that count as one independent measurement."
+    )
+    robust_scale: float = Field(0.08, gt=0.0, le=2.0, description="Misfit above which a beam has little weight, m.")
+    reach: float = Field(
+        0.5, gt=0.0, le=5.0, description="Longest distance from a beam's end at which a wall is searched, m."
+    )
     least_inliers: int = Field(20, ge=3, le=10_000, description="Beams that must fit the map, or a scan is left out.")
     least_share: float = Field(0.3, ge=0.0, le=1.0, description="Share of its echoes that must fit, no unit.")
-    iterations: int = Field(8, ge=1, le=100, description="Most steps of a fit.")
-    max_shift: float = Field(0.03, gt=0.0, le=1.0, description="Highest correction of place a scan may make, m.")
-    max_turn_deg: float = Field(2.0, gt=0.0, le=45.0, description="Highest correction of heading, degrees.")
+    iterations: int = Field(8, ge=1, le=100, description="Largest number of steps of a fit.")
+    max_shift: float = Field(0.03, gt=0.0, le=1.0, description="Largest correction of position by one scan, m.")
+    max_turn_deg: float = Field(2.0, gt=0.0, le=45.0, description="Largest correction of heading by one scan, degrees.")
     max_half_angle_deg: float = Field(1.0, ge=0.0, le=10.0, description="Wider beams are left out, degrees.")
     limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
     max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
 
     trusted_share: float = Field(0.4, ge=0.0, le=1.0, description="Share of echoes that fit a trusted pose, no unit.")
-    sure_share: float = Field(0.9, ge=0.0, le=1.0, description="Share from which no other place is looked for.")
-    search_reach: float = Field(0.7, ge=0.0, le=5.0, description="How far round the pose it looks for another, m.")
-    search_turn_deg: float = Field(20.0, ge=0.0, le=180.0, description="How far in heading it looks, degrees.")
+    sure_share: float = Field(0.9, ge=0.0, le=1.0, description="Share of echoes from which no other pose is searched.")
+    search_reach: float = Field(0.7, ge=0.0, le=5.0, description="Range of the search around the pose, m.")
+    search_turn_deg: float = Field(20.0, ge=0.0, le=180.0, description="Range of the search in heading, degrees.")
     search_every: float = Field(1.0, ge=0.0, le=60.0, description="Time between two searches, s.")
-    patience: float = Field(0.5, ge=0.0, le=60.0, description="How long a scan must (not) fit to change the state, s.")
-    lost_after: float = Field(3.0, ge=0.0, le=600.0, description="Time of searching after which it is lost, s.")
-    lost_sigma: float = Field(1.0, gt=0.0, le=100.0, description="Spread of the place that is not trusted, m.")
+    patience: float = Field(
+        0.5, ge=0.0, le=60.0, description="How long scans must fit, or not fit, to change the state, s."
+    )
+    lost_after: float = Field(
+        3.0, ge=0.0, le=600.0, description="Duration of searching after which the robot is lost, s."
+    )
+    lost_sigma: float = Field(
+        1.0, gt=0.0, le=100.0, description="Spread of the position above which it is not trusted, m."
+    )
 
     def settings(self) -> Settings:
         """The same for the pure modules."""
@@ -90,26 +100,34 @@ class ScanOdometryParams(Params):
     heading_per_turn_deg: float = Field(
         3.0, gt=0.0, le=30.0, description="Spread of its heading after a turn of 1 rad, degrees/sqrt(rad)."
     )
-    drift: float = Field(0.01, ge=0.0, le=0.5, description="Spread of what scans say after 1 m, m/sqrt(m).")
+    drift: float = Field(0.01, ge=0.0, le=0.5, description="Spread of the scan matching after 1 m, m/sqrt(m).")
     drift_deg: float = Field(0.2, ge=0.0, le=30.0, description="The same of the heading, degrees/sqrt(m).")
     sigma: float = Field(0.03, gt=0.0, le=1.0, description="Standard deviation of a beam's end, m.")
-    redundancy: float = Field(4.0, ge=1.0, le=1000.0, description="Number of beams that together say as much as one.")
-    robust_scale: float = Field(0.1, gt=0.0, le=2.0, description="Misfit from which a beam counts little, m.")
-    reach: float = Field(0.3, gt=0.0, le=5.0, description="Farthest a surface is looked for from a beam's end, m.")
+    redundancy: float = Field(
+        4.0, ge=1.0, le=1000.0, description="Number of beams that count as one independent measurement."
+    )
+    robust_scale: float = Field(0.1, gt=0.0, le=2.0, description="Misfit above which a beam has little weight, m.")
+    reach: float = Field(
+        0.3, gt=0.0, le=5.0, description="Longest distance from a beam's end at which a surface is searched, m."
+    )
     least_inliers: int = Field(20, ge=3, le=10_000, description="Beams that must fit, or a scan is left out.")
-    iterations: int = Field(8, ge=1, le=100, description="Most steps of a fit.")
-    spacing: float = Field(0.05, gt=0.0, le=0.5, description="Between the nodes of the surfaces' lattice, m.")
+    iterations: int = Field(8, ge=1, le=100, description="Largest number of steps of a fit.")
+    spacing: float = Field(0.05, gt=0.0, le=0.5, description="Distance between the nodes of the surfaces' lattice, m.")
     before: float = Field(0.2, gt=0.0, le=2.0, description="Depth of a surface towards the sensor, m.")
     behind: float = Field(0.1, gt=0.0, le=2.0, description="Depth of a surface away from the sensor, m.")
-    memory: float = Field(60.0, ge=1.0, le=10_000.0, description="How many beams a surface is the mean of.")
-    key_way: float = Field(0.1, ge=0.0, le=5.0, description="Way after which a scan adds to the surfaces, m.")
-    key_turn_deg: float = Field(5.0, ge=0.0, le=180.0, description="Turn after which it does, degrees.")
-    first_scans: int = Field(10, ge=1, le=1000, description="Scans at the start that add to them all the same.")
+    memory: float = Field(60.0, ge=1.0, le=10_000.0, description="Number of beams over which a surface is averaged.")
+    key_way: float = Field(0.1, ge=0.0, le=5.0, description="Distance after which a scan is added to the surfaces, m.")
+    key_turn_deg: float = Field(
+        5.0, ge=0.0, le=180.0, description="Turn after which a scan is added to the surfaces, degrees."
+    )
+    first_scans: int = Field(10, ge=1, le=1000, description="Scans at the start that are always added to the surfaces.")
     max_range: float = Field(8.0, gt=0.0, le=100.0, description="Longer readings are left out, m.")
     max_half_angle_deg: float = Field(1.0, ge=0.0, le=10.0, description="Wider beams are left out, degrees.")
     limit_margin: float = Field(0.05, ge=0.0, le=1.0, description="Readings this near to range_max are none, m.")
     max_age: float = Field(0.5, ge=0.0, le=5.0, description="Scans this much older than odometry are left out, s.")
-    lost_sigma: float = Field(1.0, gt=0.0, le=100.0, description="Spread of the place that is not trusted, m.")
+    lost_sigma: float = Field(
+        1.0, gt=0.0, le=100.0, description="Spread of the position above which it is not trusted, m."
+    )
 
     def settings(self) -> Settings:
         """The same for the pure modules."""

@@ -1,4 +1,4 @@
-"""Where else the robot may be: places round a pose at which a scan fits the map, best first."""
+"""Coarse search for other poses near a given one at which a scan fits the map, best first."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ __all__ = ["candidates", "warm_up"]
 Floats = NDArray[np.float64]
 
 _STEP, _TURN = 0.1, math.radians(2.5)
-"""Spacing of the places and headings that are tried, m and rad."""
+"""Spacing of the positions and headings that are tried, m and rad."""
 _WIDTH = 0.25
-"""Misfit from which a beam says nothing for a place, m: what half a step and half a turn move an end point by."""
+"""Misfit from which a beam does not support a pose, m: half a step and half a turn move an end point this far."""
 _BEAMS = 90
-"""Beams that are enough to tell places apart roughly."""
+"""About how many beams are used: enough to separate poses roughly."""
 _APART, _TURNED = 3, 3
-"""Steps, and turns, by which two candidates differ at least."""
+"""Least difference of two candidates, in steps of position or in steps of heading."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _scores(values, frame, points, pose, step, turn, width, scores):  # type: ignore[no-untyped-def]
-    """How well points fit at each pose of a lattice round a pose.
+    """Score of the points at each pose of a lattice around a pose.
 
     Args:
-        values, frame: Of a `DistanceField`.
+        values, frame: Attributes of a `DistanceField`.
         points: (n, 2) end points, m, base frame.
         pose: (3,) middle of the lattice: x, y, m, heading, rad, map frame.
         step, turn: Spacing of the lattice, m and rad.
-        width: Misfit, m, from which a point adds nothing; one that fits adds 1.
-        scores: (2 k + 1, 2 m + 1, 2 m + 1) filled: by heading, y and x.
+        width: Misfit from which a point adds nothing, m; a perfect fit adds 1.
+        scores: (2 k + 1, 2 m + 1, 2 m + 1) filled, indexed by heading, y and x.
     """
     half_turns, half_steps = scores.shape[0] // 2, scores.shape[1] // 2
     c, s, per_metre = frame[2], frame[3], 1.0 / frame[4]
@@ -59,18 +59,18 @@ def _scores(values, frame, points, pose, step, turn, width, scores):  # type: ig
 
 
 def candidates(field: DistanceField, beams: Floats, pose: Floats, reach: float, turn: float, count: int) -> Floats:
-    """The poses round a pose at which beams fit best, roughly.
+    """Poses on a lattice around a pose at which the beams fit best.
 
     Args:
-        field: Of the map.
+        field: Distance field of the map.
         beams: (n, 4) end point, m, and direction, base frame.
         pose: (3,) x, y, m, heading, rad, map frame.
-        reach: How far to look along x and y, m.
-        turn: How far to look in heading, rad.
-        count: Most poses.
+        reach: Half the width of the search along x and y, m.
+        turn: Largest change of heading in the search, rad.
+        count: Largest number of poses returned.
 
     Returns:
-        (k, 3) poses, the best first, each at some distance from the others.
+        (k, 3) poses, the best first, each apart from the others in position or heading.
     """
     points = np.ascontiguousarray(beams[:: max(1, len(beams) // _BEAMS), :2])
     steps, turns = round(reach / _STEP), round(turn / _TURN)

@@ -1,7 +1,7 @@
-"""The surfaces that were seen lately, as a signed distance that is averaged over many scans.
+"""Recently seen surfaces, as a signed distance averaged over many scans.
 
-Curless and Levoy 1996, in the plane: each beam says of the lattice nodes near its end how far before or behind the
-surface they are, and the mean over beams has its zero where the surface is, far more exactly than one noisy reading.
+Curless and Levoy 1996, in the plane: each beam measures how far the lattice nodes near its end are before or behind the
+surface. The zero of the mean over many beams locates the surface far more precisely than one noisy reading.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ __all__ = ["LocalSurface", "warm_up"]
 Floats = NDArray[np.float64]
 
 _CLEARING = 0.2
-"""Weight of a beam that passes through a node, of that of a beam that ends near it: it may only graze a thin post."""
+"""Weight of a beam that passes through a node, relative to one that ends near it: it may only graze a thin post."""
 
 
 class LocalSurface:
-    """A square lattice of signed distances round the robot; it follows the robot and forgets what lies behind.
+    """A square lattice of signed distances around the robot; it follows the robot and drops what it leaves.
 
     Attributes:
-        field: What `matching.fit_pose` fits beams into; NaN where nothing was seen. It changes with `add` and `follow`.
+        field: Field for `matching.fit_pose`; NaN if nothing was seen. `add` and `follow` change it in place.
     """
 
     def __init__(self, spacing: float, reach: float, before: float, behind: float, memory: float) -> None:
-        """Nothing was seen yet.
+        """Create an empty lattice.
 
         Args:
-            spacing: Between nodes, m.
-            reach: The lattice spans at least this on each side of the robot, m.
+            spacing: Distance between neighbouring nodes, m.
+            reach: The lattice extends at least this far on each side of the robot, m.
             before, behind: Depth of a surface towards the sensor and away from it, m.
-            memory: Highest weight of a node, in beams: how many of the last ones count.
+            memory: Highest weight of a node, in beams: about how many of the last beams count.
         """
         self.spacing, self.before, self.behind, self.memory = spacing, before, behind, memory
         self._half = math.ceil(1.5 * reach / spacing)
@@ -48,7 +48,7 @@ class LocalSurface:
         self.field = DistanceField(self._values, self._frame)
 
     def follow(self, x: float, y: float) -> None:
-        """Move the lattice by whole nodes where a place, m, map frame, is far from its middle."""
+        """Move the lattice by whole nodes if a point, m, map frame, is far from its middle."""
         middle = self._frame[:2] + self._half * self.spacing
         if max(abs(x - middle[0]), abs(y - middle[1])) <= self._slack:
             return
@@ -58,17 +58,17 @@ class LocalSurface:
         _shift(self._weights, rows, columns, np.float32(0.0))
 
     def add(self, beams: Floats, pose: Floats) -> None:
-        """Average in the beams of one scan.
+        """Add the beams of one scan to the averages.
 
         Args:
             beams: (n, 4) end point, m, and unit direction, base frame.
-            pose: (3,) of the base, x, y, m, heading, rad, map frame.
+            pose: (3,) pose of the base, x, y, m, heading, rad, map frame.
         """
         _add(self._values, self._weights, self._frame, beams, pose, self.before, self.behind, self.memory)
 
 
 def _shift(array: NDArray[np.float32], rows: int, columns: int, empty: np.float32) -> None:
-    """Move the content so that [r, c] holds what [r + rows, c + columns] did; what enters is empty."""
+    """Move the values of [r + rows, c + columns] to [r, c]; cells without a source become `empty`."""
     kept = np.full_like(array, empty)
     height, width = array.shape
     if abs(rows) < height and abs(columns) < width:
@@ -80,7 +80,7 @@ def _shift(array: NDArray[np.float32], rows: int, columns: int, empty: np.float3
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add(values, weights, frame, beams, pose, before, behind, memory):  # type: ignore[no-untyped-def]
-    """Walk each beam from where it is nearest to the base to a little behind its end, a node at a time."""
+    """Update the nodes along each beam, from its point nearest to the base to `behind` its end."""
     c, s, spacing = math.cos(pose[2]), math.sin(pose[2]), frame[4]
     rows, columns = values.shape
     for i in range(beams.shape[0]):
@@ -111,6 +111,6 @@ def _add(values, weights, frame, beams, pose, before, behind, memory):  # type: 
 
 
 def warm_up() -> None:
-    """Compile the kernel for the arrays it is given."""
+    """Compile the kernel for its array types."""
     surface = LocalSurface(0.05, 0.5, 0.1, 0.1, 10.0)
     surface.add(np.array([[0.2, 0.0, 1.0, 0.0]]), np.zeros(3))

@@ -18,27 +18,27 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Lengths in m, angles in rad; see the README for each.
+    """Settings of the tracker and the judge: lengths in m, angles in rad; the README explains each.
 
     Attributes:
         start_sigma, start_turn_sigma: Uncertainty at the start, m and rad.
-        way_noise, turn_per_way: Odometry's spread after 1 m, m/sqrt(m) and rad/sqrt(m).
+        way_noise, turn_per_way: Spread of odometry after 1 m, m/sqrt(m) and rad/sqrt(m).
         turn_noise: Spread of the heading after a turn of 1 rad, rad/sqrt(rad).
         rest_noise, rest_turn_noise: Spread after 1 s at rest, m/sqrt(s) and rad/sqrt(s).
         sigma: Standard deviation of an end point's distance to its wall, m.
-        redundancy: So many beams say as much as one: their errors, and the map's, are alike.
-        robust_scale: Misfit from which a beam counts little, m.
-        reach: Highest robust scale, and furthest search for the front of a wall, m.
-        least_inliers, least_share: What a scan must have, in beams and as share of its echoes.
-        iterations: Most steps of a fit.
-        max_shift, max_turn: Highest correction a scan may make, m and rad.
-        trusted_share: Share of its echoes that must fit for the pose to be trusted.
-        sure_share: Share from which no other place is looked for.
-        search_reach, search_turn: How far round the pose another place is looked for, m and rad.
+        redundancy: Number of beams that count as one independent measurement: their errors are correlated.
+        robust_scale: Misfit above which a beam has little weight, m.
+        reach: Largest robust scale, and longest search for the front of a wall, m.
+        least_inliers, least_share: Least number of inliers of a usable scan, in beams and as a share of its echoes.
+        iterations: Largest number of steps of a fit.
+        max_shift, max_turn: Largest correction by one scan, m and rad.
+        trusted_share: Share of the echoes that must fit for the pose to be trusted.
+        sure_share: Share of the echoes from which no other pose is searched.
+        search_reach, search_turn: Range of the search around the pose, m and rad.
         search_every: Time between two searches, s.
-        patience: How long a scan must fit, or not fit, until the state changes, s.
-        lost_after: Time of searching after which the robot is lost, s.
-        lost_sigma: Standard deviation of the position from which it is not trusted, m.
+        patience: How long scans must fit, or not fit, before the state changes, s.
+        lost_after: Duration of searching after which the robot is lost, s.
+        lost_sigma: Standard deviation of the position above which it is not trusted, m.
     """
 
     start_sigma: float = 0.05
@@ -68,7 +68,7 @@ class Settings:
 
 
 def compose(a: Floats, b: Floats) -> Floats:
-    """Pose b, given in the frame of pose a, in the frame of a: (3,) x, y, m, heading, rad in [-π, π)."""
+    """Pose b, given relative to pose a, in the frame in which a is given: (3,) x, y, m, heading, rad in [-π, π)."""
     (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
     c, s = math.cos(heading), math.sin(heading)
     turn = math.remainder(heading + turned, math.tau)
@@ -76,7 +76,7 @@ def compose(a: Floats, b: Floats) -> Floats:
 
 
 def relative(a: Floats, b: Floats) -> Floats:
-    """Pose b as seen from pose a: (3,) x, y, m, in the frame of a, heading, rad."""
+    """Pose b relative to pose a: (3,) x, y, m, heading, rad."""
     (ax, ay, heading), (bx, by, turned) = a.tolist(), b.tolist()
     c, s, x, y = math.cos(heading), math.sin(heading), bx - ax, by - ay
     return np.array([c * x + s * y, c * y - s * x, math.remainder(turned - heading, math.tau)])
@@ -89,8 +89,9 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
         covariance: (3, 3) before, of x, y, heading in the map frame; m², m rad, rad².
         heading: Before the step, rad, map frame.
         step: (3,) x, y, m, base frame before the step; turn, rad.
-        time: Taken by the step, s.
-        s: Noise of odometry. Its spread grows with the root of the way; across it is a quarter of that along.
+        time: Duration of the step, s.
+        s: Noise of odometry. Its spread grows with the square root of the distance; across, it is a quarter of the
+            spread along.
     """
     c, sn = math.cos(heading), math.sin(heading)
     x, y, turned = step.tolist()
@@ -99,30 +100,30 @@ def predicted_covariance(covariance: Floats, heading: float, step: Floats, time:
     along, across = s.way_noise**2 * way + rest, (0.25 * s.way_noise) ** 2 * way + rest
     turn = s.turn_per_way**2 * way + s.turn_noise**2 * abs(turned) + s.rest_turn_noise**2 * time
     axes = np.array([c, -sn, 0.0, sn, c, 0.0, 0.0, 0.0, 1.0]).reshape(3, 3)
-    # A diagonal in the middle weighs the columns: a product of matrices that adds nothing but zeros.
+    # axes @ diag(noise) @ axes.T without the product with the diagonal matrix, which only scales the columns.
     noise = (axes * np.array([along, across, turn])) @ axes.T
     result: Floats = jacobian @ covariance @ jacobian.T + noise
     return result
 
 
 class PoseTracker:
-    """Where the robot is.
+    """Tracks the pose of the robot and its covariance.
 
     Attributes:
         pose: (3,) x, y, m, heading, rad in [-π, π), map frame.
-        covariance: (3, 3) of it; m², m rad, rad².
-        inliers: Beams of the last scan that fit the map; 0 where it was not used.
-        share: Share of the last scan's echoes that fit the map; None where it had too few of them to say.
+        covariance: (3, 3) of the pose; m², m rad, rad².
+        inliers: Beams of the last scan that fit the map; 0 if it was not used.
+        share: Share of the last scan's echoes that fit the map; None if it had too few echoes.
     """
 
     def __init__(self, settings: Settings, field: DistanceField, start: Floats) -> None:
-        """Stands at the start, (3,) x, y, m, heading, rad, map frame, where odometry is (0, 0, 0)."""
+        """Begin at the start, (3,) x, y, m, heading, rad, map frame, where odometry is (0, 0, 0)."""
         self.settings, self.field = settings, field
         self._odometry = np.zeros(3)
         self.place(start)
 
     def place(self, pose: Floats) -> None:
-        """Stand at a pose, (3,) x, y, m, heading, rad, map frame, where odometry is what it was last."""
+        """Move to a pose, (3,) x, y, m, heading, rad, map frame, with the uncertainty of a start."""
         place, turn = self.settings.start_sigma**2, self.settings.start_turn_sigma**2
         self.pose = pose.copy()
         self.covariance: Floats = np.diag([place, place, turn])
@@ -130,11 +131,11 @@ class PoseTracker:
         self.share: float | None = None
 
     def predict(self, odometry: Floats, time: float) -> None:
-        """Move as odometry did since the last call.
+        """Move the pose by the motion of odometry since the last call.
 
         Args:
             odometry: (3,) x, y, m, heading, rad, odometry frame.
-            time: Since the last call, s.
+            time: Time since the last call, s.
         """
         step = relative(self._odometry, odometry)
         self.covariance = predicted_covariance(
@@ -144,7 +145,7 @@ class PoseTracker:
         self.inliers, self.share = 0, None
 
     def correct(self, beams: Floats) -> bool:
-        """Fit beams of this instant, (n, 4) end point, m, and direction, base frame; tells whether they were used."""
+        """Correct the pose by current beams, (n, 4) end point, m, and direction, base frame; whether they were used."""
         limit = max(self.settings.least_inliers, self.settings.least_share * len(beams))
         if len(beams) < limit:
             return False
@@ -157,15 +158,15 @@ class PoseTracker:
         return True
 
     def fit(self, beams: Floats, start: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
-        """The pose near another at which beams fit best.
+        """The pose near another one at which the beams fit best.
 
         Args:
             beams: (n, 4) end point, m, and direction, base frame.
-            start: (3,) x, y, m, heading, rad, map frame: prior, and where the search starts.
-            covariance: (3, 3) of it.
+            start: (3,) x, y, m, heading, rad, map frame: prior, and start of the search.
+            covariance: (3, 3) covariance of the prior.
 
         Returns:
-            (3,) pose, heading not wrapped; (3, 3) its inverse covariance; beams that fit, 0 where there is no pose.
+            (3,) pose, heading not wrapped; (3, 3) its inverse covariance; number of inliers, 0 if the fit failed.
         """
         s, field = self.settings, self.field
         spread = math.sqrt(max(covariance[0, 0], covariance[1, 1]))
@@ -182,7 +183,7 @@ class PoseTracker:
         self.covariance = 0.5 * (covariance + covariance.T)
 
     def _move(self, shift: Floats, covariance: Floats) -> None:
-        """Take a correction, (3,) m, m, rad, or the share of it that the limits allow; the rest follows by and by."""
+        """Apply a correction, (3,) m, m, rad, or the share that the limits allow; later scans correct the rest."""
         s = self.settings
         share = min(
             1.0, s.max_shift / max(math.hypot(shift[0], shift[1]), 1e-12), s.max_turn / max(abs(shift[2]), 1e-12)

@@ -47,7 +47,7 @@ _FREE, _TOUCHING = Contact(False), Contact(True)
 class SensorsSim(Platform[SensorsSimParams]):
     """Drives through the ground truth and reads simulated sensors, odometry and contact.
 
-    A subclass may add kinds of sensor; its `advance` then adds their messages to the answer of this one.
+    A subclass may add sensor kinds; its `advance` then adds their messages to the output of this class.
     """
 
     name = "sensors_sim"
@@ -60,9 +60,9 @@ class SensorsSim(Platform[SensorsSimParams]):
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of the run; the random streams go on."""
+        """Return to the start of the run; the random streams continue."""
         context, spec, start = self.context, self.context.robot, self.context.start
-        added = self.sensor_kinds.keys() - _SENSORS.keys()  # a subclass reads these itself
+        added = self.sensor_kinds.keys() - _SENSORS.keys()  # the subclass reads these itself
         self._sensors = {sensor.name: self._sensor(sensor) for sensor in context.sensors if sensor.kind not in added}
         solids, raster = (context.world.obstacles, context.world.raster) if context.world is not None else ((), None)
         sweeps = any(sensor.kind == "pitched_laser" for sensor in context.sensors)
@@ -74,7 +74,7 @@ class SensorsSim(Platform[SensorsSimParams]):
         self._orders = Orders(round(self.params.dead_time * 1e9))
 
     def configure(self, params: SensorsSimParams) -> None:
-        """Take new parameters: the robot stays where it is and drives on with them."""
+        """Take new parameters; the robot keeps its pose and motion."""
         if params.dead_time != self.params.dead_time:
             self._orders = Orders(round(params.dead_time * 1e9))
         self.params, wheels = params, (self.context.robot.wheel_radius, self.context.robot.half_track)
@@ -86,12 +86,12 @@ class SensorsSim(Platform[SensorsSimParams]):
         return sensor.kind == "pitched_laser" and sensor.settings.get("mode") != "continuous"
 
     def drive(self, command: Twist2D, time_ns: int) -> None:
-        """Have the wheels take a command within the tick under way."""
+        """Queue a command for the wheels at its own time within the current tick."""
         self._orders.give(time_ns, command.vx, command.wz)
 
     def advance(self, given: PlatformInput) -> PlatformOutput:
-        """Drive with the command until the time asked for, then read the sensors that are due."""
-        begin_ns = self._time_ns if self._tick else given.time_ns  # a run may be taken up at any time
+        """Drive with the command until the requested time, then read the sensors that are due."""
+        begin_ns = self._time_ns if self._tick else given.time_ns  # the first tick takes no time
         self._time_ns = given.time_ns
         robot, scene, time = self._robot, self._scene, (given.time_ns - begin_ns) / 1e9
         scene.update(given.time_ns / 1e9, self._swept)
@@ -122,7 +122,11 @@ class SensorsSim(Platform[SensorsSimParams]):
         return PlatformOutput(odometry, scans, contact, truth)
 
     def _sensor(self, spec: SensorSpec) -> tuple[type[Message], Sensor]:
-        """The message and the sensor of a table; an unknown kind or a bad setting is an InputError that names it."""
+        """Message type and sensor for a sensor's settings.
+
+        Raises:
+            InputError: The kind is unknown or a setting is invalid; the message names it.
+        """
         if spec.kind not in _SENSORS:
             raise InputError(f"sensor {spec.name}: kind = {spec.kind!r}, expected one of {', '.join(_SENSORS)}")
         settings, make = _SENSORS[spec.kind]

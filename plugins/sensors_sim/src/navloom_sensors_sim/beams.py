@@ -16,7 +16,7 @@ __all__ = ["cone_rays", "fan", "fan_step", "read_cones", "read_laser", "ring_mou
 Floats = NDArray[np.float64]
 
 _P3DX_PLACES = np.radians([63.1, 46.2, 27.8, 9.2, -9.2, -27.8, -46.2, -63.1])
-"""Where the front sonars of a Pioneer P3-DX sit, as directions from its centre (positions of its parameter file)."""
+"""Directions from the centre of a Pioneer P3-DX to its front sonars, rad (positions from its parameter file)."""
 _P3DX_BEARINGS = np.radians([90.0, 50.0, 30.0, 10.0, -10.0, -30.0, -50.0, -90.0])
 
 
@@ -27,10 +27,10 @@ def fan(count: int, field_of_view: float, heading: float) -> Floats:
 
 
 def fan_step(count: int, field_of_view: float) -> float:
-    """Bearing from each beam of a `fan` to the next, rad, > 0; a single beam is a turn away from itself."""
+    """Bearing from each beam of a `fan` to the next, rad, > 0; a full turn for a single beam."""
     if count == 1:
         return 2.0 * math.pi
-    # Kept off 0, which kernels divide by: over 10,000 beams that is 1e-8 rad.
+    # Never 0, because kernels divide by it. Over 10,000 beams the lower bound adds up to 1e-8 rad.
     return max(field_of_view / (count if _is_full_circle(field_of_view) else count - 1), 1e-12)
 
 
@@ -39,15 +39,15 @@ def _is_full_circle(field_of_view: float) -> bool:
 
 
 def ring_mounts(layout: str, footprint: Floats) -> tuple[Floats, Floats, bool]:
-    """Where the sonars of a ring sit and look.
+    """Positions and bearings of the sonars of a ring.
 
     Args:
-        layout: "p3dx": ±90, ±50, ±30, ±10°, left to right. "pairs": two a side, square to it, counter-clockwise
-            from the right one in front.
+        layout: "p3dx": ±90, ±50, ±30, ±10°, left to right. "pairs": two on each side, perpendicular to it,
+            counter-clockwise from the right one at the front.
         footprint: (n, 2) convex polygon, m, base frame, with the base's origin inside.
 
     Returns:
-        (8, 2) places on the rim, m, base frame; (8,) bearings, rad; whether the last is a neighbour of the first.
+        (8, 2) positions on the rim, m, base frame; (8,) bearings, rad; whether the last is a neighbour of the first.
     """
     if layout == "p3dx":
         places, bearings = _P3DX_PLACES, _P3DX_BEARINGS
@@ -77,9 +77,10 @@ def cone_rays(
     """Rays that fill the cones of a ring.
 
     Args:
-        places: (n, 2) m, base frame; height: m above the floor.
-        bearings: (n,) axes, rad; half_angle: of each cone, rad.
-        columns, rows: Rays over the width and the height of a cone; of more than one row the corners are left out.
+        places: (n, 2) positions of the sonars, m, base frame. height: Of the sonars above the floor, m.
+        bearings: (n,) directions of the cone axes, rad. half_angle: Half the opening of each cone, rad.
+        columns, rows: Rays over the width and the height of a cone. With several rows, rays in the corners, outside
+            the cone, are left out.
 
     Returns:
         (3, n k) origins, m, and (3, n k) unit directions, base frame; the k rays of a cone lie side by side.
@@ -98,7 +99,7 @@ def cone_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _reading(true, error, low, high):  # type: ignore[no-untyped-def]
-    """A range, m, as reported: none beyond `high`; the error never moves a reading out of low..high."""
+    """Reported range, m: +inf beyond `high`, otherwise with the error and clipped to low..high."""
     if not true <= high:
         return np.inf
     return min(max(true + error, low), high)
@@ -112,8 +113,8 @@ def read_laser(base, origins, directions, obstacles, options, normals, ranges): 
         base: (3 or more,) true x, y, m, and heading, rad, of the base in the map frame.
         origins, directions: (3, n) beams, base frame: level, from one place, evenly spaced as by `fan`.
         obstacles: What can be hit.
-        options: (5,) lowest and highest range, m; standard deviation, m; bearing of the first beam in the base frame
-            and from each beam to the next, rad, see `fan_step`.
+        options: (5,) lowest and highest range, m; standard deviation, m; bearing of the first beam in the base frame,
+            rad; bearing from each beam to the next, rad, see `fan_step`.
         normals: (n,) standard normal draws.
         ranges: (n,) filled: m, +inf for no echo.
     """
@@ -128,18 +129,19 @@ def read_laser(base, origins, directions, obstacles, options, normals, ranges): 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def read_cones(base, origins, directions, obstacles, options, closed, normals, uniforms, ranges):  # type: ignore[no-untyped-def]
-    """Ranges of a ring of cone sonars: of each cone, the nearest echo of its rays.
+    """Ranges of a ring of cone sonars: for each cone, the nearest echo of its rays.
 
     Args:
         base: (3 or more,) true x, y, m, and heading, rad, of the base in the map frame.
         origins, directions: (3, n k) rays, base frame; the k rays of a cone lie side by side.
         obstacles: What can be hit.
         options: (6,) lowest and highest range, m; standard deviation, m; cosine of the critical angle of incidence
-            beyond which a ray gives no echo (negative: none); probability of crosstalk of a pair of neighbours; 1 if
+            beyond which a ray gives no echo (negative: none); probability of crosstalk between two neighbours; 1 if
             the floor echoes.
-        closed: The last sonar and the first are neighbours.
+        closed: Whether the last sonar and the first are neighbours.
         normals: (n,) standard normal draws.
-        uniforms: (n, 3) draws in [0, 1): crosstalk of sonar i with the next; which of the two; how much shorter.
+        uniforms: (n, 3) draws in [0, 1): whether sonar i and the next have crosstalk; which of the two reads shorter;
+            how much of its reading remains.
         ranges: (n,) filled: m, +inf for no echo.
     """
     count = ranges.shape[0]

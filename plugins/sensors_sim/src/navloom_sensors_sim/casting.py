@@ -1,9 +1,9 @@
 """Ray casting against upright boxes, vertical cylinders, the floor plane z = 0 and one raster.
 
-Boxes and cylinders are cut by slabs, boxes outer and rays inner, over blocks of rays that stay in the L1 cache; the
-raster is walked cell by cell (Amanatides & Woo 1987), leaping over free space with the help of its distance field.
-A ray that starts inside an obstacle hits it at range 0. Of the fan of a planar laser only the beams that `sectors` does
-not rule out are cut.
+Boxes and cylinders are intersected by the slab method. Rays are handled in blocks that stay in the L1 cache; within a
+block, the outer loop runs over obstacles and the inner one over rays. The raster is traversed cell by cell (Amanatides
+& Woo 1987), with leaps over free space by its distance field. A ray that starts inside an obstacle hits it at range 0.
+In the fan of a planar laser, each obstacle is intersected only with the beams that `sectors` does not rule out.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ __all__ = ["FLOOR", "NOTHING", "Obstacles", "cast_block", "cast_fan", "cast_rays
 Floats = NDArray[np.float64]
 
 FLOOR = -1
-"""Index of the floor among what a ray can hit."""
+"""Hit index of the floor."""
 NOTHING = -2
-"""Index of a ray that hit nothing."""
+"""Hit index of a ray that hits nothing."""
 
 _BLOCK = 256
 _OX, _OY, _OZ, _DX, _DY, _IX, _IY, _IZ, _BEST, _HIT = (k * _BLOCK for k in range(10))
 _HUGE = 1e300
-"""Stands for 1/0: finite, so that 0 * _HUGE is 0 and no slab becomes NaN."""
+"""Value used for 1/0: finite, so that 0 * _HUGE is 0 and no slab becomes NaN."""
 _LEAP = 3.0
-"""Free space, in cells, from which a leap is worth its setting up."""
+"""Free distance above which a leap is faster than single steps, cells."""
 
 
 class Obstacles(NamedTuple):
-    """What rays and footprints meet, in the map frame. Obstacle k is box k, then cylinder k - boxes, then the raster.
+    """What rays and footprints can hit, in the map frame. Indices count the boxes, then the cylinders, then the raster.
 
     Attributes:
         boxes: (n, 9) centre x, y; half extents along the box's own axes; lowest and highest z, m; cos and sin of
-            the yaw; 1 where it is present, else 0.
-        cylinders: (m, 6) centre x, y; radius; lowest and highest z, m; 1 where it is present, else 0.
-        gaps: (rows, cols) float32, distance of each cell's centre to that of the nearest occupied cell, in cells;
-            0 is an occupied cell; row 0 is the lowest y. Shape (0, 0): no raster.
+            the yaw; 1 if present, else 0.
+        cylinders: (m, 6) centre x, y; radius; lowest and highest z, m; 1 if present, else 0.
+        gaps: (rows, cols) float32, distance from each cell's centre to that of the nearest occupied cell, in cells;
+            0 in an occupied cell; row 0 is the lowest y. Shape (0, 0): no raster.
         raster: (7,) x, y of the lower left corner, m; cos and sin of the raster's heading; edge of a cell, lowest
             and highest z, m.
     """
@@ -62,8 +62,8 @@ def cast_rays(
         origins: (n, 3) starting points, m, map frame.
         directions: (n, 3) unit vectors, map frame.
         obstacles: What can be hit.
-        floor: The plane z = 0 can be hit too.
-        reach: Hits from this range on are not looked for, m.
+        floor: Whether the plane z = 0 can be hit too.
+        reach: Hits at this range or beyond are ignored, m.
 
     Returns:
         (n,) ranges, m, +inf for no hit, and (n,) index of the obstacle hit, FLOOR or NOTHING.
@@ -76,7 +76,7 @@ def cast_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def to_map(x: float, y: float, heading: float, vectors: Floats, offset: bool, out: Floats) -> None:
-    """Turns (3, n) base-frame vectors into the map frame and, if `offset`, moves them to the robot's place."""
+    """Rotates (3, n) base-frame vectors into the map frame and, if `offset`, adds the robot's position."""
     c, s = math.cos(heading), math.sin(heading)
     x0, y0 = (x, y) if offset else (0.0, 0.0)
     for i in range(vectors.shape[1]):
@@ -105,14 +105,16 @@ def cast_block(origins, directions, obstacles, floor, reach, ranges, hits):  # t
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cast_fan(origins, directions, first_bearing, step, obstacles, reach, ranges, hits):  # type: ignore[no-untyped-def]
-    """`cast_block`, bit for bit, for the level beams of a planar laser: each obstacle is cut by those that can meet it.
+    """Faster `cast_block` for the level beams of a planar laser, with the same result bit for bit.
+
+    Each obstacle is intersected only with the beams that can hit it.
 
     Args:
         origins, directions: (3, n) level beams, map frame, from one place and evenly spaced counter-clockwise.
         first_bearing, step: Bearing of beam 0 and from each beam to the next, rad, map frame; step > 0, and all
             steps together are at most a turn.
-        obstacles: What can be hit; the floor is not.
-        reach: m.
+        obstacles: What can be hit; the floor cannot.
+        reach: Hits at this range or beyond are ignored, m.
         ranges, hits: (n,) filled: m, +inf for no hit, and the index of what was hit.
     """
     count = origins.shape[1]
@@ -137,7 +139,7 @@ def cast_fan(origins, directions, first_bearing, step, obstacles, reach, ranges,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _finish(work, start, size, obstacles, ranges, hits):  # type: ignore[no-untyped-def]
-    """Cuts the block's rays by the raster, if there is one, and writes out what they hit."""
+    """Intersects the block's rays with the raster, if there is one, and writes their ranges and hits."""
     if obstacles.gaps.size:
         index = float(obstacles.boxes.shape[0] + obstacles.cylinders.shape[0])
         for i in range(size):
@@ -152,7 +154,7 @@ def _finish(work, start, size, obstacles, ranges, hits):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _load(work, origins, directions, start, size, floor, reach):  # type: ignore[no-untyped-def]
-    """Fills the block's work space: one buffer with fixed offsets, so that the compiler can prove rows apart."""
+    """Fills the block's work space: one buffer with fixed offsets shows the compiler that its rows do not overlap."""
     for i in range(size):
         dx, dy, dz = directions[0, start + i], directions[1, start + i], directions[2, start + i]
         oz = origins[2, start + i]
@@ -168,14 +170,14 @@ def _load(work, origins, directions, start, size, floor, reach):  # type: ignore
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _slab(low, high, inverse):  # type: ignore[no-untyped-def]
-    """Where a ray is between two parallel planes at signed distances `low` and `high` along one axis."""
+    """Ray parameters at which a ray enters and leaves the slab from `low` to `high`, signed distances along an axis."""
     t0, t1 = low * inverse, high * inverse
     return (t0 if t0 < t1 else t1), (t1 if t0 < t1 else t0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _keep_nearer(work, i, enter, leave, index):  # type: ignore[no-untyped-def]
-    """Takes the ray's interval inside an obstacle as its hit if it is the nearest so far."""
+    """Records an obstacle as the hit of ray i if the ray enters it nearer than all others so far."""
     enter = enter if enter > 0.0 else 0.0
     better = (enter <= leave) & (enter < work[_BEST + i])
     work[_BEST + i] = enter if better else work[_BEST + i]
@@ -184,7 +186,7 @@ def _keep_nearer(work, i, enter, leave, index):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cut_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
-    """One box against rays `first` to `end` - 1 of the block."""
+    """Intersects rays `first` to `end` - 1 of the block with one box."""
     if boxes[k, 7] == 0.0 and boxes[k, 6] == 1.0:
         _cut_straight_box(work, first, end, boxes, k)
     else:
@@ -193,7 +195,7 @@ def _cut_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cut_straight_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
-    """One box without yaw against rays `first` to `end` - 1 of the block."""
+    """Intersects rays `first` to `end` - 1 of the block with one box without yaw."""
     x0, x1 = boxes[k, 0] - boxes[k, 2], boxes[k, 0] + boxes[k, 2]
     y0, y1 = boxes[k, 1] - boxes[k, 3], boxes[k, 1] + boxes[k, 3]
     z0, z1 = boxes[k, 4], boxes[k, 5]
@@ -209,7 +211,7 @@ def _cut_straight_box(work, first, end, boxes, k):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cut_turned_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
-    """One box with yaw against rays `first` to `end` - 1 of the block, in the box's own frame."""
+    """Intersects rays `first` to `end` - 1 of the block with one box with yaw, in the frame of the box."""
     hx, hy, z0, z1, c, s = boxes[k, 2], boxes[k, 3], boxes[k, 4], boxes[k, 5], boxes[k, 6], boxes[k, 7]
     cx, cy = boxes[k, 0], boxes[k, 1]
     index = float(k)
@@ -228,10 +230,10 @@ def _cut_turned_box(work, first, end, boxes, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cut_cylinder(work, first, end, cylinders, k, index):  # type: ignore[no-untyped-def]
-    """One cylinder with its end faces against rays `first` to `end` - 1 of the block.
+    """Intersects rays `first` to `end` - 1 of the block with one cylinder and its end faces.
 
-    The discriminant a r² - (o × d)² has no cancellation between far-away origins, unlike b² - a c. A vertical ray
-    gets a tiny a: inside the circle its interval is then endless, outside it is empty.
+    The discriminant a r² - (o × d)² suffers no cancellation for distant origins, unlike b² - a c. A vertical ray gets
+    a tiny a: its interval is then practically infinite inside the circle and empty outside.
     """
     cx, cy, radius, z0, z1 = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2], cylinders[k, 3], cylinders[k, 4]
     for i in range(first, end):
@@ -254,7 +256,7 @@ def _cut_cylinder(work, first, end, cylinders, k, index):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _raster_hit(work, i, gaps, raster):  # type: ignore[no-untyped-def]
-    """Range, m, at which ray i enters an occupied cell's column, +inf if it does not before its nearest hit so far."""
+    """Range at which ray i enters the column of an occupied cell, m; +inf if another hit is nearer or there is none."""
     c, s, cell = raster[2], raster[3], raster[4]
     px, py = work[_OX + i] - raster[0], work[_OY + i] - raster[1]
     x, y = (c * px + s * py) / cell, (c * py - s * px) / cell
@@ -275,7 +277,10 @@ def _raster_hit(work, i, gaps, raster):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _walk(x, y, dx, dy, ix, iy, t, end, gaps):  # type: ignore[no-untyped-def]
-    """Walks from ray parameter t to `end`; x, y, dx, dy in cells. A leap keeps 1.5 cells off any occupied centre."""
+    """Ray parameter at the first occupied cell from t to `end`, +inf if there is none; x, y, dx, dy in cells.
+
+    A leap ends at least 1.5 cells from the centre of any occupied cell.
+    """
     rows, cols = gaps.shape
     step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
     ahead_x, ahead_y = (1 if dx > 0.0 else 0), (1 if dy > 0.0 else 0)
@@ -305,5 +310,5 @@ def _walk(x, y, dx, dy, ix, iy, t, end, gaps):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell_at(coordinate, count):  # type: ignore[no-untyped-def]
-    """Index of the cell a coordinate, in cells, lies in; a point on the outer edge belongs to the outer cell."""
+    """Index of the cell that contains a coordinate, in cells; a point on the outer edge belongs to the outer cell."""
     return min(max(int(coordinate), 0), count - 1)

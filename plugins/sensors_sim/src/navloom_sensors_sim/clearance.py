@@ -1,7 +1,7 @@
 """Gap between a convex footprint and upright boxes, vertical cylinders and one raster, in the plane.
 
-An obstacle counts when its height interval overlaps that of the robot, 0..height. Gaps to boxes and cylinders are
-exact at any distance. To a raster they are exact below a cap, beyond which the answer is the cap: a lower bound.
+An obstacle counts if its height interval overlaps that of the robot, 0..height. Gaps to boxes and cylinders are exact
+at any distance. Gaps to a raster are exact below `RASTER_CAP`; beyond it the result is the cap, a lower bound.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ __all__ = ["RASTER_CAP", "TOUCHING", "clearance_at", "footprint_gap"]
 Floats = NDArray[np.float64]
 
 RASTER_CAP = 2.0
-"""Gap to a raster up to which it is searched, m."""
+"""Largest gap to a raster that is measured, m."""
 TOUCHING = 1e-9
-"""Gap, m, at and below which two shapes touch: rounding alone must not part them."""
+"""Largest gap of two shapes that touch, m: rounding alone must not separate them."""
 _HALF_DIAGONAL = 0.7071067811865476
 
 
@@ -33,11 +33,11 @@ def footprint_gap(
     Args:
         pose: x, y, m, and heading, rad, of the base in the map frame.
         footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
-        height: Of the robot, m.
-        obstacles: What can be met.
+        height: Height of the robot, m.
+        obstacles: What the footprint can touch.
 
     Returns:
-        The gap, m, 0 where they touch or overlap, +inf with nothing to meet; and the obstacle's index or NOTHING.
+        The gap, m, 0 if they touch or overlap, +inf without obstacles; and the obstacle's index or NOTHING.
     """
     corners = np.ascontiguousarray(footprint, dtype=np.float64)
     gap, index = clearance_at(pose[0], pose[1], pose[2], corners, height, obstacles)
@@ -85,7 +85,7 @@ def clearance_at(x, y, heading, footprint, height, obstacles):  # type: ignore[n
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _to_box(x, y, boxes, k):  # type: ignore[no-untyped-def]
-    """Distance, m, of a point to box k in the plane; 0 inside."""
+    """Distance from a point to box k in the plane, m; 0 inside."""
     px, py, c, s = x - boxes[k, 0], y - boxes[k, 1], boxes[k, 6], boxes[k, 7]
     out_x = max(abs(c * px + s * py) - boxes[k, 2], 0.0)
     out_y = max(abs(c * py - s * px) - boxes[k, 3], 0.0)
@@ -105,7 +105,7 @@ def _box_corners(boxes, k, quad):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _squared_to_edges(x, y, corners):  # type: ignore[no-untyped-def]
-    """Least squared distance, m², of a point to the edges of a polygon."""
+    """Smallest squared distance from a point to the edges of a polygon, m²."""
     best = np.inf
     count = corners.shape[0]
     j = count - 1
@@ -123,7 +123,7 @@ def _squared_to_edges(x, y, corners):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _to_polygon(x, y, corners):  # type: ignore[no-untyped-def]
-    """Distance, m, of a point to a convex counter-clockwise polygon; 0 inside."""
+    """Distance from a point to a convex counter-clockwise polygon, m; 0 inside."""
     j = corners.shape[0] - 1
     inside = True
     for i in range(corners.shape[0]):
@@ -136,7 +136,7 @@ def _to_polygon(x, y, corners):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _has_parting_edge(a, b):  # type: ignore[no-untyped-def]
-    """One edge of the counter-clockwise polygon a has all of b on its outer side."""
+    """Whether all of b lies on the outer side of one edge of the counter-clockwise polygon a."""
     j = a.shape[0] - 1
     for i in range(a.shape[0]):
         ex, ey = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1]
@@ -153,9 +153,9 @@ def _has_parting_edge(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _convex_gap(a, b):  # type: ignore[no-untyped-def]
-    """Distance, m, of two convex counter-clockwise polygons; 0 if they meet.
+    """Distance between two convex counter-clockwise polygons, m; 0 if they intersect.
 
-    Apart, a corner of one and an edge of the other are nearest.
+    If they do not, the nearest points are on a corner of one and an edge of the other.
     """
     if not _has_parting_edge(a, b) and not _has_parting_edge(b, a):
         return 0.0
@@ -169,11 +169,14 @@ def _convex_gap(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _raster_gap(mid_x, mid_y, reach, corners, cap, gaps, frame):  # type: ignore[no-untyped-def]
-    """Distance, m, of the polygon and the nearest occupied cell below `cap`, else `cap`; everything in cells inside.
+    """Distance from the polygon to the nearest occupied cell, m, at most `cap`; computed in cells.
 
     Args:
-        mid_x, mid_y: A point inside the polygon, m; `reach`: its largest distance to a corner, m.
-        corners: (n, 2) polygon, m; all in the map frame.
+        mid_x, mid_y: A point inside the polygon, m, map frame.
+        reach: Largest distance from that point to a corner, m.
+        corners: (n, 2) polygon, m, map frame.
+        cap: Distances from this on are not measured, m.
+        gaps, frame: `gaps` and `raster` of `Obstacles`.
     """
     c, s, cell = frame[2], frame[3], frame[4]
     rows, cols = gaps.shape
@@ -184,7 +187,7 @@ def _raster_gap(mid_x, mid_y, reach, corners, cap, gaps, frame):  # type: ignore
     px, py = mid_x - frame[0], mid_y - frame[1]
     x, y = (c * px + s * py) / cell, (c * py - s * px) / cell
     best, reach = cap / cell, reach / cell
-    # From the cell nearest to the middle, its distance to the nearest occupied centre bounds the gap on both sides.
+    # The distance from the cell nearest to the middle to the nearest occupied centre bounds the gap from both sides.
     col, row = min(max(int(x), 0), cols - 1), min(max(int(y), 0), rows - 1)
     offset = math.hypot(col + 0.5 - x, row + 0.5 - y)
     if gaps[row, col] - offset - _HALF_DIAGONAL - reach >= best:
@@ -196,7 +199,7 @@ def _raster_gap(mid_x, mid_y, reach, corners, cap, gaps, frame):  # type: ignore
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _nearest_cell(x, y, reach, corners, best, span, gaps):  # type: ignore[no-untyped-def]
-    """Least distance below `best` of the polygon to the occupied cells within `span` of its middle; all in cells."""
+    """Distance from the polygon to the occupied cells within `span` of its middle, at most `best`; all in cells."""
     rows, cols = gaps.shape
     quad = np.empty((4, 2))
     last = min(int(x + span) + 2, cols)

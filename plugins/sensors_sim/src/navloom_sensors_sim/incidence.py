@@ -1,4 +1,4 @@
-"""Angle at which a ray meets what it hits, for sonars: smooth surfaces mirror the sound away at oblique incidence."""
+"""Angle of incidence of a ray, for sonars: smooth surfaces reflect the sound away at oblique incidence."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def cosine_of_incidence(origins, directions, i, distance, hit, obstacles):  # ty
 
     Args:
         origins, directions: (3, n) rays, map frame.
-        i, distance, hit: Which ray, its range, m, and the index it hit (not NOTHING).
-        obstacles: What it was cast against.
+        i, distance, hit: Index of the ray, its range, m, and its hit index (not NOTHING).
+        obstacles: The obstacles that the ray was cast against.
     """
     dx, dy, dz = directions[0, i], directions[1, i], directions[2, i]
     if hit == FLOOR:
@@ -34,7 +34,7 @@ def cosine_of_incidence(origins, directions, i, distance, hit, obstacles):  # ty
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _on_box(x, y, z, dx, dy, dz, box):  # type: ignore[no-untyped-def]
-    """The face the point lies on is the one whose plane is nearest to it."""
+    """Cosine of incidence on a box; the hit face is the one whose plane is nearest to the point."""
     c, s = box[6], box[7]
     off_x = abs(abs(c * (x - box[0]) + s * (y - box[1])) - box[2])
     off_y = abs(abs(c * (y - box[1]) - s * (x - box[0])) - box[3])
@@ -46,7 +46,7 @@ def _on_box(x, y, z, dx, dy, dz, box):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _on_cylinder(x, y, z, dx, dy, dz, cylinder):  # type: ignore[no-untyped-def]
-    """On an end face the normal is vertical, on the side it is radial."""
+    """Cosine of incidence on a cylinder; the normal is vertical on an end face and radial on the side."""
     rx, ry = x - cylinder[0], y - cylinder[1]
     reach = math.hypot(rx, ry)
     off_z = min(abs(z - cylinder[3]), abs(z - cylinder[4]))
@@ -57,7 +57,7 @@ def _on_cylinder(x, y, z, dx, dy, dz, cylinder):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _on_raster(x, y, dx, dy, frame):  # type: ignore[no-untyped-def]
-    """On a side of a cell one of the point's coordinates, in cells, is whole."""
+    """Cosine of incidence on a raster; on a side of a cell, one of the point's coordinates, in cells, is whole."""
     c, s, cell = frame[2], frame[3], frame[4]
     column = (c * (x - frame[0]) + s * (y - frame[1])) / cell
     row = (c * (y - frame[1]) - s * (x - frame[0])) / cell

@@ -1,8 +1,8 @@
-"""Differential drive, wheel odometry and contact: one kernel a tick.
+"""Differential drive, wheel odometry and contact: one kernel call per tick.
 
-Hoang et al. 2013, eq. (2), gives the wheels' angular speeds of a commanded velocity from the nominal wheel radius and
-half track. The robot moves by the true ones, along exact arcs; odometry integrates what the encoders count with the
-radii and the track it believes in.
+Hoang et al. 2013, eq. (2), gives the wheels' angular speeds for a commanded velocity from the nominal wheel radius and
+half track. The robot moves with the true radius and half track, along exact arcs. Odometry integrates the encoder
+counts with the radii and half track that it assumes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STATE = {name: index for index, name in enumerate(_NAMES)}
 
 x, y, heading: true base in the map frame, m, rad. right, left: wheel speeds, rad/s. vx, wz: true velocity, m/s, rad/s.
 odo_*: odometry, in the odometry frame. counted_*: wheel angle left over from encoder counting, rad. gap: clearance, m.
-nearest: index of that obstacle. touching: 1 in contact.
+nearest: index of the nearest obstacle. touching: 1 in contact.
 """
 _X, _Y, _HEADING, _RIGHT, _LEFT, _VX, _WZ, _ODO_X, _ODO_Y, _ODO_HEADING, _ODO_VX, _ODO_WZ = range(12)
 _COUNTED_RIGHT, _COUNTED_LEFT, _GAP, _NEAREST, _TOUCHING = range(12, 17)
@@ -34,7 +34,7 @@ _COUNTED_RIGHT, _COUNTED_LEFT, _GAP, _NEAREST, _TOUCHING = range(12, 17)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def arc(x, y, heading, v, w, time):  # type: ignore[no-untyped-def]
-    """Unicycle at constant speed v, m/s, and turn rate w, rad/s, after `time`, s: exact; heading in [-π, π).
+    """Exact pose of a unicycle after `time`, s, at constant speed v, m/s, and turn rate w, rad/s; heading in [-π, π).
 
     The chord is v t sinc(w t / 2) long and points along the mean heading, which has no singularity at w = 0.
     """
@@ -56,7 +56,7 @@ def pose_within(track, time):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _spin(speed, goal, step, lag, acceleration):  # type: ignore[no-untyped-def]
-    """Wheel speed after `step` s of lag towards `goal` with limited acceleration, and its mean meanwhile."""
+    """Wheel speed after `step`, s, of first-order lag towards `goal` with limited acceleration, and its mean."""
     if lag > 0.0:
         decay = math.exp(-step / lag)
         end = goal + (speed - goal) * decay
@@ -71,18 +71,18 @@ def _spin(speed, goal, step, lag, acceleration):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def drive_tick(state, track, drive, odometry, command, noise, footprint, height, obstacles):  # type: ignore[no-untyped-def]
-    """Moves robot and odometry through one tick and measures the clearance where it ends.
+    """Moves robot and odometry through one tick and measures the clearance at its end.
 
-    Where the footprint would touch something at the end of the tick, the robot stays where it was, its wheels stall,
-    and the contact is reported for this tick.
+    If the footprint would touch something at the end of the tick, the robot stays where it was, its wheels stall, and
+    the contact is reported for this tick.
 
     Args:
         state: (17,) see STATE; changed.
-        track: (steps + 1, 6) filled with time from the start of the tick, s; x, y, m; heading, rad (map frame); speed,
-            m/s; turn rate, rad/s: what holds from that time on. As many rows as sub-steps are wanted, plus the end.
+        track: (steps + 1, 6) filled with time from the start of the tick, s; x, y, m, and heading, rad, map frame, at
+            that time; speed, m/s, and turn rate, rad/s, from that time on. One row per sub-step, plus one for the end.
         drive: (8,) nominal radius and half track, true radius and half track, m; highest wheel speed, rad/s; lag, s
             (0 = none); wheel acceleration, rad/s² (inf = no limit); length of the tick, s.
-        odometry: (5,) believed right and left radius and half track, m; slip, m/sqrt(m); angle of one encoder count,
+        odometry: (5,) assumed right and left radius and half track, m; slip, m/sqrt(m); angle of one encoder count,
             rad (0 = continuous).
         command: (2,) forward speed, m/s, and turn rate, rad/s.
         noise: (2,) standard normal draws for the slip of right and left wheel.
@@ -116,7 +116,7 @@ def drive_tick(state, track, drive, odometry, command, noise, footprint, height,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _stall(state, track, spun):  # type: ignore[no-untyped-def]
-    """Takes back a tick's motion: the robot stood where the tick began, and its wheels did not turn."""
+    """Undoes the motion of a tick: the robot stays where the tick began, and its wheels do not turn."""
     state[_RIGHT], state[_LEFT] = 0.0, 0.0
     spun[:] = 0.0
     for k in range(track.shape[0]):
@@ -126,7 +126,7 @@ def _stall(state, track, spun):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _wheel_goals(drive, command):  # type: ignore[no-untyped-def]
-    """Eq. (2): v_r = (v + R w) / r, v_l = (v - R w) / r; both scaled alike at the limit, which keeps the curvature."""
+    """Eq. (2): v_r = (v + R w) / r, v_l = (v - R w) / r; the limit scales both equally, which keeps the curvature."""
     right = (command[0] + drive[1] * command[1]) / drive[0]
     left = (command[0] - drive[1] * command[1]) / drive[0]
     fastest = max(abs(right), abs(left))
@@ -137,7 +137,7 @@ def _wheel_goals(drive, command):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count_wheels(state, spun, odometry, radius, noise, period):  # type: ignore[no-untyped-def]
-    """Integrates what the encoders count. Slip adds a random walk: its spread grows with the root of the way."""
+    """Integrates the encoder counts. Slip is a random walk: its spread grows with the square root of the distance."""
     way_right, way_left = radius * np.abs(spun[:, 0]).sum(), radius * np.abs(spun[:, 1]).sum()
     slip_right = 1.0 + odometry[3] * noise[0] / math.sqrt(way_right) if way_right > 0.0 else 1.0
     slip_left = 1.0 + odometry[3] * noise[1] / math.sqrt(way_left) if way_left > 0.0 else 1.0
@@ -156,6 +156,6 @@ def _count_wheels(state, spun, odometry, radius, noise, period):  # type: ignore
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _counts(angle, count):  # type: ignore[no-untyped-def]
-    """Splits a wheel angle into what is left over and the whole counts in it."""
+    """Splits a wheel angle into the remainder and the angle of its whole counts."""
     whole = math.floor(angle / count) * count if count > 0.0 else angle
     return angle - whole, whole

@@ -1,4 +1,4 @@
-"""Commands on their way to the wheels: what holds for how long within a tick."""
+"""Delayed commands: which command drives the wheels for how long within a tick."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ Leg = tuple[float, float, float]
 
 
 class Orders:
-    """Commands with the times at which they reach the wheels, ns, until the tick that they fall into is driven.
+    """Queue of commands, each with the time at which it reaches the wheels, ns.
 
     Args:
-        dead_time_ns: From a command to the wheels, ns. Without one, a tick that no order falls into is driven with the
-            command that it is given.
+        dead_time_ns: Delay from a command to the wheels, ns. If it is 0, a tick uses its own command until the first
+            order takes effect.
     """
 
     def __init__(self, dead_time_ns: int = 0) -> None:
@@ -22,7 +22,7 @@ class Orders:
         self._come_between_ticks = False
 
     def give(self, time_ns: int, vx: float, wz: float) -> None:
-        """Drive with a speed, m/s, and turn rate, rad/s, that is commanded at a time, also between two ticks."""
+        """Queue a commanded speed, m/s, and turn rate, rad/s; the time of the command may lie between two ticks."""
         self._come_between_ticks = True
         self._wait(time_ns, vx, wz)
 
@@ -30,7 +30,7 @@ class Orders:
         self._waiting.append((time_ns + self._dead_time_ns, vx, wz))
 
     def legs(self, begin_ns: int, end_ns: int, command: tuple[float, float]) -> list[Leg]:
-        """(speed, turn rate, duration in s) from begin to end; the tick's own command where none came between ticks."""
+        """Legs (speed, turn rate, duration in s) of a tick; its own command counts only if `give` is not used."""
         if self._dead_time_ns and not self._come_between_ticks:
             self._wait(begin_ns, *command)
         due = [order for order in self._waiting if order[0] < end_ns]

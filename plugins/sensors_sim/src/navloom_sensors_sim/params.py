@@ -16,31 +16,40 @@ Settings = TypeVar("Settings", bound=Params)
 
 
 class SensorsSimParams(Params):
-    """Drive and wheel odometry. The nominal wheel radius and half track are those of `[robot]`."""
+    """Parameters of the drive and wheel odometry. The nominal wheel radius and half track are those of `[robot]`."""
 
-    wheel_radius_error: float = Field(0.0, gt=-0.5, lt=0.5, description="True wheel radius over nominal, less 1.")
-    half_track_error: float = Field(0.0, gt=-0.5, lt=0.5, description="True half track over nominal, less 1.")
+    wheel_radius_error: float = Field(
+        0.0, gt=-0.5, lt=0.5, description="True wheel radius divided by the nominal one, minus 1."
+    )
+    half_track_error: float = Field(
+        0.0, gt=-0.5, lt=0.5, description="True half track divided by the nominal one, minus 1."
+    )
     max_wheel_speed: float = Field(20.0, gt=0.0, le=1000.0, description="Highest wheel speed, rad/s.")
     motor_time_constant: float = Field(0.0, ge=0.0, le=5.0, description="First-order lag of a wheel, s; 0 is none.")
     max_wheel_acceleration: float = Field(0.0, ge=0.0, le=1e5, description="Wheel acceleration, rad/s²; 0 is no limit.")
-    dead_time: float = Field(0.0, ge=0.0, le=2.0, description="From a command to the wheels, s.")
+    dead_time: float = Field(0.0, ge=0.0, le=2.0, description="Delay from a command to the wheels, s.")
     odometry_right_radius_error: float = Field(
-        0.0, gt=-0.5, lt=0.5, description="Right wheel radius odometry believes in over nominal, less 1."
+        0.0,
+        gt=-0.5,
+        lt=0.5,
+        description="Right wheel radius that odometry assumes divided by the nominal one, minus 1.",
     )
     odometry_left_radius_error: float = Field(
-        0.0, gt=-0.5, lt=0.5, description="Left wheel radius odometry believes in over nominal, less 1."
+        0.0, gt=-0.5, lt=0.5, description="Left wheel radius that odometry assumes divided by the nominal one, minus 1."
     )
     odometry_half_track_error: float = Field(
-        0.0, gt=-0.5, lt=0.5, description="Half track odometry believes in over nominal, less 1."
+        0.0, gt=-0.5, lt=0.5, description="Half track that odometry assumes divided by the nominal one, minus 1."
     )
-    slip: float = Field(0.002, ge=0.0, le=0.5, description="Standard deviation of a wheel's way after 1 m, m/sqrt(m).")
+    slip: float = Field(
+        0.002, ge=0.0, le=0.5, description="Standard deviation of a wheel's distance after 1 m, m/sqrt(m)."
+    )
     encoder_counts: int = Field(
-        0, ge=0, le=10_000_000, description="Counts of a wheel's turn; 0 is a continuous encoder."
+        0, ge=0, le=10_000_000, description="Encoder counts per wheel turn; 0 is a continuous encoder."
     )
     noise: bool = Field(True, description="Slip is simulated; calibration errors and encoder counts always are.")
 
     def drive_constants(self, wheel_radius: float, half_track: float) -> NDArray[np.float64]:
-        """(8,) `drive` of `motion.drive_tick` from the nominal wheel radius and half track, m; no time yet."""
+        """(8,) `drive` of `motion.drive_tick` from the nominal wheel radius and half track, m; the time is still 0."""
         true = (wheel_radius * (1.0 + self.wheel_radius_error), half_track * (1.0 + self.half_track_error))
         limits = (self.max_wheel_speed, self.motor_time_constant, self.max_wheel_acceleration or math.inf)
         return np.array([wheel_radius, half_track, *true, *limits, 0.0])
@@ -55,15 +64,15 @@ class SensorsSimParams(Params):
 
 
 class _Mounted(Params):
-    """What every sensor has: its mount in the base frame and its noise switch."""
+    """Settings of a mounted sensor: its mount in the base frame and its noise switch."""
 
     x: float = Field(0.0, ge=-10.0, le=10.0, description="Mount ahead of the base's origin, m.")
-    y: float = Field(0.0, ge=-10.0, le=10.0, description="Mount to the left of it, m.")
+    y: float = Field(0.0, ge=-10.0, le=10.0, description="Mount to the left of the base's origin, m.")
     noise: bool = Field(True, description="Every random and systematic error of this sensor is simulated.")
 
 
 class PitchedLaserSettings(_Mounted):
-    """A LMS-211 on a pitching mount: `kind = "pitched_laser"`."""
+    """An LMS-211 on a pitching mount: `kind = "pitched_laser"`."""
 
     z: float = Field(0.4, gt=0.0, le=10.0, description="Mount above the floor, m.")
     mode: Literal["on_request", "continuous"] = Field(
@@ -78,11 +87,14 @@ class PitchedLaserSettings(_Mounted):
     )
     pitch_step_deg: float = Field(0.266, gt=-10.0, lt=10.0, description="Pitch between frames, degrees.")
     sweep_time: float = Field(1.25, gt=0.0, le=60.0, description="Duration of a sweep, s.")
-    range_min: float = Field(0.1, ge=0.0, le=10.0, description="Nearer returns read this, m.")
-    range_max: float = Field(80.0, gt=0.0, le=1000.0, description="Further returns are none, m.")
+    range_min: float = Field(0.1, ge=0.0, le=10.0, description="Lowest range, m; nearer returns read this.")
+    range_max: float = Field(80.0, gt=0.0, le=1000.0, description="Highest range, m; farther returns are no echo.")
     sigma: float = Field(0.01, ge=0.0, le=1.0, description="Standard deviation of a range, m.")
     systematic: float = Field(
-        0.0, ge=0.0, le=1.0, description="Bound of the systematic error, drawn evenly once a run, m; LMS-211: 0.035."
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="Bound of the systematic error, m, drawn uniformly once per run; LMS-211: 0.035.",
     )
 
     @model_validator(mode="after")
@@ -97,13 +109,15 @@ class LaserSettings(_Mounted):
     heading_deg: float = Field(0.0, ge=-180.0, le=180.0, description="Middle of the field of view, degrees.")
     beams: int = Field(181, ge=1, le=10_000, description="Beams of a scan.")
     field_of_view_deg: float = Field(180.0, gt=0.0, le=360.0, description="From the first beam to the last, degrees.")
-    range_min: float = Field(0.05, ge=0.0, le=10.0, description="Nearer returns read this, m.")
-    range_max: float = Field(30.0, gt=0.0, le=1000.0, description="Further returns are none, m.")
+    range_min: float = Field(0.05, ge=0.0, le=10.0, description="Lowest range, m; nearer returns read this.")
+    range_max: float = Field(30.0, gt=0.0, le=1000.0, description="Highest range, m; farther returns are no echo.")
     sigma: float = Field(0.01, ge=0.0, le=1.0, description="Standard deviation of a range, m.")
     dropout: float = Field(0.0, ge=0.0, le=1.0, description="Probability that a beam gives no echo.")
-    stuck_beam: int | None = Field(None, ge=0, lt=10_000, description="Beam that always reads `stuck_range`; none: no.")
+    stuck_beam: int | None = Field(
+        None, ge=0, lt=10_000, description="Index of a beam that always reads `stuck_range`."
+    )
     stuck_range: float = Field(0.5, ge=0.0, le=1000.0, description="What a stuck beam reads, m.")
-    rate_hz: float | None = Field(None, gt=0.0, le=10_000.0, description="Scans a second, Hz; none: one a tick.")
+    rate_hz: float | None = Field(None, gt=0.0, le=10_000.0, description="Scan rate, Hz; none: one scan per tick.")
 
     @model_validator(mode="after")
     def _ranges_rise(self) -> LaserSettings:
@@ -115,23 +129,25 @@ class LaserSettings(_Mounted):
 class SonarSettings(Params):
     """A ring of eight cone sonars on the rim of the footprint: `kind = "sonar_ring"`."""
 
-    layout: Literal["p3dx", "pairs"] = Field("p3dx", description="±90, ±50, ±30, ±10°; or two a side.")
+    layout: Literal["p3dx", "pairs"] = Field("p3dx", description="Bearings ±90, ±50, ±30, ±10°; or two on each side.")
     z: float = Field(0.25, gt=0.0, le=10.0, description="Axes above the floor, m.")
     half_angle_deg: float = Field(15.0, gt=0.0, le=45.0, description="Half the opening of a cone, degrees.")
     columns: int = Field(13, ge=1, le=101, description="Rays over the width of a cone.")
     rows: int = Field(1, ge=1, le=101, description="Rays over the height of a cone.")
     floor_echoes: bool = Field(False, description="Rays of lower rows can meet the floor; smooth floors give no echo.")
-    range_min: float = Field(0.3, ge=0.0, le=10.0, description="Nearer echoes read this, m.")
-    range_max: float = Field(4.0, gt=0.0, le=100.0, description="Further echoes are none, m.")
+    range_min: float = Field(0.3, ge=0.0, le=10.0, description="Lowest range, m; nearer echoes read this.")
+    range_max: float = Field(4.0, gt=0.0, le=100.0, description="Highest range, m; farther echoes are not received.")
     sigma: float = Field(0.01, ge=0.0, le=1.0, description="Standard deviation of a range, m.")
     critical_angle_deg: float | None = Field(
         None, gt=0.0, lt=90.0, description="Incidence beyond which a ray is reflected away, degrees; none: never."
     )
     dropout: float = Field(0.0, ge=0.0, le=1.0, description="Probability that a sonar gives no echo.")
     crosstalk: float = Field(
-        0.0, ge=0.0, le=1.0, description="Probability of crosstalk a reading and pair of neighbours."
+        0.0, ge=0.0, le=1.0, description="Probability of crosstalk per reading and pair of neighbours."
     )
-    rate_hz: float | None = Field(None, gt=0.0, le=10_000.0, description="Readings a second, Hz; none: one a tick.")
+    rate_hz: float | None = Field(
+        None, gt=0.0, le=10_000.0, description="Reading rate, Hz; none: one reading per tick."
+    )
     noise: bool = Field(True, description="Range noise and crosstalk are simulated.")
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""The robot's body and wheels between ticks: state vector, constants of the kernels, slip draws."""
+"""The simulated robot between ticks: state vector, constants of the kernels, slip draws."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SUB_STEP = 0.01
 
 
 class Robot:
-    """Drives with commands and dead-reckons.
+    """Simulated robot that follows commands and keeps wheel odometry.
 
     Attributes:
         state: (17,) numbers by `motion.STATE`.
@@ -29,29 +29,29 @@ class Robot:
     """
 
     def __init__(self, footprint: Floats, height: float, start: Sequence[float], rng: np.random.Generator) -> None:
-        """Stands at the start.
+        """Place the robot at the start.
 
         Args:
             footprint: (n, 2) corners of a convex polygon, counter-clockwise, m, base frame.
-            height: m.
+            height: Height of the robot, m.
             start: x, y, m, heading, rad, in the map frame.
-            rng: Two draws a tick, for the slip of the wheels.
+            rng: Gives two draws per call of `drive`, for the slip of the wheels.
         """
         self.state = np.zeros(len(STATE))
         self.state[:3] = start
         self.track = np.zeros((2, 6))
         self._command, self._noise = np.zeros(2), np.zeros(2)
-        # Copied: a read-only array would be another type to the kernels, to be compiled in a control tick.
+        # Copied: a read-only array is another type to numba, and the kernels would be compiled within a control tick.
         self._footprint, self._height = np.array(footprint, dtype=np.float64, order="C"), float(height)
         self._rng = rng
 
     def configure(self, drive: Floats, odometry: Floats) -> None:
-        """Takes the (8,) and (5,) constants of `motion.drive_tick`."""
+        """Take new (8,) `drive` and (5,) `odometry` constants of `motion.drive_tick`."""
         self._drive, self._odometry = drive, odometry
         self._has_dynamics = drive[5] > 0.0 or math.isfinite(drive[6])
 
     def drive(self, vx: float, wz: float, time: float, obstacles: Obstacles) -> None:
-        """Through one tick of `time`, s, with a commanded speed, m/s, and turn rate, rad/s."""
+        """Drive for `time`, s, with a commanded speed, m/s, and turn rate, rad/s."""
         self._rng.standard_normal(out=self._noise)
         steps = math.ceil(time / _SUB_STEP - 1e-9) if self._has_dynamics else 1
         if len(self.track) != steps + 1:
@@ -62,7 +62,7 @@ class Robot:
         drive_tick(self.state, self.track, *constants, self._command, self._noise, *body, obstacles)
 
     def drive_through(self, legs: Sequence[tuple[float, float, float]], obstacles: Obstacles) -> None:
-        """Through one tick in which the command changes: speed, m/s, turn rate, rad/s, and how long it holds, s."""
+        """Drive through one tick in legs of constant command: speed, m/s, turn rate, rad/s, and duration, s."""
         if len(legs) == 1:
             self.drive(*legs[0], obstacles)
             return
@@ -78,7 +78,7 @@ class Robot:
         self.state[STATE["touching"]] = touched
 
     def stand(self, obstacles: Obstacles) -> None:
-        """Measures the clearance without moving."""
+        """Measure the clearance without moving."""
         x, y, heading = self.state[:3]
         gap, nearest = clearance_at(x, y, heading, self._footprint, self._height, obstacles)
         self.state[STATE["gap"]], self.state[STATE["nearest"]], self.state[STATE["touching"]] = gap, nearest, gap == 0.0

@@ -18,7 +18,7 @@ __all__ = ["LaserScanner", "Moment", "Sensor", "SonarRing", "freeze"]
 
 Floats = NDArray[np.float64]
 Fields = tuple[Any, ...]
-"""The fields of the message a sensor gives, in their order: of RangeScan or of Sweep."""
+"""Fields of the message of a sensor, RangeScan or Sweep, in their order."""
 
 
 class Moment(NamedTuple):
@@ -26,11 +26,11 @@ class Moment(NamedTuple):
 
     Attributes:
         tick: Its number from 0.
-        begin_ns, end_ns: Run clock at its begin and its end.
+        begin_ns, end_ns: Run clock at its beginning and its end.
         state: (17,) of `motion.STATE` at its end.
-        track: (n, 6) the true motion within it, see `motion.drive_tick`; None where no time passed.
-        obstacles: What can be met at its end.
-        request_id: Of a sweep asked for at its begin, else 0.
+        track: (n, 6) the true motion within it, see `motion.drive_tick`; None if no time passed.
+        obstacles: What can be hit at its end.
+        request_id: Of a sweep that was requested at its beginning, else 0.
     """
 
     tick: int
@@ -46,7 +46,7 @@ class Sensor(Protocol):
     """A sensor."""
 
     def read(self, moment: Moment) -> Fields | None:
-        """What was completed in the tick, or None; draws the same count of random numbers a tick whatever it sees."""
+        """Message fields completed in the tick, or None; what the sensor sees never changes how much it draws."""
 
 
 def _ticks_between(rate_hz: float | None, period: float) -> int:
@@ -64,7 +64,7 @@ def _ticks_between(rate_hz: float | None, period: float) -> int:
 
 
 def freeze(array: Floats) -> Floats:
-    """Read-only, so that messages share it instead of copying it."""
+    """Make an array read-only and contiguous, so that messages share it instead of copying it."""
     if not array.flags.c_contiguous:
         array = np.ascontiguousarray(array)
     array.setflags(write=False)
@@ -72,13 +72,13 @@ def freeze(array: Floats) -> Floats:
 
 
 def _drop(ranges: Floats, share: float, rng: np.random.Generator) -> None:
-    """Take the echo of each beam away with a probability; no draw is made where that is 0."""
+    """Remove the echo of each beam with probability `share`; draws nothing if that is 0."""
     if share > 0.0:
         ranges[rng.random(len(ranges)) < share] = math.inf
 
 
 class LaserScanner:
-    """A planar laser; all beams are taken at once, at the end of the tick."""
+    """A planar laser; all beams are measured at once, at the end of the tick."""
 
     def __init__(self, s: LaserSettings, footprint: Floats, rng: np.random.Generator, period: float) -> None:
         field_of_view = math.radians(s.field_of_view_deg)
@@ -93,7 +93,7 @@ class LaserScanner:
         self._places = freeze(self._origins[:2].T)
 
     def read(self, moment: Moment) -> Fields | None:
-        """A scan of this instant, where one is due."""
+        """The scan at the end of the tick, if one is due."""
         if moment.tick % self._every:
             return None
         count, s = len(self._zeros), self._settings
@@ -123,7 +123,7 @@ class SonarRing:
         self._halves, self._zeros = freeze(np.full(len(places), half)), freeze(np.zeros(len(places)))
 
     def read(self, moment: Moment) -> Fields | None:
-        """Readings of this instant, where they are due."""
+        """The readings at the end of the tick, if they are due."""
         if moment.tick % self._every:
             return None
         count, s = len(self._zeros), self._settings

@@ -1,4 +1,4 @@
-"""The world as arrays: what is present where at a run time."""
+"""The world as arrays: which obstacles are present, and where, at a run time."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ class Scene:
     """Ground truth at one moment.
 
     Attributes:
-        obstacles: Arrays the kernels read; `update` changes them in place.
+        obstacles: Arrays that the kernels read; `update` changes them in place.
         names: Name of each obstacle by its index: boxes, cylinders, raster.
     """
 
     def __init__(self, solids: Sequence[Any], raster: Any, position_at: PositionAt, sweeps: bool) -> None:
-        """Takes a world apart.
+        """Build the arrays of a world.
 
         Args:
-            solids: Boxes and, told by their `radius`, cylinders, with the attributes of navloom's Box and Cylinder.
-            raster: With the attributes of navloom's Raster, or None.
-            position_at: Centre of a moving obstacle, m, from its waypoints, whether it loops, and the time, s.
-            sweeps: The robot sweeps at all; else what appears after its sweep is there from the start.
+            solids: Boxes and cylinders (those with a `radius`), with the attributes of navloom's Box and Cylinder.
+            raster: An object with the attributes of navloom's Raster, or None.
+            position_at: Centre of a moving obstacle, m, by its waypoints, whether it loops, and the time, s.
+            sweeps: Whether the robot has a pitched laser. If not, obstacles that appear after its first sweep are
+                present from the start.
         """
         boxes = [solid for solid in solids if not hasattr(solid, "radius")]
         cylinders = [solid for solid in solids if hasattr(solid, "radius")]
@@ -44,13 +45,13 @@ class Scene:
             *_raster_arrays(raster),
         )
         self._sweeps, self._position_at = sweeps, position_at
-        # What can change, with the views of its centre and of its presence flag in the arrays.
+        # Obstacles that can change, each with its row in the arrays, which is a view.
         rows = (*self.obstacles.boxes, *self.obstacles.cylinders)
         pairs = zip(solids, rows, strict=True)
         self._changing = [(o, row) for o, row in pairs if o.waypoints or o.appears_after_sweep or o.appears_at > 0.0]
 
     def update(self, time: float, swept: bool) -> None:
-        """Puts everything where it is at a run time, s; `swept`: the first sweep has ended."""
+        """Update positions and presence for a run time, s; `swept`: whether the first sweep has ended."""
         for obstacle, row in self._changing:
             if obstacle.waypoints:
                 row[:2] = self._position_at(obstacle.waypoints, obstacle.loops, time)
@@ -65,7 +66,7 @@ class Scene:
 
 
 def _box_row(box: Any) -> list[float]:
-    """Row of `Obstacles.boxes`. A yaw of 0 keeps its sine at exactly 0, which the kernels take a shorter way for."""
+    """Row of `Obstacles.boxes`. A yaw of 0 has a sine of exactly 0, for which the kernels use a faster path."""
     (x, y), size_x, size_y = box.centre, box.x[1] - box.x[0], box.y[1] - box.y[0]
     return [x, y, 0.5 * size_x, 0.5 * size_y, *box.z, math.cos(box.yaw), math.sin(box.yaw), 1.0]
 
@@ -76,7 +77,7 @@ def _cylinder_row(cylinder: Any) -> list[float]:
 
 
 def _raster_arrays(raster: Any) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Distance field and frame of `Obstacles`; in a raster without any wall every cell is far from one."""
+    """`gaps` and `raster` of `Obstacles`; in a raster without occupied cells, every gap is large."""
     if raster is None:
         return np.zeros((0, 0), np.float32), np.zeros(7)
     occupied = np.asarray(raster.occupied, dtype=bool)

@@ -1,7 +1,7 @@
-"""Which beams of a planar fan can meet which obstacle: a quick and cautious look ahead of the exact cut.
+"""Which beams of a planar fan can hit which obstacle: a fast, conservative test before the exact intersection.
 
-Every obstacle is taken a little larger than it is, in metres and in bearing, by far more than rounding can shift a
-cut: a beam that is left out misses in the exact cut, too, so leaving it out changes no bit of a scan.
+The test enlarges every obstacle, in metres and in bearing, by far more than rounding can shift an intersection. A beam
+that it leaves out would miss the obstacle in the exact intersection too, so leaving it out changes no bit of a scan.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from numba import njit
 __all__ = ["beam_spans"]
 
 _MARGIN = 1e-6
-"""What obstacles are enlarged by, m and rad. Rounding shifts a cut by some 1e-9 m where coordinates are below 1e6 m."""
+"""Enlargement of obstacles, m and rad. Rounding shifts intersections by some 1e-9 m for coordinates below 1e6 m."""
 _ALL_AROUND = 8.0
-"""Width, rad, of the sector of what the sensor is inside of: more than a turn."""
+"""Sector width of an obstacle that contains the sensor, rad: more than a full turn."""
 _NOWHERE = -1.0
-"""Width of the sector of what is out of reach."""
+"""Sector width of an obstacle out of reach."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def beam_spans(origin, first_bearing, step, count, reach, obstacles, spans):  # type: ignore[no-untyped-def]
-    """Beams that can meet each box and cylinder; all others miss it.
+    """Beams that can hit each box and cylinder; all others miss it.
 
     Args:
-        origin: (3,) where all beams start, m, map frame; they are level.
-        first_bearing, step: Bearing of beam 0 in the map frame and from each to the next, rad; step > 0.
-        count: Beams; less than a turn from the first to the last.
-        reach: m; what is further away is not met.
-        obstacles: What can be hit; the raster is left alone.
-        spans: (boxes + cylinders, 4) int64, filled: the beams spans[k, 0] to spans[k, 1] - 1 and, of a sector that
-            beam 0 cuts in two, spans[k, 2] to spans[k, 3] - 1. A span may be empty and end before it begins.
+        origin: (3,) common start of the beams, m, map frame; the beams are level.
+        first_bearing, step: Bearing of beam 0 in the map frame and from each beam to the next, rad; step > 0.
+        count: Number of beams; less than a turn from the first to the last.
+        reach: Obstacles farther away than this cannot be hit, m.
+        obstacles: What can be hit; the raster is ignored.
+        spans: (boxes + cylinders, 4) int64, filled: the beams spans[k, 0] to spans[k, 1] - 1 and, for a sector that
+            contains beam 0, spans[k, 2] to spans[k, 3] - 1. An empty span may end before it begins.
     """
     x, y, z = origin[0], origin[1], origin[2]
     boxes, cylinders = obstacles.boxes, obstacles.cylinders
@@ -49,13 +49,13 @@ def beam_spans(origin, first_bearing, step, count, reach, obstacles, spans):  # 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_level(z, z0, z1):  # type: ignore[no-untyped-def]
-    """A level beam at height z can be between two heights; like the cuts, this takes them in either order."""
+    """Whether a level beam at height z can lie between two heights, in either order as for the intersections."""
     return min(z0, z1) - _MARGIN <= z <= max(z0, z1) + _MARGIN
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cylinder_sector(x, y, reach, cylinders, k):  # type: ignore[no-untyped-def]
-    """Bearing of the right edge of a cylinder from (x, y), rad, and its width, rad."""
+    """Bearing of the right edge of a cylinder seen from (x, y), rad, and its angular width, rad."""
     ahead_x, ahead_y, radius = cylinders[k, 0] - x, cylinders[k, 1] - y, abs(cylinders[k, 2]) + _MARGIN
     away = math.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
     if away - radius > reach:
@@ -68,9 +68,9 @@ def _cylinder_sector(x, y, reach, cylinders, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _box_sector(x, y, reach, boxes, k):  # type: ignore[no-untyped-def]
-    """Bearing of the right edge of a box from (x, y), rad, and its width, rad.
+    """Bearing of the right edge of a box seen from (x, y), rad, and its angular width, rad.
 
-    Mirrored into the quadrant where both coordinates are positive, the place sees the box between two corners.
+    The viewpoint is mirrored into the quadrant where both coordinates are positive; two corners then bound the box.
     """
     hx, hy, c, s = abs(boxes[k, 2]) + _MARGIN, abs(boxes[k, 3]) + _MARGIN, boxes[k, 6], boxes[k, 7]
     dx, dy = x - boxes[k, 0], y - boxes[k, 1]
@@ -93,7 +93,7 @@ def _box_sector(x, y, reach, boxes, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _to_beams(right, width, step, count, spans, k):  # type: ignore[no-untyped-def]
-    """Writes the spans of a sector that begins `right`, rad, of beam 0 and is `width` wide, rad."""
+    """Writes the spans of a sector that begins at `right`, rad from beam 0, and is `width` wide, rad."""
     if width < 0.0:
         spans[k, :] = 0
         return
@@ -101,7 +101,7 @@ def _to_beams(right, width, step, count, spans, k):  # type: ignore[no-untyped-d
     begin -= 2.0 * math.pi * math.floor(begin / (2.0 * math.pi))
     end = begin + width + 2.0 * _MARGIN
     for turn in range(2):
-        # Written so that NaN, which nothing is known of, leaves no beam out.
+        # The comparisons are written so that NaN rules no beam out.
         low, high = (begin - turn * 2.0 * math.pi) / step, (end - turn * 2.0 * math.pi) / step
         low, high = (low if low > 0.0 else 0.0), (high if high < count - 1.0 else count - 1.0)
         spans[k, 2 * turn] = math.ceil(low if low < count else float(count))

@@ -18,10 +18,10 @@ __all__ = ["PitchedLaser"]
 
 
 class PitchedLaser:
-    """A pitching laser, sweeping on request or all the time, then up and down in turn.
+    """A pitching laser that sweeps on request, or continuously with alternating direction.
 
-    Each tick draws one number, whatever happens; a sweep's noise comes from a stream seeded with the one of the tick
-    it begins in. So no scene and no request can shift the noise of later sweeps.
+    Each tick draws exactly one random number. The number of the tick in which a sweep begins seeds the noise of that
+    sweep, so neither the scene nor a request can change the noise of later sweeps.
     """
 
     def __init__(self, s: PitchedLaserSettings, footprint: Floats, rng: np.random.Generator, period: float) -> None:
@@ -44,7 +44,7 @@ class PitchedLaser:
     def read(self, moment: Moment) -> Fields | None:
         """The sweep that ended in this tick, if one did."""
         seed = self._draw()
-        if self._begin < 0 or moment.request_id != self._answers:  # else it is asked for what is under way
+        if self._begin < 0 or moment.request_id != self._answers:  # else the request repeats the current sweep's
             self._asked = moment.request_id or self._asked
         continuous = self._settings.mode == "continuous"
         if moment.track is None:
@@ -65,14 +65,14 @@ class PitchedLaser:
         return sweep
 
     def _start(self, begin_ns: int, seed: int, down: int) -> None:
-        """Begins a sweep; one under way is given up, and the number asked for last is the one it answers."""
+        """Begin a sweep that answers the last request; a sweep in progress is discarded."""
         shape = (self._settings.frames, self._settings.beams)
         self._normals = np.random.Generator(np.random.PCG64(seed)).standard_normal(shape)
         self._ranges, self._begin, self._taken, self._down = np.empty(shape), begin_ns, 0, down
         self._answers, self._asked = self._asked, 0
 
     def _take(self, moment: Moment) -> None:
-        """The frames whose time lies in the tick, its end excluded."""
+        """Measure the frames whose time lies in the tick, its end excluded."""
         first, last = self._taken, int(np.searchsorted(self._offsets, moment.end_ns - self._begin))
         if last > first:
             times = (self._offsets[first:last] + (self._begin - moment.begin_ns)) / 1e9

@@ -1,6 +1,6 @@
-"""The pitched LMS-211: directions of a sweep after both geometries, and the kernel that takes its frames.
+"""The pitched LMS-211: directions of a sweep in both geometries, and the kernel that measures its frames.
 
-Hoang et al. 2013, eq. (1), has x to the right, y ahead and the beam β counted from x: x = R cosα cosβ,
+Hoang et al. 2013, eq. (1), has x to the right, y ahead and the beam angle β measured from x: x = R cosα cosβ,
 y = R cosα sinβ, z = R sinα. Here the base has x ahead and y to the left, so the bearing is b = β - 90°.
 """
 
@@ -41,7 +41,7 @@ def sweep_directions(pitches: Floats, bearings: Floats, geometry: str) -> Floats
 
 
 def frame_offsets_ns(frames: int, sweep_time: float) -> NDArray[np.int64]:
-    """(f,) when each frame is taken, ns after the sweep began: evenly, the last one frame before its end."""
+    """(f,) time of each frame, ns after the start of the sweep; evenly spaced, the last one interval before its end."""
     return np.round(np.arange(frames) * (sweep_time * 1e9 / frames)).astype(np.int64)
 
 
@@ -54,7 +54,7 @@ def read_frames(track, times, mount, directions, obstacles, options, normals, ra
         times: (f,) s from the start of the tick.
         mount: (3,) sensor in the base frame, m; z above the floor.
         directions: (f, 3, b) base frame.
-        obstacles: What can be hit, where it is at the end of the tick.
+        obstacles: What can be hit, at its position at the end of the tick.
         options: (4,) lowest and highest range, m; standard deviation, m; systematic error, m.
         normals: (f, b) standard normal draws.
         ranges: (f, b) filled: m, +inf for no return.

@@ -1,4 +1,4 @@
-"""Compiles every kernel with the types a run uses, or loads it from the cache: no control tick ever compiles."""
+"""Compiles every kernel with the types of a run, or loads it from the cache, so that no control tick compiles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["warm_up"]
 
 
 def warm_up() -> None:
-    """Runs each kernel once in an empty world."""
+    """Run each kernel once in an empty world."""
     obstacles = Obstacles(np.zeros((0, 9)), np.zeros((0, 6)), np.zeros((0, 0), np.float32), np.zeros(7))
     rays, ranges, track = np.ones((3, 1)), np.empty(1), np.zeros((2, 6))
     footprint = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])

@@ -23,7 +23,7 @@ def plugins(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="ROLE[.NAME]", help="Show what the role is given, or this one's parameters; or the word `new`."
+            metavar="ROLE|ROLE.NAME", help="Show what a role is given, or a plugin's parameters; or the word `new`."
         ),
     ] = None,
     kind_and_name: Annotated[
@@ -35,7 +35,7 @@ def plugins(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List plugins, show a role or one plugin's parameters, or generate a new one.
+    """List plugins, show one or its role, or generate a new one.
 
     The list imports no plugin. `navloom plugins avoider` shows what an avoider is given and answers.
 

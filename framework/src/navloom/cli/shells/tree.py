@@ -13,6 +13,7 @@ KINDS = {
     "CONFIG": "configs",
     "REALM/NAME": "robots",
     "ROLE.NAME": "plugins",
+    "ROLE|ROLE.NAME": "plugins",
     "ROLE": "roles",
     "ROLE[.NAME]": "roles",
     "MAP": "worlds",

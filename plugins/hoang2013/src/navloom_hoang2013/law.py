@@ -21,7 +21,7 @@ __all__ = ["BAND", "BESIDE", "LAWS", "SPEED", "Law", "Settling", "settle"]
 
 Floats = NDArray[np.float64]
 BESIDE, SPEED, BAND = 0.3, 0.3, 0.02
-"""Initial distance to the right of the line, m; speed of the reference, m/s; position error that is settled, m."""
+"""Initial distance right of the line, m; speed of the reference, m/s; position error that counts as settled, m."""
 STEP, UNTIL = 0.01, 62.0
 """Period of the commands and simulated time, s."""
 UNLIMITED = 1000.0
